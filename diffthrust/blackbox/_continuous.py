@@ -1,4 +1,4 @@
-"""From sampled to continuous time."""
+"""Conversion from sampled to continuous time."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ _CLOSE = 1e-6
 
 
 def continued(system: System, step: float, method: str) -> tuple[np.ndarray, ...]:
-    """The continuous system that becomes the sampled one.
+    """The continuous system whose sampling gives a system.
 
     Args:
         system: sampled.
         step: [s].
-        method: how the input runs between samples, ``"zero"`` (it keeps its last value) or
-            ``"linear"``, for which the step is undone exactly; or ``"tustin"``, the bilinear
-            transformation, which takes any system without a pole at -1.
+        method: input between samples, ``"zero"`` (held) or ``"linear"``, inverted exactly; or
+            ``"tustin"``, the bilinear transformation, for any system without a pole at -1.
 
     Returns:
         A ``(n, n)``, B ``(n, m)``, C ``(p, n)``, D ``(p, m)``.
@@ -50,13 +49,13 @@ def continued(system: System, step: float, method: str) -> tuple[np.ndarray, ...
     by_value, by_slope = _steps(grown, step)
     if method == "zero":
         return grown, np.linalg.solve(by_value, b), c, d
-    # with z = x - by_slope B u the line between two samples is a step of u alone
+    # With z = x - by_slope B u, a linear input acts like a step of u.
     b = np.linalg.solve(by_value - by_slope + a @ by_slope, b)
     return grown, b, c, d - c @ by_slope @ b
 
 
 def _steps(a: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """What B u adds within a step: u held, and u rising from 0 to 1; ``(n, n)`` each."""
+    """Response within a step to u held, and to u rising from 0 to 1; ``(n, n)`` each."""
     from scipy.linalg import expm
 
     n = len(a)
@@ -75,8 +74,8 @@ def _logarithm(a: np.ndarray) -> np.ndarray:
     real = np.abs(poles.imag) < 1e-12 * np.abs(poles)
     lost = poles[(np.abs(poles) < 1e-9) | (real & (poles.real <= 0))]
     if not lost.size:
-        whole: Any = logm(a)
-        real_part = np.real(whole)
+        full: Any = logm(a)
+        real_part = np.real(full)
         if np.allclose(expm(real_part), a, rtol=_CLOSE, atol=_CLOSE):
             return real_part
     where = ", ".join(f"{pole.real:.3g}" for pole in lost) or "what rounding cannot tell from those"

@@ -1,4 +1,4 @@
-"""How black-box models are judged: an information criterion and the memory of residuals."""
+"""Criteria for black-box models: BIC and autocorrelation of residuals."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from diffthrust.blackbox._system import System
 
 _LAGS = 25
 WHITENESS_LEVEL = 0.001
-"""White residuals are taken for correlated ones in this share of all cases."""
+"""Probability of taking white residuals for correlated ones."""
 
 
 def samples_of(records: Sequence[SampledLog]) -> int:
-    """Outputs that were measured."""
+    """Number of measured outputs."""
     return int(sum(np.isfinite(record.y).sum() for record in records))
 
 
@@ -27,24 +27,23 @@ def prediction_errors(system: System, records: Sequence[SampledLog]) -> list[np.
 def bic_of(system: System, records: Sequence[SampledLog], size: int) -> tuple[float, np.ndarray]:
     """The Bayesian information criterion of the one-step errors, and their standard deviations.
 
-    Source: Schwarz 1978, with the Gaussian likelihood of errors that have no memory. All kinds of
-    models are judged on the same samples, each started as suits it best; the starting states of
-    each record count as parameters.
+    Source: Schwarz 1978, with the Gaussian likelihood of white errors. All models are rated on the
+    same samples, each from its best starting states, which count as parameters of each record.
     """
     e = np.concatenate(prediction_errors(system, records))
     if np.isinf(e).any():
         return np.inf, np.full(e.shape[1], np.inf)
     e = e[np.isfinite(e).all(axis=1)]
     spread = e.T @ e / len(e)
-    floor = 1e-26 * np.mean(np.concatenate([r.y[r.seen] for r in records]) ** 2)
+    floor = 1e-26 * np.mean(np.concatenate([r.y[r.complete] for r in records]) ** 2)
     _, logarithm = np.linalg.slogdet(spread + floor * np.eye(len(spread)))
     free = size + len(records) * system.order
-    # by all that was measured: a model of a longer delay tells nothing of the first samples
-    samples = sum(int(record.seen.sum()) for record in records)
-    left = max(1.0, samples - free / len(spread))
+    # count all measurements: a model with a longer delay does not predict the first samples
+    samples = sum(int(record.complete.sum()) for record in records)
+    degrees = max(1.0, samples - free / len(spread))
     return (
         float(samples * logarithm + free * np.log(samples)),
-        np.sqrt(np.diag(spread) * samples / left),
+        np.sqrt(np.diag(spread) * samples / degrees),
     )
 
 
@@ -66,7 +65,7 @@ def memory_of(residuals: Sequence[np.ndarray], used: int) -> tuple[float, float]
 
 
 def memory_note(memory: tuple[float, float], allowed_for: bool) -> tuple[str, ...]:
-    """A sentence where residuals are not white."""
+    """A note if residuals are not white."""
     if not memory[1] < WHITENESS_LEVEL:
         return ()
     means = "standard errors hold for white ones only."

@@ -11,12 +11,12 @@ from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import Channels
 
 Orders = Sequence[int | Sequence[int]]
-"""A number for each name; of nb and delay a tuple by input is taken, too."""
+"""A number for each name; nb and delay may be tuples by input."""
 _LEAST = {"na": 0, "nb": 1, "nc": 0, "nf": 0, "delay": 0, "order": 1}
 
 
 def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels) -> Shape:
-    """The coefficients that orders ask for.
+    """The coefficients for given orders.
 
     Args:
         what: the model, for messages.
@@ -25,18 +25,18 @@ def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels
         channels: their inputs.
 
     Raises:
-        InputError: another number of orders, or one that is not a whole number or too small.
+        InputError: the number of orders is wrong, or an order is not an integer or too small.
     """
     if not isinstance(orders, Sequence) or len(orders) != len(names):
         raise InputError(
             f"{what}, orders: expected ({', '.join(names)}), found {orders!r}.",
             f"Write orders=({', '.join('1' if n in ('delay', 'nc') else '2' for n in names)}).",
         )
-    given: dict[str, Any] = dict(zip(names, orders, strict=True))
+    numbers_by_name: dict[str, Any] = dict(zip(names, orders, strict=True))
     count = len(channels.inputs)
     by_input = {}
     for name in ("nb", "delay"):
-        value = given.pop(name)
+        value = numbers_by_name.pop(name)
         several = isinstance(value, Sequence) and not isinstance(value, str)
         values = list(value) if several else [value] * count
         if len(values) != count:
@@ -45,8 +45,8 @@ def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels
                 f"{value!r}.",
                 "Correct it.",
             )
-        by_input[name] = [whole(what, name, v) for v in values]
-    numbers = {name: whole(what, name, value) for name, value in given.items()}
+        by_input[name] = [check_integer(what, name, v) for v in values]
+    numbers = {name: check_integer(what, name, value) for name, value in numbers_by_name.items()}
     nb, delay = by_input["nb"], by_input["delay"]
     if channels.offset:
         nb, delay = [*nb, 1], [*delay, 0]
@@ -55,8 +55,8 @@ def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels
     return Shape(na, tuple(nb), numbers.get("nc", 0), tuple(delay), tied)
 
 
-def whole(what: str, name: str, value: Any) -> int:
-    """A whole number that is not below the least one of that name."""
+def check_integer(what: str, name: str, value: Any) -> int:
+    """Check an integer against the least value of its name."""
     try:
         number = operator.index(value)
     except TypeError:

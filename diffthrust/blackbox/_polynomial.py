@@ -32,20 +32,19 @@ def arx(
 ) -> BlackBox:
     """A(q) y = B(q) u + e, by linear least squares.
 
-    Noise that is added to the output is not of this form: it biases A and B, and `output_error`
-    has no such bias. No equation reaches from one log into another, or across a missing output.
+    Noise added to the output does not have this form and biases A and B; `output_error` has no such
+    bias. No equation reaches from one log into another, or across a missing output.
 
     Args:
         logs: one or several, evenly sampled with the same step; missing outputs as NaN.
         input: name of the input, or several.
         output: name of the measured channel.
         orders: ``(na, nb, delay)``: coefficients of A and of B, and the samples after which the
-            input is first felt (1: at the next sample). nb and delay may be tuples by input.
-        offset: estimate a constant beside the inputs, for levels that are not zero at rest.
+            input first acts (1: at the next sample). nb and delay may be tuples by input.
+        offset: estimate a constant input, for levels that are not zero at rest.
 
     Raises:
-        InputError: channels that are absent, uneven samples, orders that cannot be meant, or too
-            few samples.
+        InputError: channels are absent, samples uneven or too few, or orders invalid.
 
     Source: Ljung 1999, System Identification, 2nd edition, section 4.2.
 
@@ -54,7 +53,7 @@ def arx(
         >>> model.covariance.shape
         (2, 2)
     """
-    channels, records, shape = _asked(
+    channels, records, shape = _request(
         "arx", logs, input, output, orders, ("na", "nb", "delay"), offset
     )
     theta = least_squares(records, shape)
@@ -84,7 +83,7 @@ def armax(
         >>> model.status, len(model.parameters)
         (<Status.CONVERGED: 'converged'>, 3)
     """
-    channels, records, shape = _asked(
+    channels, records, shape = _request(
         "armax", logs, input, output, orders, ("na", "nb", "nc", "delay"), offset
     )
     return searched("armax", channels, records, shape, armax_starts(records, shape))
@@ -100,9 +99,9 @@ def output_error(
 ) -> BlackBox:
     """Output = B(q) / F(q) u + e, by the least error of free simulation.
 
-    Right under any noise that is added to the output and does not know the input; the standard
-    errors allow for noise that lasts. An unstable system cannot be simulated far: use `armax` for
-    one. Several inputs share F.
+    Unbiased under any output noise that is independent of the input; standard errors allow for
+    autocorrelated noise. Unstable systems cannot be simulated far: use `armax`. Several inputs
+    share F.
 
     Arguments and errors as in `arx`, with ``orders = (nb, nf, delay)``.
 
@@ -115,13 +114,13 @@ def output_error(
         >>> model.status
         <Status.CONVERGED: 'converged'>
     """
-    channels, records, shape = _asked(
+    channels, records, shape = _request(
         "output_error", logs, input, output, orders, ("nb", "nf", "delay"), offset
     )
     return searched("output_error", channels, records, shape, output_error_starts(records, shape))
 
 
-def _asked(
+def _request(
     what: str,
     logs: Log | Sequence[Log],
     input: str | Sequence[str],
@@ -144,7 +143,7 @@ def _asked(
 
 
 def check_enough(what: str, records: Sequence[SampledLog], shape: Shape) -> None:
-    """Refuse records with too few samples for their coefficients."""
+    """Raise `InputError` if there are too few samples for the coefficients."""
     usable = sum(t.size for record in records for t, _, _ in equations(record, shape))
     if usable <= 2 * shape.size:
         raise InputError(
@@ -161,7 +160,7 @@ def searched(
     shape: Shape,
     starts: Sequence[np.ndarray],
 ) -> BlackBox:
-    """The model of the best point that a search finds."""
+    """The model at the best point of a search."""
     try:
         end = search_coefficients(records, shape, starts)
     except FloatingPointError:
@@ -202,7 +201,7 @@ def polynomial_model(
         status = Status.NOT_IDENTIFIABLE
     notes = memory_note(end.memory, shape.tied)
     if status is Status.NOT_IDENTIFIABLE:
-        unknown = f"These logs tell {end.rank} of {shape.size} coefficients apart: the orders are "
+        unknown = f"These logs identify {end.rank} of {shape.size} coefficients: the orders are "
         notes = (*notes, unknown + "too high, the input too plain, or there is no noise for C.")
     return BlackBox(
         kind=kind,

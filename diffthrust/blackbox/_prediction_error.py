@@ -1,8 +1,8 @@
 """Residuals of polynomial models with their gradients by filtering.
 
-All models here are A(q) y = sum of q^-delay B(q) u + C(q) e: with C = 1 (ARX), with a C of its own
-(ARMAX), or with C = A, which is an output error. Source: Ljung 1999, System Identification, 2nd
-edition, sections 10.2 and 10.3. What came before a record enters as starting values, which are
+All models here are A(q) y = sum of q^-delay B(q) u + C(q) e, with C = 1 (ARX), a free C (ARMAX), or
+C = A (output error). Source: Ljung 1999, System Identification, 2nd
+edition, sections 10.2 and 10.3. The past before a record enters as starting values, which are
 eliminated in each stretch (variable projection, Golub & Pereyra 1973).
 """
 
@@ -20,7 +20,7 @@ from diffthrust.blackbox._system import passed
 
 @dataclass(frozen=True)
 class Shape:
-    """Which coefficients a model has.
+    """The coefficients of a model.
 
     Args:
         na: of A.
@@ -43,12 +43,12 @@ class Shape:
 
     @property
     def first(self) -> int:
-        """The first sample whose inputs are all known."""
+        """The first sample with all its inputs inside the record."""
         return max(d + n - 1 for d, n in zip(self.delays, self.nb, strict=True))
 
     @property
     def reach(self) -> int:
-        """How many samples back an equation reaches."""
+        """Number of past samples in an equation."""
         return max(self.na, self.first)
 
     def split(self, theta: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
@@ -60,12 +60,12 @@ class Shape:
         return a, b, c
 
     def with_c(self, theta: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """The coefficients with another C."""
+        """The coefficients with C replaced."""
         return np.concatenate([theta[: self.na + sum(self.nb)], c[1:]])
 
 
 def equations(record: SampledLog, shape: Shape) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Rows of past values and the output of each stretch in which they are all known.
+    """Rows of past values, and the output, for each stretch without a gap.
 
     Returns:
         ``(samples (n,), rows (n, na + nb), y (n,))`` of each stretch; y = rows @ (a, b) + C e.
@@ -86,8 +86,8 @@ def stretches(
     records: Sequence[SampledLog], shape: Shape, theta: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
     """Residuals ``(n,)``, their gradient ``(n, k)`` and the starting values by stretch."""
-    parts = _simulated if shape.tied else _predicted
-    return [part for record in records for part in parts(record, shape, theta)]
+    residuals_of = _simulated if shape.tied else _predicted
+    return [stretch for record in records for stretch in residuals_of(record, shape, theta)]
 
 
 def _predicted(
@@ -115,13 +115,13 @@ def _predicted(
 def _simulated(
     record: SampledLog, shape: Shape, theta: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
-    """What w leaves of y, with A w = B u + starting values; gaps are left out."""
+    """Y - w with A w = B u + starting values; gaps are left out."""
     a, b, _ = shape.split(theta)
     t = np.arange(min(shape.first, len(record.u)), len(record.u))
-    seen = record.seen[t]
-    if not seen.any():
+    measured = record.complete[t]
+    if not measured.any():
         return []
-    y = record.y[t, 0][seen]
+    y = record.y[t, 0][measured]
     late = [
         record.u[t - d - i, j]
         for j, (d, n) in enumerate(zip(shape.delays, shape.nb, strict=True))
@@ -134,16 +134,16 @@ def _simulated(
     start = np.zeros(free)
     _check_finite(driven, basis)
     if free:
-        start = np.linalg.lstsq(basis[seen], y - driven[seen], rcond=1e-12)[0]
+        start = np.linalg.lstsq(basis[measured], y - driven[measured], rcond=1e-12)[0]
     w = driven + basis @ start
     past = passed(a, w)
     by_a = [_later(past, i) for i in range(1, shape.na + 1)]
-    gradient = np.concatenate([*(x[:, None] for x in by_a), -rows], axis=1)[seen]
-    return [(y - w[seen], _freed(gradient, basis[seen]), free)]
+    gradient = np.concatenate([*(x[:, None] for x in by_a), -rows], axis=1)[measured]
+    return [(y - w[measured], _freed(gradient, basis[measured]), free)]
 
 
 def _check_finite(*series: np.ndarray) -> None:
-    """Stop before LAPACK is given what an unstable filter has made."""
+    """Raise before LAPACK receives non-finite output of an unstable filter."""
     if not all(np.isfinite(x).all() for x in series):
         raise FloatingPointError
 
@@ -153,7 +153,7 @@ def _later(x: np.ndarray, samples: int) -> np.ndarray:
 
 
 def _pulses(c: np.ndarray, size: int, count: int) -> np.ndarray:
-    """What a starting value at each of the first samples becomes, ``(size, count)``."""
+    """Responses to starting values at the first samples, ``(size, count)``."""
     count = min(count, size)
     pulse = np.zeros(size)
     pulse[0] = 1.0
@@ -164,7 +164,7 @@ def _pulses(c: np.ndarray, size: int, count: int) -> np.ndarray:
 
 
 def _freed(gradient: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """The gradient with the starting values at their best for each value of the coefficients."""
+    """The gradient with starting values profiled out (projected off their responses)."""
     if not basis.shape[1]:
         return gradient
     q, _ = np.linalg.qr(basis)

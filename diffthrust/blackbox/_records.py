@@ -1,4 +1,4 @@
-"""What a black-box model takes from logs: evenly sampled inputs and outputs as matrices."""
+"""Evenly sampled inputs and outputs of logs as matrices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
 
 _EVEN = 1e-3
-"""Steps may differ from each other by this share of their median."""
+"""Largest relative deviation of steps from their median."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,9 +20,9 @@ class SampledLog:
     """One log.
 
     Args:
-        u: inputs, ``(n, m)``; the last column is 1 where an offset is estimated.
+        u: inputs, ``(n, m)``; the last column is 1 if an offset is estimated.
         y: outputs, ``(n, p)``; NaN where a sample is missing.
-        log: where they are from.
+        log: their log.
     """
 
     u: np.ndarray = field(repr=False)
@@ -30,28 +30,28 @@ class SampledLog:
     log: Log = field(repr=False)
 
     @property
-    def seen(self) -> np.ndarray:
+    def complete(self) -> np.ndarray:
         """Whether all outputs of a sample were measured, ``(n,)``."""
         return np.asarray(np.isfinite(self.y).all(axis=1))
 
     @property
     def segments(self) -> list[tuple[int, int]]:
         """First sample and end of each stretch without a missing output."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.seen.astype(int), [0]])))
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.complete.astype(int), [0]])))
         return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 @dataclass(frozen=True)
 class Channels:
-    """Which channels of logs are meant, in which units, and how they are sampled.
+    """The channels of a model, their units and sampling.
 
     Args:
         inputs: their names.
         outputs: their names.
-        units: by channel; those of the first log, empty where it names none.
+        units: by channel; those of the first log, empty if it has none.
         step: time between samples [s].
         hold: how inputs run between samples: ``"zero"`` or ``"linear"``.
-        offset: a constant is estimated beside the inputs.
+        offset: a constant input is added.
     """
 
     inputs: tuple[str, ...]
@@ -65,8 +65,8 @@ class Channels:
         """The channels of a log.
 
         Raises:
-            InputError: a channel that is absent or has another kind of unit, uneven samples, or
-                another step than that of these channels.
+            InputError: a channel is absent or has an incompatible unit, or samples are uneven or
+                have another step.
         """
         step = step_of(log)
         if abs(step - self.step) > _EVEN * self.step:
@@ -108,11 +108,11 @@ def step_of(log: Log) -> float:
     """
     steps = np.diff(log.time)
     if len(log) < 3 or np.ptp(steps) > _EVEN * np.median(steps):
-        seen = f"{len(log)} samples"
+        description = f"{len(log)} samples"
         if len(log) > 1:
-            seen += f" with steps of {steps.min():g} to {steps.max():g} s"
+            description += f" with steps of {steps.min():g} to {steps.max():g} s"
         raise InputError(
-            f"{log.name}: expected three or more evenly spaced samples, found {seen}.",
+            f"{log.name}: expected three or more evenly spaced samples, found {description}.",
             "Give missing samples as NaN at their own time, or resample the log; dft.fit takes "
             "any time stamps.",
         )
@@ -125,10 +125,10 @@ def sampled_channels(
     output: str | Sequence[str],
     offset: bool = False,
 ) -> tuple[Channels, list[SampledLog]]:
-    """The channels of logs that are meant for one model.
+    """The channels of a model, and the records of its logs.
 
     Raises:
-        InputError: no log, no name, one name twice, or what `Channels.record` refuses.
+        InputError: there is no log or no name, a name is repeated, or as in `Channels.record`.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     inputs = (input,) if isinstance(input, str) else tuple(input)

@@ -29,25 +29,23 @@ class SampledModel(Brief):
 
     Args:
         kind: "arx", "armax", "output_error" or "state_space".
-        orders: as they were asked for, by name.
+        orders: requested orders, by name.
         channels: inputs, outputs, their units, and the step.
-        parameters: an `Estimate` for each; empty for matrices that a change of the states' basis
-            would change.
-        covariance: of the parameters, ``(k, k)``; ``None`` where the logs do not tell them apart.
-            Like the standard errors it takes residuals for white, but for an output error, where
-            it allows for those that last; ``notes`` says where they do.
+        parameters: an `Estimate` for each; empty for matrices, which depend on the states' basis.
+        covariance: of the parameters, ``(k, k)``; ``None`` if they are not identifiable. Like the
+            standard errors it assumes white residuals, except for an output error, where it allows
+            for correlated ones; see ``notes``.
         noise: standard deviation of the one-step prediction's error by output, in its unit.
         polynomials: A, C, and B by input, as coefficients of 1, q^-1, ... (B: from q^-delay on);
             empty for a state space.
-        system: the model in states, with its predictor; its last input is 1 where an offset is
-            estimated.
-        plain: the same without the noise's states: from inputs to outputs.
+        system: state-space form with predictor; its last input is 1 if an offset is estimated.
+        plain: the same without states of the noise, from inputs to outputs.
         status: what may be claimed.
-        bic: of the one-step errors, with the starting states among what is estimated; comparable
-            between models of the same logs and outputs.
-        samples: outputs that were measured in the logs it is of.
-        singular_values: of a subspace identification, by which an order is chosen; else empty.
-        notes: what to keep in mind, one sentence each.
+        bic: of the one-step errors, counting starting states as parameters; comparable between
+            models of the same logs and outputs.
+        samples: number of measured outputs.
+        singular_values: of a subspace identification, for choosing an order; else empty.
+        notes: caveats, one sentence each.
     """
 
     kind: ModelKind
@@ -88,19 +86,19 @@ class SampledModel(Brief):
     def simulate(
         self, log: Log, *, start: Literal["estimated", "rest"] = "estimated"
     ) -> dict[str, np.ndarray]:
-        """Outputs of a log under its inputs alone.
+        """Simulate the outputs of a log from its inputs.
 
         Args:
             log: with the inputs; for ``start="estimated"`` also with the outputs.
-            start: the starting states are those that suit the log's outputs best, or all zero, as
-                all inputs before the log.
+            start: starting states estimated from the log's outputs, or all zero, like the inputs
+                before the log.
 
         Returns:
-            By output ``(n,)``, in the unit of the logs that the model is of; NaN, with estimated
-            starting states, in as many first samples as inputs are late.
+            By output ``(n,)``, in the unit of the model's logs; with estimated starting states NaN
+            in the first samples, up to the largest input delay.
 
         Raises:
-            InputError: a channel that is absent, uneven samples, or another step.
+            InputError: a channel is absent, or samples are uneven or have another step.
         """
         if start not in ("estimated", "rest"):
             raise InputError(
@@ -111,7 +109,7 @@ class SampledModel(Brief):
         return {name: y[:, i] for i, name in enumerate(self.channels.outputs)}
 
     def predict(self, log: Log) -> dict[str, np.ndarray]:
-        """Each sample of a log from all before it: by output ``(n,)``. Raises as `simulate`."""
+        """One-step predictions of a log: by output ``(n,)``. Raises as `simulate`."""
         record = self.channels.record(log)
         y = self.system.predict(record.u, record.y)
         return {name: y[:, i] for i, name in enumerate(self.channels.outputs)}
@@ -143,17 +141,16 @@ class SampledModel(Brief):
     ) -> Transfer:
         """The continuous transfer function from one input to one output, with its dead time.
 
-        It is taken wherever the library wants a linear system, as `dft.cycles.limit_cycles` does.
+        It is accepted wherever the library takes a linear system, as in `dft.cycles.limit_cycles`.
 
         Args:
-            input: may be left out where there is one.
+            input: name of the input; optional if there is only one.
             output: likewise.
-            method: "zero" undoes the step of an input that keeps its value between samples,
-                "linear" that of one that runs straight; the logs' own where not given. "tustin" is
-                the bilinear transformation.
+            method: "zero" for an input held between samples, "linear" for a linear one; by default
+                as in the logs. "tustin" is the bilinear transformation.
 
         Raises:
-            InputError: an unknown channel, or poles that no sampled system has.
+            InputError: a channel is unknown, or the poles have no continuous counterpart.
         """
         j, i = self.pair(input, output)
         a, b, c, d = continued(self._of(j, i), self.step, method or self.channels.hold)
@@ -171,22 +168,22 @@ class SampledModel(Brief):
         return f"{self.kind.replace('_', ' ')} ({orders})"
 
     def pair(self, input: str | None, output: str | None) -> tuple[int, int]:
-        """The places of an input and an output."""
+        """The indices of an input and an output."""
         places = []
         named = (("input", input, self.channels.inputs), ("output", output, self.channels.outputs))
-        for what, name, known in named:
-            if name is None and len(known) == 1:
-                name = known[0]
-            if name not in known:
+        for what, name, available in named:
+            if name is None and len(available) == 1:
+                name = available[0]
+            if name not in available:
                 raise InputError(
-                    f"{what}: expected one of {listing(known)}, found {name!r}.",
-                    f"Write {what}={known[0]!r}.",
+                    f"{what}: expected one of {listing(available)}, found {name!r}.",
+                    f"Write {what}={available[0]!r}.",
                 )
-            places.append(known.index(name))
+            places.append(available.index(name))
         return places[0], places[1]
 
     def _of(self, j: int, i: int) -> System:
-        """One input and one output, without the noise and the lag."""
+        """The system of one input and one output, without noise and lag."""
         s = self.plain
         return System(s.a, s.b[:, [j]], s.c[[i]], s.d[[i]][:, [j]], np.zeros((s.order, 1)))
 

@@ -1,4 +1,4 @@
-"""The search for the coefficients of least squared residuals, and how its end is judged."""
+"""Search for the coefficients of least squared residuals, and assessment of its end."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FLAT = 1e-5
 _RANK = 1e-10
 """Singular values of the scaled gradient below this share of the largest count as zero."""
 _WORTH = 11.0
-"""Twice the gain in log-likelihood for which an unstable model is kept (chi-square, 0.1 %)."""
+"""An unstable model is kept if it gains this in twice the log-likelihood (chi-square, 0.1 %)."""
 
 
 @dataclass(frozen=True)
@@ -26,15 +26,15 @@ class SearchEnd:
 
     Args:
         theta: coefficients, ``(k,)``.
-        covariance: of them, ``(k, k)``; ``None`` where the records do not tell them apart.
+        covariance: of the coefficients, ``(k, k)``; ``None`` if they are not identifiable.
         variance: of the one-step prediction's error (of the output's for an output error).
         residuals: by stretch.
         flat: max over coefficients of |J_j . r| / (|J_j| |r|).
         rank: of the scaled gradient.
-        starts: starts that were tried.
-        agreeing: starts that ended there.
-        memory: correlation of residuals from one sample to the next, and the probability that
-            white ones would be as correlated; NaN where they are too few.
+        starts: number of starts.
+        agreeing: number of starts that ended there.
+        memory: lag-one correlation of residuals, and its p-value for white ones; NaN if there are
+            too few.
     """
 
     theta: np.ndarray
@@ -49,7 +49,7 @@ class SearchEnd:
 
     @property
     def stationary(self) -> bool:
-        """Whether the search came to rest."""
+        """Whether the end is stationary."""
         return self.flat < _FLAT
 
 
@@ -72,7 +72,7 @@ def search_coefficients(
                 except (
                     np.linalg.LinAlgError,
                     FloatingPointError,
-                ):  # an unstable filter left all bounds
+                ):  # an unstable filter overflowed
                     now = [(np.full(1, np.inf), np.zeros((1, shape.size)), 0)]
             kept[:] = [(theta.copy(), now)]
         return kept[0][1]
@@ -80,16 +80,16 @@ def search_coefficients(
     def residual(theta: np.ndarray, bounded: bool = False) -> np.ndarray:
         if bounded and not settles(theta):
             return np.full(count, np.inf)
-        joined = np.concatenate([part[0] for part in parts(theta)])
+        joined = np.concatenate([stretch[0] for stretch in parts(theta)])
         return joined if np.isfinite(joined).all() else np.full(count, np.inf)
 
     def gradient(theta: np.ndarray) -> np.ndarray:
-        return np.concatenate([part[1] for part in parts(theta)])
+        return np.concatenate([stretch[1] for stretch in parts(theta)])
 
-    seen = [int(r.seen[shape.first :].sum()) for r in records]
+    counts = [int(r.complete[shape.first :].sum()) for r in records]
     if not shape.tied:
-        seen = [t.size for r in records for t, _, _ in equations(r, shape)]
-    count, scale = sum(seen), size_of(records)
+        counts = [t.size for r in records for t, _, _ in equations(r, shape)]
+    count, scale = sum(counts), size_of(records)
 
     def settles(theta: np.ndarray) -> bool:
         return bool(np.all(np.abs(np.roots(shape.split(theta)[0])) < 1.0))
@@ -115,20 +115,22 @@ def search_coefficients(
     if not np.isfinite(best):
         raise FloatingPointError
     agreeing = sum(cost <= best * 1.001 + 1e-20 * count for cost, _ in ends)
-    if shape.tied and not settles(theta):  # kept only where the records ask for it
-        again = [np.concatenate([reflected(shape.split(s)[0])[1:], s[shape.na :]])
+    if shape.tied and not settles(
+        theta
+    ):  # an unstable model is kept only if the records clearly favour it
+        restarts = [np.concatenate([reflected(shape.split(s)[0])[1:], s[shape.na :]])
                  for s in (theta, *starts)]  # fmt: skip
-        cost, other = min((end_of(start, True) for start in again), key=lambda end: end[0])
+        cost, alternative = min((end_of(start, True) for start in restarts), key=lambda end: end[0])
         if count * np.log(max(cost, 1e-300) / max(best, 1e-300)) < _WORTH:
-            stable = judged(parts(other), other, shape, scale, len(starts), agreeing)
-            if stable.stationary:  # not merely held at the limit of stability
+            stable = judged(parts(alternative), alternative, shape, scale, len(starts), agreeing)
+            if stable.stationary:  # not merely stopped at the stability limit
                 return stable
     return judged(parts(theta), theta, shape, scale, len(starts), agreeing)
 
 
 def size_of(records: Sequence[SampledLog]) -> float:
-    """Root mean square of the outputs; 1 where they are all zero."""
-    return float(np.sqrt(np.mean(np.concatenate([r.y[r.seen] for r in records]) ** 2))) or 1.0
+    """Root mean square of the outputs; 1 if all are zero."""
+    return float(np.sqrt(np.mean(np.concatenate([r.y[r.complete] for r in records]) ** 2))) or 1.0
 
 
 def judged(
@@ -139,31 +141,31 @@ def judged(
     starts: int = 1,
     agreeing: int = 1,
 ) -> SearchEnd:
-    """Variance and covariance at a point, and whether it is one where a search may end.
+    """Variance and covariance at a point, and whether it is stationary.
 
-    The covariance of an output error allows for residuals with a memory, where they have one and
-    know nothing of the input: sums over lags of their correlation and of the gradient's (Ljung
-    1999, section 9.3).
+    For an output error, the covariance allows for autocorrelated residuals that are independent of
+    the input: sums over lags of their correlation times that of the gradient (Ljung 1999, section
+    9.3).
     """
-    residuals = [part[0] for part in parts]
-    r, j = np.concatenate(residuals), np.concatenate([part[1] for part in parts])
+    residuals = [stretch[0] for stretch in parts]
+    r, j = np.concatenate(residuals), np.concatenate([stretch[1] for stretch in parts])
     size = np.linalg.norm(j, axis=0)
     size = np.where(size > 0, size, 1.0)
     scaled = j / size
     norm = float(np.linalg.norm(r))
-    exact = norm <= 1e-9 * scale * np.sqrt(r.size)  # of what is left, all is rounding
+    exact = norm <= 1e-9 * scale * np.sqrt(r.size)  # the remaining residuals are rounding errors
     flat = 0.0 if exact else float(np.max(np.abs(scaled.T @ r), initial=0.0)) / norm
     _, values, v = np.linalg.svd(scaled, full_matrices=False)
     rank = int(np.sum(values > _RANK * values.max(initial=0.0)))
-    left = r.size - theta.size - sum(part[2] for part in parts)
-    variance = norm**2 / left if left > 0 else np.nan
+    degrees = r.size - theta.size - sum(stretch[2] for stretch in parts)
+    variance = norm**2 / degrees if degrees > 0 else np.nan
     memory = memory_of(residuals, 0 if shape.tied else shape.na + shape.nc)
     covariance = None
-    if rank == theta.size and left > 0:
+    if rank == theta.size and degrees > 0:
         half = v.T / values / size[:, None]
         covariance = half @ half.T
         if shape.tied and memory[1] < WHITENESS_LEVEL:
-            covariance = covariance @ _with_memory(parts, r.size / left) @ covariance
+            covariance = covariance @ _with_memory(parts, r.size / degrees) @ covariance
         else:
             covariance = variance * covariance
     return SearchEnd(theta, covariance, variance, residuals, flat, rank, starts, agreeing, memory)
@@ -177,7 +179,7 @@ def _with_memory(parts: Sequence[tuple[np.ndarray, np.ndarray, int]], factor: fl
     power = sum(float(e @ e) for e, _, _ in parts) / samples
     total = power * sum(j.T @ j for _, j, _ in parts)
     quiet, lag = 0, 1
-    while quiet < 5 and lag < longest:  # until the correlation has stayed within its band
+    while quiet < 5 and lag < longest:  # until the correlation stays within its confidence band
         used = [(e, j) for e, j, _ in parts if e.size > lag]
         r = sum(float(e[lag:] @ e[:-lag]) for e, _ in used) / samples
         cross = sum(j[lag:].T @ j[:-lag] for _, j in used)

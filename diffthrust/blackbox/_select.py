@@ -1,4 +1,4 @@
-"""Which kind of black-box model, of which order."""
+"""Select kind and order of a black-box model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust.blackbox._model import BlackBox
-from diffthrust.blackbox._orders import whole
+from diffthrust.blackbox._orders import check_integer
 from diffthrust.blackbox._polynomial import armax, arx, output_error
 from diffthrust.blackbox._sampled_model import ModelKind
 from diffthrust.blackbox._subspace import state_space
@@ -30,11 +30,11 @@ class Candidate:
         kind: of the model.
         order: of A (or F), B and C alike, or the number of states.
         delay: in samples.
-        model: ``None`` where it could not be had; ``remark`` says why.
+        model: ``None`` if it could not be estimated, for the reason in ``remark``.
         prediction: NRMSE of one-step prediction of the training logs.
         simulation: NRMSE of free simulation of the training logs.
         unseen: NRMSE of free simulation of the unseen logs; NaN without them.
-        remark: empty, or what to mind.
+        remark: a caveat, or empty.
 
     Example:
         >>> chosen = dft.blackbox.select(
@@ -56,13 +56,13 @@ class Candidate:
 
     @property
     def bic(self) -> float:
-        """Of the one-step errors; infinite where there is no model."""
+        """Of the one-step errors; infinite if there is no model."""
         return self.model.bic if self.model else np.inf
 
 
 @dataclass(frozen=True, repr=False)
 class Selection(Result):
-    """All that was tried.
+    """All candidates tried.
 
     Args:
         candidates: in the order in which they were tried.
@@ -81,7 +81,7 @@ class Selection(Result):
 
     @property
     def chosen(self) -> Candidate:
-        """The one of the least criterion, of those whose search ended well if there are any."""
+        """The candidate with the least criterion, among converged ones if there are any."""
         sound = [row for row in self.candidates if row.model and row.model.status.ok]
         return min(sound or self.candidates, key=self._score)
 
@@ -136,18 +136,18 @@ def select(
     holdout: Log | Sequence[Log] = (),
     offset: bool = False,
 ) -> Selection:
-    """Try kinds, orders and delays, and choose by an information criterion or by unseen logs.
+    """Try kinds, orders and delays, and select by an information criterion or by unseen logs.
 
-    BIC judges one-step predictions, in which ARMAX and ARX lean on the measured output; unseen
-    logs are simulated freely, and state spaces are fitted with that focus then. Where the two
-    disagree, ask which one the model is for.
+    BIC rates one-step predictions, in which ARMAX and ARX use the measured output; unseen logs are
+    simulated freely, and state spaces are then fitted for simulation. If the two disagree, decide
+    by the purpose of the model.
 
     Args:
         logs: to estimate from, as for `arx`.
         input: one or several.
         output: one, or several for state spaces.
-        kinds: which are tried; ARX, ARMAX and output error where not given, or state space with
-            several outputs. (With one output a state space is an ARMAX of equal orders.)
+        kinds: kinds to try; by default ARX, ARMAX and output error, or state space with several
+            outputs. (With one output a state space is an ARMAX of equal orders.)
         orders: of A (or F), B and C alike.
         delays: in samples.
         by: "bic" or "unseen".
@@ -155,7 +155,7 @@ def select(
         offset: estimate a constant beside the inputs.
 
     Raises:
-        InputError: what the models refuse of all candidates, unknown words, or no unseen logs.
+        InputError: no candidate can be estimated, a word is unknown, or there are no unseen logs.
 
     Source: Schwarz 1978 for BIC.
 
@@ -176,21 +176,21 @@ def select(
     if by not in ("bic", "unseen"):
         raise InputError(f"by: expected 'bic' or 'unseen', found {by!r}.", "Correct it.")
     if by == "unseen" and not unseen:
-        raise InputError("by='unseen': no unseen logs were given.", "Give holdout=[...].")
+        raise InputError("by='unseen': no unseen logs were passed.", "Give holdout=[...].")
     several = not isinstance(output, str) and len(output) > 1
     chosen: tuple[ModelKind, ...] = ("state_space",) if several else _POLYNOMIAL
-    known = (*_POLYNOMIAL, "state_space")
+    available = (*_POLYNOMIAL, "state_space")
     chosen = chosen if kinds is None else tuple(kinds)
-    strange = [kind for kind in chosen if kind not in known]
+    strange = [kind for kind in chosen if kind not in available]
     if strange or not chosen:
         raise InputError(
-            f"kinds: expected some of {listing(known)}, found {listing(chosen)}.", "Correct it."
+            f"kinds: expected some of {listing(available)}, found {listing(chosen)}.", "Correct it."
         )
-    asked = {
-        "orders": [whole("select", "order", n) for n in orders],
-        "delays": [whole("select", "delay", d) for d in delays],
+    requested = {
+        "orders": [check_integer("select", "order", n) for n in orders],
+        "delays": [check_integer("select", "delay", d) for d in delays],
     }
-    for what, values in asked.items():
+    for what, values in requested.items():
         if not values:
             raise InputError(f"{what}: none was given.", f"Write {what}=(1, 2).")
     common: dict[str, Any] = {"input": input, "output": output, "offset": offset}
@@ -198,8 +198,8 @@ def select(
     rows = []
     problem: InputError | None = None
     for kind in chosen:
-        for delay in asked["delays"]:
-            for order in asked["orders"]:
+        for delay in requested["delays"]:
+            for order in requested["orders"]:
                 try:
                     model = _made(kind, logs, order, delay, focus, common)
                 except InputError as error:

@@ -1,7 +1,7 @@
-"""State-space matrices of the least error of free simulation.
+"""State-space matrices of least free-simulation error.
 
-The states have no coordinates of their own, so the gradient does not tell all matrices apart;
-steps are taken where it does, the shortest ones that lower the error. Starting states are
+The basis of the states is arbitrary, so the gradient is singular; damped steps move only in
+directions that change the error. Starting states are
 eliminated in each record (variable projection, Golub & Pereyra 1973). Source: Ljung 1999, System
 Identification, 2nd edition, section 10.2; McKelvey, Helmersson & Ribarits 2004, Automatica 40, for
 steps in data-driven local coordinates.
@@ -21,17 +21,17 @@ _STEPS = 100
 _FLAT = 1e-5
 """Largest |J_j . r| / (|J_j| |r|) at a point that counts as stationary."""
 _STILL = 1e-6
-"""A step that lowers the squared error by less than this share is as good as none."""
+"""The search ends if a step lowers the squared error by less than this share."""
 
 
 class Simulated(NamedTuple):
-    """Where the search has ended.
+    """The end of the search.
 
     Args:
-        system: with a predictor that does not look at what was measured.
-        error: sum of squares, each output over its own size.
-        stationary: whether the search came to rest.
-        agreeing: starts that ended there.
+        system: the system, without a predictor (K = 0).
+        error: sum of squares, each output scaled by its size.
+        stationary: whether the end is stationary.
+        agreeing: number of starts that ended there.
     """
 
     system: System
@@ -43,12 +43,12 @@ class Simulated(NamedTuple):
 def simulation_fit(
     starts: Sequence[System], records: Sequence[SampledLog], free: np.ndarray
 ) -> Simulated:
-    """The least error of free simulation, each output over its own size.
+    """Minimise the error of free simulation, each output scaled by its size.
 
     Args:
-        starts: their A, B and C are all free.
-        records: what is simulated.
-        free: which entries of D are, ``(p, m)``.
+        starts: starts; all of A, B and C is free.
+        records: the records to simulate.
+        free: free entries of D, ``(p, m)``.
     """
     size = output_sizes(records)
     ends = [_searched(start, records, size, free) for start in starts]
@@ -61,32 +61,32 @@ def simulation_fit(
 def _searched(
     start: System, records: Sequence[SampledLog], size: np.ndarray, free: np.ndarray
 ) -> Simulated:
-    here = _settled(start)
-    error, r, j = linearized(here, records, size, free)
+    current = _settled(start)
+    error, r, j = linearized(current, records, size, free)
     damping = 1e-3 * np.mean(np.sum(j**2, axis=0))
     for _ in range(_STEPS):
         squares, slope = j.T @ j, j.T @ r
-        if error <= 1e-18 * r.size or _flatness(j, r) < _FLAT:  # all that is left is rounding
-            return Simulated(here, error, True)
+        if error <= 1e-18 * r.size or _flatness(j, r) < _FLAT:  # the remaining error is rounding
+            return Simulated(current, error, True)
         while damping < 1e12 * np.trace(squares):
             step = -np.linalg.solve(squares + damping * np.eye(slope.size), slope)
-            there = stepped(here, step, free)
-            lower = squared_error(there, records, size)
+            trial = stepped(current, step, free)
+            lower = squared_error(trial, records, size)
             if lower < error:
                 break
             damping *= 4.0
         else:
-            return Simulated(here, error, True)  # no way down is left but rounding
+            return Simulated(current, error, True)  # no step lowers the error beyond rounding
         still = lower > (1.0 - _STILL) * error
-        here, damping = there, damping / 5.0
-        error, r, j = linearized(here, records, size, free)
+        current, damping = trial, damping / 5.0
+        error, r, j = linearized(current, records, size, free)
         if still and damping < 1e-3 * np.trace(squares):
-            return Simulated(here, error, True)
-    return Simulated(here, error, False)
+            return Simulated(current, error, True)
+    return Simulated(current, error, False)
 
 
 def output_sizes(records: Sequence[SampledLog]) -> np.ndarray:
-    """Root mean square of each output, ``(p,)``; 1 where it is zero."""
+    """Root mean square of each output, ``(p,)``; 1 if it is zero."""
     power = np.nanmean(np.concatenate([r.y for r in records]) ** 2, axis=0)
     return np.where(power > 0, np.sqrt(power), 1.0)
 
@@ -97,7 +97,7 @@ def _flatness(j: np.ndarray, r: np.ndarray) -> float:
 
 
 def _settled(start: System) -> System:
-    """The start without its predictor, and with poles inside the unit circle."""
+    """The start without predictor, its poles reflected into the unit circle."""
     values, vectors = np.linalg.eig(start.a)
     size = np.abs(values)
     a = start.a
@@ -128,37 +128,39 @@ def linearized(
     s: System, records: Sequence[SampledLog], size: np.ndarray, free: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Squared error, residuals ``(N,)`` and their gradient ``(N, k)``."""
-    parts = [_one(s, record, size, free) for record in records if len(record.u) > s.unknown]
-    r, j = (np.concatenate(part) for part in zip(*parts, strict=True))
+    parts = [
+        _linearized_record(s, record, size, free) for record in records if len(record.u) > s.unknown
+    ]
+    r, j = (np.concatenate(column) for column in zip(*parts, strict=True))
     return float(r @ r), r, j
 
 
-def _one(
+def _linearized_record(
     s: System, record: SampledLog, size: np.ndarray, free: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     n, m, p = s.a.shape[0], s.b.shape[1], s.c.shape[0]
     u, y = s.late(record.u)[s.unknown :], record.y[s.unknown :]
-    seen, driven = np.isfinite(y), u @ s.b.T
-    x = np.zeros((len(u), n, 1 + n))  # driven from rest, and by starting state
+    finite, driven = np.isfinite(y), u @ s.b.T
+    x = np.zeros((len(u), n, 1 + n))  # response from rest, and to each starting state
     x[0, :, 1:] = np.eye(n)
     for t in range(len(u) - 1):
         x[t + 1] = s.a @ x[t]
         x[t + 1, :, 0] += driven[t]
     out = (s.c @ x) / size[:, None]
     out[:, :, 0] += u @ s.d.T / size
-    basis, r = out[:, :, 1:][seen], (out[:, :, 0] - y / size)[seen]
+    basis, r = out[:, :, 1:][finite], (out[:, :, 0] - y / size)[finite]
     q, triangle = np.linalg.qr(basis)
     begin = -np.linalg.lstsq(triangle, q.T @ r, rcond=1e-10)[0]
     r = r + basis @ begin
     states = x[:, :, 0] + x[:, :, 1:] @ begin
-    known = np.concatenate([states, u], axis=1)
-    grown = np.zeros((len(u), n, n, n + m))  # the states by each entry of A and B
+    regressors = np.concatenate([states, u], axis=1)
+    grown = np.zeros((len(u), n, n, n + m))  # derivatives of the states by each entry of A and B
     rows = np.arange(n)
     for t in range(len(u) - 1):
         grown[t + 1] = (s.a @ grown[t].reshape(n, -1)).reshape(n, n, n + m)
-        grown[t + 1, rows, rows] += known[t]
+        grown[t + 1, rows, rows] += regressors[t]
     by_ab = (s.c @ grown.reshape(len(u), n, -1)).reshape(len(u), p, -1)
     by_c = np.einsum("kl,tj->tklj", np.eye(p), states).reshape(len(u), p, p * n)
     by_d = np.einsum("kl,tj->tklj", np.eye(p), u)[:, :, free]
-    j = (np.concatenate([by_ab, by_c, by_d], axis=2) / size[:, None])[seen]
+    j = (np.concatenate([by_ab, by_c, by_d], axis=2) / size[:, None])[finite]
     return r, j - q @ (q.T @ j)

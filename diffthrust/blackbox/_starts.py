@@ -1,4 +1,4 @@
-"""Where the searches for black-box models begin: linear least squares, once or repeated."""
+"""Starts of the searches for black-box models: linear least squares, single or iterated."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def reflected(polynomial: np.ndarray, limit: float = 0.999) -> np.ndarray:
 
 
 def least_squares(records: Sequence[SampledLog], shape: Shape) -> np.ndarray:
-    """A and B of the smallest equation errors: the closed form of ARX."""
-    parts = [part for record in records for part in equations(record, shape)]
-    rows = np.concatenate([part[1] for part in parts])
+    """A and B of least squared equation errors: the closed form of ARX."""
+    stretches = [stretch for record in records for stretch in equations(record, shape)]
+    rows = np.concatenate([stretch[1] for stretch in stretches])
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0] = 1.0
-    y = np.concatenate([part[2] for part in parts])
+    y = np.concatenate([stretch[2] for stretch in stretches])
     return np.linalg.lstsq(rows / scale, y, rcond=None)[0] / scale
 
 
@@ -38,12 +38,12 @@ def without_c(shape: Shape) -> Shape:
 
 
 def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray]:
-    """ARX with C = 1, and the residuals of a long ARX as if the noise had been measured.
+    """ARX with C = 1, and a regression with residuals of a long ARX in place of the noise.
 
     Source of the second: Hannan & Rissanen 1982, Biometrika 69.
     """
     starts = [np.concatenate([least_squares(records, without_c(shape)), np.zeros(shape.nc)])]
-    samples = sum(int(record.seen.sum()) for record in records)
+    samples = sum(int(record.complete.sum()) for record in records)
     depth = min(max(10, 3 * shape.reach), samples // (5 * (1 + len(shape.nb))))
     long = Shape(depth, tuple(n if n == 1 else max(n, depth) for n in shape.nb), 0, shape.delays)
     if depth <= shape.nc or not any(equations(record, long) for record in records):
@@ -57,9 +57,9 @@ def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray
         for t, past, y in equations(record, without_c(shape)):
             earlier = t[:, None] - np.arange(1, shape.nc + 1)
             lagged = np.where(earlier >= 0, noise[earlier], np.nan)
-            known = np.isfinite(lagged).all(axis=1)
-            rows.append(np.concatenate([past, lagged], axis=1)[known])
-            target.append(y[known])
+            complete = np.isfinite(lagged).all(axis=1)
+            rows.append(np.concatenate([past, lagged], axis=1)[complete])
+            target.append(y[complete])
     matrix, y = np.concatenate(rows), np.concatenate(target)
     if len(y) > matrix.shape[1]:
         theta = np.linalg.lstsq(matrix, y, rcond=None)[0]
@@ -69,9 +69,9 @@ def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray
 
 
 def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray]:
-    """ARX, and ARX on records that pass 1 / A of the last round (Steiglitz & McBride 1965).
+    """ARX, and ARX on records filtered by 1 / A of the last round (Steiglitz & McBride 1965).
 
-    Unstable ones are reflected into the unit circle.
+    Unstable poles are reflected into the unit circle.
     """
     free = without_c(shape)
 
@@ -82,18 +82,18 @@ def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.
     raw = least_squares(records, free)
     theta = inside(raw)
     starts = [theta] if np.allclose(theta, raw) else [theta, raw]
-    whole = [_filled(record) for record in records]
+    filled = [_filled(record) for record in records]
     for _ in range(_ROUNDS):
         a, _, _ = free.split(theta)
-        whitened = [SampledLog(passed(a, r.u), passed(a, r.y), r.log) for r in whole]
+        whitened = [SampledLog(passed(a, r.u), passed(a, r.y), r.log) for r in filled]
         theta = inside(least_squares(whitened, free))
     return [theta, *starts]
 
 
 def _filled(record: SampledLog) -> SampledLog:
-    """The record with straight lines across its gaps."""
-    seen, y = record.seen, record.y
-    if seen.all():
+    """The record with gaps interpolated linearly."""
+    measured, y = record.complete, record.y
+    if measured.all():
         return record
     t = np.arange(len(y))
-    return SampledLog(record.u, np.interp(t, t[seen], y[seen, 0])[:, None], record.log)
+    return SampledLog(record.u, np.interp(t, t[measured], y[measured, 0])[:, None], record.log)

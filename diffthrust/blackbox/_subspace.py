@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.blackbox._criteria import bic_of, samples_of
 from diffthrust.blackbox._model import BlackBox
-from diffthrust.blackbox._orders import whole
+from diffthrust.blackbox._orders import check_integer
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import SampledLog, sampled_channels
@@ -36,36 +36,34 @@ def state_space(
     focus: Literal["prediction", "simulation"] = "prediction",
     horizon: int | None = None,
 ) -> BlackBox:
-    """x(t + 1) = A x + B u + K e, y = C x + D u + e, from a subspace, and by a search.
+    """x(t + 1) = A x + B u + K e, y = C x + D u + e, by a subspace method and a search.
 
-    A long ARX model gives what the past tells of the next ``horizon`` samples; the directions in
-    which that varies most are the states, and the matrices follow by least squares. So it takes
-    logs in closed loop and of unstable systems, which N4SID and MOESP, whose projections take
-    inputs to know nothing of the noise, do not. With one output the prediction error is then
-    lowered by a search, in the coefficients of A, B and C that such a system has (`armax` of
-    orders ``(order, order, order, delay)``), which have standard errors; several outputs stay as
-    the subspace gives them.
+    A long ARX model predicts the next ``horizon`` samples from the past; the directions in which
+    these predictions vary most are the states, and the matrices follow by least squares. This works
+    in closed loop and for unstable systems, unlike N4SID and MOESP, whose projections assume inputs
+    independent of the noise. With one output a search then minimises the prediction error in the
+    coefficients of A, B and C of such a system (`armax` of orders ``(order, order, order,
+    delay)``), which have standard errors; several outputs keep the subspace estimate.
 
-    What predicts the next sample well need not simulate a whole run well: where outputs are smooth
-    (filtered speeds of a vessel), the subspace leans on them and all but misses the inputs. With
-    ``focus="simulation"`` the error of free simulation is lowered instead, of one output or
-    several, each over its own size; the predictor is given up (K = 0).
+    A good one-step predictor need not simulate a run well: with smooth outputs (filtered speeds of
+    a vessel) the subspace predicts from them and nearly misses the inputs. With
+    ``focus="simulation"`` the error of free simulation is minimised instead, for one output or
+    several, each scaled by its size; the predictor is dropped (K = 0).
 
     Args:
         logs: one or several, evenly sampled with the same step; missing outputs as NaN.
         input: name of the input, or several.
         output: name of the measured channel, or several.
         order: number of states.
-        delay: samples after which inputs are first felt; 0 for a direct way, D.
-        offset: estimate a constant beside the inputs.
-        refine: lower the error by a search, wherever there is one for the focus.
-        focus: on one-step prediction, or on free simulation (with starts by shorter horizons, too).
-        horizon: of the long ARX model [samples]; that of the least Akaike criterion where not
-            given.
+        delay: samples after which inputs first act; 0 for a direct path D.
+        offset: estimate a constant input.
+        refine: minimise the error by a search, where one exists for the focus.
+        focus: one-step prediction, or free simulation (also started from shorter horizons).
+        horizon: of the long ARX model [samples]; by default that of the least Akaike criterion.
 
     Raises:
-        InputError: channels that are absent, uneven samples, numbers that cannot be meant, or too
-            few samples without a gap between them.
+        InputError: channels are absent, samples uneven, numbers invalid, or stretches without a
+            gap too short.
 
     Source: Jansson 2003 (SSARX); Chiuso 2007, Automatica 43 (PBSID); van der Veen et al. 2013,
     IET Control Theory & Applications 7.
@@ -83,12 +81,15 @@ def state_space(
             "Correct it.",
         )
     channels, records = sampled_channels(logs, input, output)
-    order, delay = whole("state_space", "order", order), whole("state_space", "delay", delay)
+    order, delay = (
+        check_integer("state_space", "order", order),
+        check_integer("state_space", "delay", delay),
+    )
     direct, lag = delay == 0, max(delay - 1, 0)
     m, p = len(channels.inputs), len(channels.outputs)
     level = np.zeros(m + p)
     if offset:
-        joined = np.concatenate([np.concatenate([r.u, r.y], axis=1)[r.seen] for r in records])
+        joined = np.concatenate([np.concatenate([r.u, r.y], axis=1)[r.complete] for r in records])
         level = joined.mean(axis=0)
     series = [_late(record, lag, level) for record in records]
     joined = np.concatenate(series)
@@ -97,7 +98,7 @@ def state_space(
     series = [z / size for z in series]
     if horizon is None:
         horizon = _horizon(series, m, order, direct)
-    elif whole("state_space", "order", horizon) <= order:
+    elif check_integer("state_space", "order", horizon) <= order:
         raise InputError(
             f"state_space, horizon: expected more than the order {order}, found {horizon}.",
             "Raise it, or leave it out.",
@@ -142,7 +143,7 @@ def state_space(
 
 
 def _late(record: SampledLog, lag: int, level: np.ndarray) -> np.ndarray:
-    """Inputs as late as the delay makes them, beside outputs, ``(n, m + p)``; NaN in gaps."""
+    """Delayed inputs and outputs side by side, ``(n, m + p)``; NaN in gaps."""
     u = record.u if not lag else np.concatenate(
         [np.full((lag, record.u.shape[1]), np.nan), record.u]
     )[: len(record.u)]  # fmt: skip
@@ -150,7 +151,7 @@ def _late(record: SampledLog, lag: int, level: np.ndarray) -> np.ndarray:
 
 
 def _windows(series: Sequence[np.ndarray], length: int) -> np.ndarray:
-    """All stretches of so many samples without a gap, ``(count, length, m + p)``."""
+    """All stretches of a given length without a gap, ``(count, length, m + p)``."""
     whole_ones = [np.zeros((0, length, series[0].shape[1]))]
     for z in series:
         if len(z) >= length:
@@ -206,30 +207,30 @@ def _identified(
             f"{horizon} samples, found {order}.",
             "Raise the horizon or lower the order.",
         )
-    before = windows[:, :-1].reshape(len(windows), -1)
-    after = windows[:, 1:].reshape(len(windows), -1)
+    past = windows[:, :-1].reshape(len(windows), -1)
+    future = windows[:, 1:].reshape(len(windows), -1)
     u, y = windows[:, -1, :m], windows[:, -1, m:]
     extra = u if direct else u[:, :0]
-    rows = np.concatenate([before, extra], axis=1)
+    rows = np.concatenate([past, extra], axis=1)
     markov = np.linalg.lstsq(rows, y, rcond=None)[0][: horizon * width]
     stacked = np.zeros((horizon * p, horizon * width))
-    for i in range(horizon):  # what a past sample tells of the i-th sample from now
+    for i in range(horizon):  # prediction of the i-th sample from now
         stacked[i * p : (i + 1) * p, i * width :] = markov[: (horizon - i) * width].T
-    _, r = np.linalg.qr(before)
-    left, values, _ = np.linalg.svd(stacked @ r.T, full_matrices=False)
-    states = (left[:, :order].T @ stacked).T
-    x, following = before @ states, after @ states
+    _, r = np.linalg.qr(past)
+    directions, values, _ = np.linalg.svd(stacked @ r.T, full_matrices=False)
+    states = (directions[:, :order].T @ stacked).T
+    x, following = past @ states, future @ states
     scale = np.sqrt(np.mean(x**2, axis=0))
     scale[scale == 0] = 1.0
     x, following = x / scale, following / scale
-    seen = np.concatenate([x, extra], axis=1)
-    cd = np.linalg.lstsq(seen, y, rcond=None)[0]
-    e = y - seen @ cd
-    known = np.concatenate([x, u, e], axis=1)
-    size = np.sqrt(np.mean(known**2, axis=0))
-    small = size <= 1e-9 * np.sqrt(np.mean(y**2))  # errors that are rounding move nothing
-    known = np.where(small, 0.0, known)
-    abk = np.linalg.lstsq(known, following, rcond=1e-12)[0]
+    outputs_from = np.concatenate([x, extra], axis=1)
+    cd = np.linalg.lstsq(outputs_from, y, rcond=None)[0]
+    e = y - outputs_from @ cd
+    regressors = np.concatenate([x, u, e], axis=1)
+    size = np.sqrt(np.mean(regressors**2, axis=0))
+    small = size <= 1e-9 * np.sqrt(np.mean(y**2))  # errors at rounding level are no regressors
+    regressors = np.where(small, 0.0, regressors)
+    abk = np.linalg.lstsq(regressors, following, rcond=1e-12)[0]
     a, b, k = abk[:order].T, abk[order : order + m].T, abk[order + m :].T
     d = cd[order:].T if direct else np.zeros((p, m))
     return a, b, cd[:order].T, d, k, values

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 _BLOCK = 64
-"""Samples that are computed at once."""
+"""Samples computed at once: matrix products replace a Python loop over samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """x(t + 1) = A x + B u + K e,  y = C x + D u + e,  with inputs that come late.
+    """x(t + 1) = A x + B u + K e,  y = C x + D u + e,  with delayed inputs.
 
     Args:
         a: ``(n, n)``.
@@ -21,7 +21,7 @@ class System:
         c: ``(p, n)``.
         d: ``(p, m)``.
         k: gain of the predictor, ``(n, p)``.
-        lags: by how many samples each input is late beyond what the states delay it, ``(m,)``.
+        lags: delay of each input in samples, beyond that in the states, ``(m,)``.
     """
 
     a: np.ndarray
@@ -38,11 +38,11 @@ class System:
 
     @property
     def unknown(self) -> int:
-        """Samples at a log's start that inputs from before it have a part in."""
+        """Samples at a log's start that depend on inputs before it."""
         return max(self.lags, default=0)
 
     def late(self, u: np.ndarray) -> np.ndarray:
-        """The inputs as the states meet them, zero from before the log, ``(n, m)``."""
+        """The delayed inputs, zero before the log, ``(n, m)``."""
         if not self.unknown:
             return u
         out = np.zeros_like(u)
@@ -51,16 +51,16 @@ class System:
         return out
 
     def simulate(self, u: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
-        """Outputs under inputs alone.
+        """Simulate outputs from inputs.
 
         Args:
             u: inputs, ``(n, m)``.
-            y: outputs by which the starting states are chosen (least squares over all of them),
-                ``(n, p)``; without them the system, and its inputs, start at rest.
+            y: outputs for estimating the starting states (least squares over all of them),
+                ``(n, p)``; without them the system and its inputs start at rest.
 
         Returns:
-            Outputs, ``(n, p)``; infinite where an unstable system has left all bounds; NaN, unless
-            it starts at rest, in the first samples, while inputs from before the log arrive.
+            Outputs, ``(n, p)``; infinite where an unstable system overflows; NaN, unless it starts
+            at rest, in the first samples, which depend on inputs before the log.
         """
         skip = 0 if y is None else min(self.unknown, len(u))
         y = None if y is None else y[skip:]
@@ -68,10 +68,10 @@ class System:
         return np.concatenate([np.full((skip, len(self.c)), np.nan), outputs])
 
     def predict(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Each sample from all before it, ``(n, p)``.
+        """One-step predictions, ``(n, p)``.
 
-        A missing output moves nothing: the states go on without it. The starting states are
-        chosen by least squares over the whole record; NaN as in `simulate`.
+        Missing outputs do not correct the states. Starting states are estimated by least squares
+        over the record; NaN as in `simulate`.
         """
         skip = min(self.unknown, len(u))
         outputs = self._predict(self.late(u)[skip:], y[skip:])
@@ -87,7 +87,7 @@ class System:
 
     def _predict_with_gaps(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         n, p = self.order, y.shape[1]
-        seen = np.isfinite(y)
+        finite = np.isfinite(y)
         passed, driven = u @ self.d.T, u @ self.b.T
         x = np.concatenate([np.zeros((n, 1)), np.eye(n)], axis=1)  # driven, and by starting state
         out = np.empty((len(u), p, 1 + n))
@@ -97,8 +97,8 @@ class System:
                 expected[:, 0] += passed[t]
                 out[t] = expected
                 missed = -expected
-                missed[:, 0] += np.where(seen[t], y[t], 0.0)
-                missed[~seen[t]] = 0.0
+                missed[:, 0] += np.where(finite[t], y[t], 0.0)
+                missed[~finite[t]] = 0.0
                 x = self.a @ x + self.k @ missed
                 x[:, 0] += driven[t]
         return _started(out[:, :, 0], out[:, :, 1:], y)
@@ -112,7 +112,7 @@ def _run(
     u: np.ndarray,
     y: np.ndarray | None,
 ) -> np.ndarray:
-    """Outputs in blocks: those of the states at a block's start, and those of its inputs."""
+    """Outputs by blocks: responses to the state at a block's start, and to its inputs."""
     n, m, p = a.shape[0], b.shape[1], c.shape[0]
     if not len(u):
         return np.zeros((0, p))
@@ -147,13 +147,15 @@ def _run(
 
 
 def _started(driven: np.ndarray, by_state: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The outputs from the starting states that suit the measured ones best."""
-    seen = np.isfinite(y)
-    # each output over its own size: those in small units count as much
-    size = np.sqrt(np.sum(np.where(seen, y, 0.0) ** 2, axis=0) / np.maximum(seen.sum(axis=0), 1))
+    """Outputs with the starting states that fit the measurements best."""
+    finite = np.isfinite(y)
+    # Scale each output by its size, so that units do not weight them.
+    size = np.sqrt(
+        np.sum(np.where(finite, y, 0.0) ** 2, axis=0) / np.maximum(finite.sum(axis=0), 1)
+    )
     size[~(size > 0)] = 1.0
-    target, matrix = ((y - driven) / size)[seen], (by_state / size[:, None])[seen]
-    if not (np.isfinite(matrix).all() and np.isfinite(target).all() and seen.any()):
+    target, matrix = ((y - driven) / size)[finite], (by_state / size[:, None])[finite]
+    if not (np.isfinite(matrix).all() and np.isfinite(target).all() and finite.any()):
         return np.full_like(driven, np.inf)
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0] = 1.0
@@ -162,7 +164,7 @@ def _started(driven: np.ndarray, by_state: np.ndarray, y: np.ndarray) -> np.ndar
 
 
 def passed(by: Any, x: np.ndarray) -> np.ndarray:
-    """What comes out of 1 / by(q) for x, at rest before, along the first axis."""
+    """Filter x by 1 / by(q) from rest, along the first axis."""
     from scipy.signal import lfilter  # takes a while
 
     return np.asarray(lfilter([1.0], by, x, axis=0))

@@ -1,4 +1,4 @@
-"""Black-box models as objects of python-control, where that library is there."""
+"""Convert black-box models to objects of python-control, if installed."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def control_object(model: SampledModel, form: str) -> Any:
 
 
 def _with_lags(model: SampledModel, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
-    """The matrices with a chain of states for each input that is late; without an offset."""
+    """The matrices with a chain of states for each delayed input; without an offset."""
     m = len(model.channels.inputs)
     s = model.plain
     n, more = s.order, sum(lags[:m])

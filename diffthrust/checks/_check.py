@@ -1,4 +1,4 @@
-"""Regression fits: every stored fit is run again and held against what it gave before."""
+"""Regression tests of fits: rerun every stored fit and compare with its expected results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from diffthrust.checks._run import Task, run_again, run_all
 from diffthrust.specs._file import NAME
 
 _FEWEST = 3
-"""Fits below which another process is not worth its start."""
+"""Fits per process for which starting another process pays off."""
 
 
 @progressing
@@ -33,26 +33,25 @@ def check(
 ) -> Checked:
     """Run every ``fit.toml`` below a folder and compare with its [expected] block.
 
-    A parameter has moved where it differs by more than a tenth of its stored standard error, an
-    error of the fit where it differs by more than a ten-thousandth, unless the block gives a
-    tolerance of its own. Refits of the same data stay far within both, also on another processor.
+    A parameter has moved if it differs by more than a tenth of its stored standard error, a fit
+    error if it differs by more than 0.01 %, unless the block gives a tolerance. Refits of the same
+    data stay far within both, also on another processor.
 
     Args:
         directory: a folder of fits, at any depth, or the folder of one fit.
         update: write the [expected] blocks of fits that moved, or that have none.
         progress: True for a bar, or a function of the name of a fit and the share done.
-        jobs: how many fits at a time, each in a process of its own with one thread and some 300 MB;
-            1 runs all in this process. By default as many as there are processors, at most one for
-            three fits.
+        jobs: number of processes, each with one thread and some 300 MB; 1 runs all fits in this
+            process. By default one per processor, and at most one per three fits.
         junit: a file to write, ending in ``.xml``, in the JUnit format that CI services read.
         trust: folders whose scripts specs may run, besides those in and below their own.
 
     Returns:
-        A row for each quantity. A fit that cannot be run, or that expects nothing, is a row that
-        failed, so that the other fits are still checked.
+        A row for each quantity. A fit that cannot be run, or has no expected values, gives a failed
+        row, so that the other fits are still checked.
 
     Raises:
-        InputError: there are no fits, a number of jobs below one, or a file that cannot be written.
+        InputError: there are no fits, jobs is below one, or a file cannot be written.
 
     Example:
         >>> done = dft.checks.check(".", update=True)  # writes [expected] into each fit.toml
@@ -63,8 +62,8 @@ def check(
         raise InputError(f"jobs: expected 1 or more, found {jobs}.", "Give how many at a time.")
     if junit is not None:
         ending(Path(junit), ".xml")
-    given = (trust,) if isinstance(trust, str | Path) else trust
-    tasks = tasks_in(Path(directory), update, [os.path.abspath(place) for place in given])
+    trusted = (trust,) if isinstance(trust, str | Path) else trust
+    tasks = tasks_in(Path(directory), update, [os.path.abspath(place) for place in trusted])
     runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), teller(progress))
     _warn(runs)
     checked = Checked(tuple(runs))
@@ -84,18 +83,18 @@ def tasks_in(directory: Path, update: bool = False, trust: Sequence[str] = ()) -
         InputError: there are none, or a folder cannot be read.
     """
     tasks: list[Task] = []
-    seen: set[str] = set()
+    visited: set[str] = set()
     for folder, below, files in os.walk(directory, followlinks=True, onerror=_unreadable):
         real = os.path.realpath(folder)
-        if real in seen:
+        if real in visited:
             below.clear()
             continue
-        seen.add(real)
+        visited.add(real)
         below[:] = sorted(name for name in below if not name.startswith("."))
         if NAME in files:
             path = Path(folder)
-            whole = path == directory
-            name = path.resolve().name if whole else path.relative_to(directory).as_posix()
+            is_root = path == directory
+            name = path.resolve().name if is_root else path.relative_to(directory).as_posix()
             tasks.append(Task(in_line(name), path / NAME, update, trust))
     if not tasks:
         raise InputError(
@@ -107,9 +106,9 @@ def tasks_in(directory: Path, update: bool = False, trust: Sequence[str] = ()) -
 
 def _unreadable(error: OSError) -> NoReturn:
     absent = isinstance(error, FileNotFoundError)
-    found = "no such folder" if absent else error.strerror or error
+    reason = "no such folder" if absent else error.strerror or error
     raise InputError(
-        f"{error.filename}: expected fits in a folder, found {found}.",
+        f"{error.filename}: expected fits in a folder, found {reason}.",
         "Name the folder that holds the folders of the fits.",
     )
 
@@ -118,22 +117,22 @@ def default_jobs(count: int) -> int:
     return max(1, min(processors(), -(-count // _FEWEST)))
 
 
-def _runs(tasks: Sequence[Task], jobs: int, tell: Progress) -> list[FitRun]:
-    """Run all; the outcomes come in the order of the tasks, whatever finishes first."""
+def _runs(tasks: Sequence[Task], jobs: int, report: Progress) -> list[FitRun]:
+    """Run all tasks; outcomes are in the order of the tasks."""
     if jobs == 1:
         each = ((i, run_again(*task)) for i, task in enumerate(tasks))
     else:
         each = run_all(tasks, jobs)
     outcomes: dict[int, FitRun] = {}
-    tell(tasks[0].fit, 0.0)
+    report(tasks[0].fit, 0.0)
     for i, run in each:
         outcomes[i] = run
-        tell(run.fit, len(outcomes) / len(tasks))
+        report(run.fit, len(outcomes) / len(tasks))
     return [outcomes[i] for i in range(len(tasks))]
 
 
 def _warn(runs: Sequence[FitRun]) -> None:
-    """Warn of what the fits warned of, each named."""
+    """Repeat the warnings of the fits, with their names."""
     from diffthrust.simulation._step_size import CoarseStepWarning
 
     for run in runs:

@@ -1,4 +1,4 @@
-"""The [expected] block of a spec file: compared with a fit, and written from one."""
+"""Compare the [expected] block of a spec file with a fit, or write it."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ _ERRORS = ("train_nrmse", "holdout_nrmse")
 _SHARE = 0.1
 """A parameter may move by this share of its standard error."""
 _ROUNDING = 1e-8
-"""What refits may differ by, as a share of the value, where standard errors are smaller still."""
+"""Relative tolerance for rounding, where standard errors are even smaller."""
 _RELATIVE = 1e-4
-"""The same where no standard error is written."""
+"""Relative tolerance if no standard error is written."""
 
 
 @dataclass(frozen=True)
 class CheckRow:
-    """One quantity of one fit, expected and found.
+    """One quantity of one fit: expected and actual value.
 
     Args:
         fit: name of the fit.
         quantity: ``status``, ``train_nrmse``, ``holdout_nrmse``, a parameter, or what went wrong.
-        expected: number or word; ``None`` where nothing is written.
-        found: number or word; ``None`` where there is none.
+        expected: number or word; ``None`` if none is written.
+        found: number or word; ``None`` if there is none.
         tolerance: largest difference allowed; ``None`` for words.
         ok: the two agree.
-        mend: what to do where they do not.
-        std_error: expected standard error of a parameter, that of the new fit where none is
-            written; ``None`` where there is none.
+        mend: what to do if they do not.
+        std_error: expected standard error of a parameter, or that of the new fit if none is
+            written; ``None`` if there is none.
         unit: of all these numbers.
-        per: how many of ``shown_unit`` make one of ``unit``.
-        shown_unit: the unit for people, as the log was written; ``unit`` where it is empty.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit, as in the log; ``unit`` if empty.
     """
 
     fit: str
@@ -66,14 +66,14 @@ class CheckRow:
 
     @property
     def change(self) -> float | None:
-        """Found less expected; ``None`` where these are not both numbers."""
+        """Found minus expected; ``None`` unless both are numbers."""
         if isinstance(self.found, float) and isinstance(self.expected, float):
             return self.found - self.expected
         return None
 
     @property
     def difference(self) -> float | None:
-        """The change in expected standard errors; ``None`` where there is no such number."""
+        """The change in expected standard errors; ``None`` if undefined."""
         return self.change / self.std_error if self.change is not None and self.std_error else None
 
     @property
@@ -95,14 +95,14 @@ class CheckRow:
 
     @property
     def shown(self) -> CheckRow:
-        """The same in the unit for people."""
+        """The same in the display unit."""
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         scaled = {n: self.per * x if isinstance(x, float) else x for n, x in numbers.items()}
         return replace(self, **scaled, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
 
 
 class FoundNumber(NamedTuple):
-    """A number of a fit: its standard error, and the least tolerance that makes sense."""
+    """A number of a fit, its standard error, and the least sensible tolerance."""
 
     value: float
     std_error: float | None = None
@@ -110,7 +110,7 @@ class FoundNumber(NamedTuple):
 
 
 def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
-    """A row for each quantity that the block holds, in the order of reading."""
+    """A row for each quantity of the block, in order."""
     if expected.status is not None:
         status = fit.status.value
         yield CheckRow(name, "status", expected.status, status, None, status == expected.status)
@@ -122,10 +122,10 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
     for key, number in numbers.items():
         quantity = key.removeprefix("parameters.")
         if key not in now:
-            known = [k.removeprefix("parameters.") for k in now]
-            near = nearest(quantity, known)
+            names = [k.removeprefix("parameters.") for k in now]
+            near = nearest(quantity, names)
             mend = f"{quantity!r} is no result of this fit{'; ' + near if near else ''}; "
-            mend += f"there are {listing(known)}."
+            mend += f"there are {listing(names)}."
             yield CheckRow(name, quantity, number.value, None, number.tolerance, False, mend)
             continue
         value, error, _ = now[key]
@@ -140,9 +140,9 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
 
 
 def _allowed(expected: ExpectedNumber, now: FoundNumber) -> float:
-    """How far a number may move: as it says itself, or by its standard error, or by its size.
+    """Allowed change of a number: its tolerance, or from its standard error, or from its size.
 
-    A refit of the same data differs by rounding alone, far less than a tenth of a standard error.
+    A refit of the same data differs only by rounding, far less than a tenth of a standard error.
     """
     if expected.tolerance is not None:
         return expected.tolerance
@@ -152,13 +152,13 @@ def _allowed(expected: ExpectedNumber, now: FoundNumber) -> float:
 
 
 def found_numbers(fit: Fit) -> dict[str, FoundNumber]:
-    """Every number worth expecting; those not finite left out."""
+    """All finite numbers of a fit that a block may expect."""
     out = {}
     for name, e in fit.parameters.items():
         if not e.fixed:
-            known = e.std_error is not None and math.isfinite(e.std_error)
-            number = FoundNumber(e.value, e.std_error if known else None)
-            if e.at_bound:  # how near it comes to the bound means nothing
+            has_error = e.std_error is not None and math.isfinite(e.std_error)
+            number = FoundNumber(e.value, e.std_error if has_error else None)
+            if e.at_bound:  # its distance from the bound is arbitrary
                 number = number._replace(least=_RELATIVE * fit.model.parameters[name].scale)
             out[f"parameters.{name}"] = number
     for name, error in zip(_ERRORS, (fit.train, fit.holdout), strict=True):
@@ -168,19 +168,21 @@ def found_numbers(fit: Fit) -> dict[str, FoundNumber]:
 
 
 def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit, marks: Marks) -> str:
-    """The text of the spec with its [expected] block brought up to a fit.
+    """The text of the spec with its [expected] block updated to a fit.
 
-    Every byte outside the block stays, and so do its comments and the order of its keys. Numbers
-    that still hold stay as they are, and so do tolerances; standard errors are added where there
-    are none. Of which data and spec it is, it says anew where that has changed.
+    Every byte outside the block is kept, and so are its comments and the order of its keys. Numbers
+    that still agree are kept, and so are tolerances; missing standard errors are added. Hashes of
+    data and spec are updated if changed.
 
     Raises:
-        InputError: the block is written in a form that cannot be changed by itself.
+        InputError: the block has a form that cannot be edited in place.
     """
     kept = expected or ExpectedPart()
     old = {f"parameters.{key}": number for key, number in kept.parameters.items()}
     old |= {key: getattr(kept, key) for key in _ERRORS}
-    wanted = {key: _renewed(old.get(key), found) for key, found in found_numbers(fit).items()}
+    wanted = {
+        key: _renewed(old.get(key), number_now) for key, number_now in found_numbers(fit).items()
+    }
     held = {key: number for key, number in old.items() if number is not None}
     same = expected is not None and kept.status == fit.status.value and held == wanted
     if same and marks.of(kept):
@@ -191,12 +193,12 @@ def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit, mark
 def with_expected(
     text: str, file: Path, status: str, numbers: Mapping[str, ExpectedNumber], marks: Marks
 ) -> str:
-    """The text of a spec with a status and numbers in its [expected] block, and of what they are.
+    """The text of a spec with status, numbers and hashes in its [expected] block.
 
     Raises:
-        InputError: the block is written in a form that cannot be changed by itself.
+        InputError: the block has a form that cannot be edited in place.
     """
-    before = parse_toml(text, file)
+    original = parse_toml(text, file)
     mark = "\ufeff" * text.startswith("\ufeff")
     line_ends = "\r\n" if "\n" not in text.replace("\r\n", "") and "\r\n" in text else "\n"
     document = tomlkit.parse(text.removeprefix(mark).replace(line_ends, "\n"))
@@ -204,7 +206,9 @@ def with_expected(
         lines = tomlkit.dumps(document)
         gap = "" if not lines or lines.endswith("\n") else "\n"
         document = tomlkit.parse(f"{lines}{gap}\n[expected]\n")
-    if isinstance(document["expected"], OutOfOrderTableProxy):  # its tables stand apart: join them
+    if isinstance(
+        document["expected"], OutOfOrderTableProxy
+    ):  # its tables are scattered: join them
         document["expected"] = tomlkit.table()
     table = document["expected"]
     values = {key: _written(number) for key, number in numbers.items()}
@@ -220,7 +224,7 @@ def with_expected(
         _fill(table["parameters"], parameters)
     new = mark + tomlkit.dumps(document).replace("\n", line_ends)
     block = {"status": status, **errors, **vars(marks), "parameters": parameters}
-    if parse_toml(new, file) != {**before, "expected": block}:
+    if parse_toml(new, file) != {**original, "expected": block}:
         raise InputError(
             f"{file}: the expected values are not written as one [expected] table, so they cannot "
             "be updated in place.",
@@ -230,7 +234,7 @@ def with_expected(
 
 
 def _renewed(old: ExpectedNumber | None, now: FoundNumber) -> ExpectedNumber:
-    """The number to expect from now on."""
+    """The new expected number: the old one if it still agrees."""
     if old is None:
         return ExpectedNumber(value=now.value, std_error=now.std_error)
     holds = abs(now.value - old.value) <= _allowed(old, now)
@@ -242,7 +246,7 @@ def _renewed(old: ExpectedNumber | None, now: FoundNumber) -> ExpectedNumber:
 
 
 def _written(number: ExpectedNumber) -> Item:
-    """The number as TOML, alone or in a table with what else is known of it."""
+    """The number as TOML, or a table with its standard error and tolerance."""
     parts = [f"value = {number.value:.10g}"]
     if number.std_error is not None:
         parts.append(f"std_error = {number.std_error:.4g}")
@@ -253,7 +257,7 @@ def _written(number: ExpectedNumber) -> Item:
 
 
 def _fill(table: Table, values: Mapping[str, Item]) -> None:
-    """Give a table these values and no others, beside the table of parameters."""
+    """Set the values of a table and delete others, except its table of parameters."""
     tail = []  # blank lines and comments before the next table belong to that table
     while table.value.body and table.value.body[-1][0] is None:
         tail.append(table.value.body.pop()[1])

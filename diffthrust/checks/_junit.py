@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from diffthrust.checks._result import Checked, FitRun
 
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML cannot hold, such as those of a terminal's colours."""
+"""Characters invalid in XML, such as terminal escapes."""
 
 
 def write_junit(path: Path, checked: Checked, directory: Path) -> None:
     """Write a check as JUnit XML.
 
-    One suite for the check, and in it one case for each fit, with the seconds that it took: the
-    services show one failure for each case, and their counts are then those of the command. All
-    quantities that moved stand in it, the largest move first. A fit that was not compared is an
+    One suite with a case for each fit, with its duration: services show one failure per case, so
+    that their counts agree with the command. The case lists all moved quantities, the largest move
+    first. A fit that was not compared is an
     error, one that moved a failure. The elements and attributes are those of junit-10.xsd, the
     schema of Jenkins' xUnit plugin.
 
@@ -37,7 +37,7 @@ def write_junit(path: Path, checked: Checked, directory: Path) -> None:
         directory: the folder of the fits, which names the suite.
 
     Raises:
-        InputError: another ending, or a folder that cannot be written to.
+        InputError: the suffix is wrong, or the folder is not writable.
     """
     ending(path, ".xml")
     tree = ElementTree.fromstring(_suites(checked, directory).tostring())
@@ -54,7 +54,7 @@ def _suites(checked: Checked, directory: Path) -> JUnitXml:
     suite.add_testcases([_case(run, directory.resolve().name) for run in checked.runs])
     suites = JUnitXml("diffthrust check")
     suites.append(suite)
-    # not by its update_statistics, which counts what was skipped too: the schema has no such count
+    # update_statistics would also count skipped cases, for which the schema has no attribute.
     for count in ("tests", "failures", "errors", "time"):
         setattr(suites, count, getattr(suite, count))
     return suites

@@ -1,4 +1,4 @@
-"""What a stored fit was made of: data, spec and library, by which to tell what has moved."""
+"""Fingerprints of a stored fit (data, spec, library), to report what has changed."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from diffthrust.specs._spec import Spec
 
 _DIGITS = 16
-"""Digits of a hash that are written: enough to tell files apart."""
+"""Digits of a hash that are written: enough to identify a file."""
 
 
 @dataclass(frozen=True)
 class Marks:
-    """What a fit was made of.
+    """Fingerprints of a fit.
 
     Args:
-        library: versions in words, such as "diffthrust 0.1.0, jax 0.10.2, numpy 2.4.6".
+        library: versions, such as "diffthrust 0.1.0, jax 0.10.2, numpy 2.4.6".
         spec: hash of the spec without [expected].
-        data: hash of each file of logs, by its path as seen from the spec.
+        data: hash of each log file, by its path relative to the spec.
     """
 
     library: str
@@ -34,7 +34,7 @@ class Marks:
     data: dict[str, str]
 
     def since(self, expected: ExpectedPart | None) -> str:
-        """What differs from when a block was written, in a sentence; "" where there is none."""
+        """What changed since a block was written, in a sentence; "" without a block."""
         if expected is None:
             return ""
         if not (expected.library and expected.spec and expected.data):
@@ -53,19 +53,19 @@ class Marks:
                 "or the machine has moved it."
             )
         same = [name for name in ("data", "spec", "library") if f"the {name}" not in "".join(moved)]
-        rest = f"; {joined(same)} {'is' if len(same) == 1 else 'are'} the same" if same else ""
-        return f"Since it was stored {joined(moved)} changed{rest}."
+        unchanged = f"; {joined(same)} {'is' if len(same) == 1 else 'are'} the same" if same else ""
+        return f"Since it was stored {joined(moved)} changed{unchanged}."
 
     def _moved(self, expected: ExpectedPart, file: str) -> bool:
         return expected.data.get(file) != self.data.get(file)
 
     def of(self, expected: ExpectedPart) -> bool:
-        """Whether a block was written of the same data and spec, with whatever library."""
+        """Whether a block has the same data and spec, whatever the library."""
         return bool(expected.library) and (expected.spec, expected.data) == (self.spec, self.data)
 
 
 def marks_of(spec: Spec, fit: Fit) -> Marks:
-    """The marks of a fit that a spec has made."""
+    """The fingerprints of a spec's fit."""
     assert fit.origin is not None
     logs = (*fit.origin.train, *fit.origin.holdout)
     files = (*spec.train, *spec.holdout)

@@ -1,4 +1,4 @@
-"""The outcome of a check: what became of each stored fit."""
+"""The outcome of a check, for each stored fit."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from diffthrust.checks._tables import by_size, counts, moved_rows, remarks
 
 @dataclass(frozen=True, repr=False)
 class FitRun(Brief):
-    """One fit, run again.
+    """A rerun of one fit.
 
     Args:
-        fit: its name, the path of its folder as seen from the folder of all fits.
+        fit: its name: the path of its folder, relative to the folder of all fits.
         file: its spec file.
         rows: one for each quantity.
-        updated: its [expected] block was written again.
-        seconds: how long it took.
-        warnings: what the fit warned of.
-        since: where it failed, which of data, spec and library differ from when it was stored.
+        updated: its [expected] block was rewritten.
+        seconds: duration.
+        warnings: warnings of the fit.
+        since: for a failure, which of data, spec and library changed since it was stored.
     """
 
     fit: str
@@ -52,7 +52,7 @@ class FitRun(Brief):
 
 
 def not_run(fit: str, problem: str, mend: str) -> CheckRow:
-    """The only row of a fit that could not be run: it failed, and says why."""
+    """The failed row of a fit that could not be run, with the reason."""
     return CheckRow(fit, "cannot be run", None, problem, None, False, mend)
 
 
@@ -96,7 +96,7 @@ class Checked(Result):
 
     @property
     def updated(self) -> tuple[str, ...]:
-        """Names of the fits whose [expected] block was written again."""
+        """Names of the fits whose [expected] block was rewritten."""
         return tuple(run.fit for run in self.runs if run.updated)
 
     def to_json(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Stored fits run again, here or in several processes."""
+"""Rerun stored fits, in this or in several processes."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from diffthrust.specs._spec import load_spec
 
 
 def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> FitRun:
-    """Run a stored fit and hold it against its [expected] block, or bring the block up to it.
+    """Rerun a stored fit, and compare it with its [expected] block or update the block.
 
     Args:
         fit: its name.
         file: its spec file.
-        update: write the block, where the fit moved or has none.
+        update: write the block if the fit moved or has none.
         trust: folders whose scripts the spec may run, besides its own.
 
     Returns:
-        What became of it; a fit that cannot be run, or that expects nothing, is a row that failed.
+        The outcome; a fit that cannot be run, or has no expected values, gives a failed row.
     """
     from diffthrust.simulation._step_size import CoarseStepWarning
 
@@ -45,9 +45,9 @@ def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> 
             rows = [not_run(fit, error.problem, error.mend)]
         except OSError as error:
             rows = [not_run(fit, *refused(error))]
-        except Exception as error:  # one defect must not hide what became of the other fits
-            if told := error_in_script(error):
-                rows = [not_run(fit, told.problem, told.mend)]
+        except Exception as error:  # a defect must not hide the outcome of other fits
+            if script_error := error_in_script(error):
+                rows = [not_run(fit, script_error.problem, script_error.mend)]
             elif os.environ.get("DIFFTHRUST_DEBUG"):
                 raise
             else:
@@ -87,11 +87,11 @@ def _rows(
     return rows, False, "" if all(row.ok for row in rows) else marks.since(expected)
 
 
-def _write_over(path: Path, before: str, after: str) -> None:
-    """Write a spec in place of the text that was read; an edit that came meanwhile is not lost.
+def _write_over(path: Path, original: str, replacement: str) -> None:
+    """Replace the text of a spec, unless it was edited meanwhile.
 
     Raises:
-        InputError: the file is another one by now.
+        InputError: the file has changed since it was read.
     """
     try:
         now = path.read_bytes()
@@ -100,15 +100,15 @@ def _write_over(path: Path, before: str, after: str) -> None:
             f"{path}: the file can no longer be read ({error.strerror or error}).",
             "Put it back, and run diffthrust check --update again.",
         ) from None
-    if now != before.encode("utf-8"):
+    if now != original.encode("utf-8"):
         beside = path.with_name(f"{path.name}.updated")
-        write_whole(beside, after.encode("utf-8"))
+        write_whole(beside, replacement.encode("utf-8"))
         raise InputError(
-            f"{path}: the file was saved anew while its fit ran. It is left as it is; what would "
-            f"have been written is in {beside.name}.",
+            f"{path}: the file was edited while its fit ran. It was not changed; the new text "
+            f"is in {beside.name}.",
             f"Remove {beside.name}, and run diffthrust check --update again.",
         )
-    write_whole(path, after.encode("utf-8"))
+    write_whole(path, replacement.encode("utf-8"))
 
 
 class Task(NamedTuple):
@@ -125,11 +125,11 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
 
     Args:
         tasks: the fits.
-        jobs: how many processes.
+        jobs: number of processes.
 
     Yields:
-        The place of a task and what became of it, as they finish. A fit whose process dies is one
-        that could not be run.
+        The index and outcome of each task, as they finish. A fit whose process dies counts as not
+        run.
     """
     processes = [LineProcess(f"{__name__}:run_task") for _ in range(jobs)]
     keys = [compile_key(task.file) for task in tasks]
@@ -138,9 +138,9 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
 
 
 def run_task(question: list[Any]) -> dict[str, Any]:
-    """Run a fit where this is called; `Task` and `FitRun` as plain data."""
-    fit, file, *rest = question
-    run = run_again(fit, Path(file), *rest)
+    """Run a fit in this process; `Task` and `FitRun` as plain data."""
+    fit, file, *options = question
+    run = run_again(fit, Path(file), *options)
     return {
         "rows": [vars(row) for row in run.rows],
         "updated": run.updated,
@@ -163,5 +163,5 @@ def _in_process(process: LineProcess, task: Task) -> FitRun:
         mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
         return FitRun(task.fit, task.file, (not_run(task.fit, problem, mend),))
     rows = tuple(CheckRow(**row) for row in plain["rows"])
-    rest = {**plain, "rows": rows, "warnings": tuple(plain["warnings"])}
-    return FitRun(task.fit, task.file, **rest)
+    fields = {**plain, "rows": rows, "warnings": tuple(plain["warnings"])}
+    return FitRun(task.fit, task.file, **fields)

@@ -95,22 +95,22 @@ def remarks(rows: Iterable[CheckRow]) -> list[str]:
 
 
 def counts(passed: Mapping[str, bool], updated: Iterable[str]) -> Iterator[str]:
-    """How many fits failed, which, and which were written again.
+    """How many fits failed, which, and which were rewritten.
 
     Args:
         passed: of each fit whether all its rows agree.
-        updated: the fits whose [expected] block was written again.
+        updated: the fits whose [expected] block was rewritten.
     """
     failed = [fit for fit, ok in passed.items() if not ok]
     total, updated = _fits(len(passed)), list(updated)
     if failed:
         yield Styled(f"{len(failed)} of {total} failed: {_names(failed)}.", "bad")
         if updated:
-            yield f"Written again: {_names(updated)}."
+            yield f"Rewritten: {_names(updated)}."
         if unchanged := len(passed) - len(failed):
             yield Styled(f"{_fits(unchanged)} unchanged.", "good")
     elif updated:
-        yield Styled(f"{total} run; written again: {_names(updated)}.", "good")
+        yield Styled(f"{total} run; rewritten: {_names(updated)}.", "good")
     else:
         yield Styled(f"{total} checked, none moved.", "good")
 

@@ -1,4 +1,4 @@
-"""What the command ``diffthrust`` and ``python -m diffthrust.cli`` begin with."""
+"""Entry point of ``diffthrust`` and ``python -m diffthrust.cli``."""
 
 from diffthrust.cli._interrupt import ended_soon
 

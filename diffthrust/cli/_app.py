@@ -1,4 +1,4 @@
-"""The command line: all commands in one app, in the order in which its help lists them."""
+"""The command line: all commands, in the order of the help."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command that was given."""
+    """Run the command."""
     with ended_soon():
         try:
             app()

@@ -36,10 +36,10 @@ class TaskName(StrEnum):
 
 def campaign_command(
     directory: Annotated[
-        Path, typer.Argument(metavar="DIR", help="A folder, searched with all that is below it.")
+        Path, typer.Argument(metavar="DIR", help="A folder, searched recursively.")
     ],
     task: Annotated[
-        TaskName, typer.Option("--task", help="What to do with each spec that is found.")
+        TaskName, typer.Option("--task", help="What to do with each spec.")
     ] = TaskName.fit,
     output: Annotated[
         Path, typer.Option("--output", metavar="OUT", help="Where the results go.")
@@ -74,7 +74,7 @@ def campaign_command(
     trust: TrustOption = None,
     json: JsonPath = None,
 ) -> None:
-    """Fit, diagnose or sample every spec below DIR in parallel; run again, it does what is left.
+    """Fit, diagnose or sample every spec below DIR in parallel; a rerun does the remaining work.
 
     Exit status 1 where a spec has no result: it failed, ran out of time, or lost its worker.
     """
@@ -106,7 +106,7 @@ def campaign_command(
 
 
 def _lines() -> Progress:
-    """Progress as a line on standard error from time to time, for the files of batch systems."""
+    """Progress as lines on standard error, for logs of batch systems."""
     last = time.monotonic()
 
     def say(message: str, share: float) -> None:

@@ -30,10 +30,10 @@ _ANNOTATIONS = 10
 def check_command(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the fits.")],
     update: Annotated[
-        bool, typer.Option("--update", help="Write what was found as what is expected.")
+        bool, typer.Option("--update", help="Write the current results as expected.")
     ] = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="Show every quantity, not only what moved.")
+        bool, typer.Option("--all", help="Show every quantity, not only moved ones.")
     ] = False,
     jobs: Annotated[
         int | None,
@@ -41,7 +41,7 @@ def check_command(
             "--jobs",
             metavar="N",
             min=1,
-            help="Fits at a time, each in a process of its own; by default by the processors.",
+            help="Number of processes; by default from the number of processors.",
         ),
     ] = None,
     junit: Annotated[
@@ -56,7 +56,7 @@ def check_command(
     trust: TrustOption = None,
     json: JsonPath = None,
 ) -> None:
-    """Run every fit.toml below DIR again; exit status 1 where one has moved."""
+    """Rerun every fit.toml below DIR; exit status 1 if a result has moved."""
     with session() as progress:
         from diffthrust.checks._check import check
         from diffthrust.checks._result import check_report
@@ -76,15 +76,15 @@ def check_command(
 
 
 def error_lines(checked: Checked) -> list[str]:
-    """What GitHub shows at the spec files of fits that failed: a workflow command for each."""
+    """Annotations for GitHub at the spec files of failed fits, as workflow commands."""
     from diffthrust.checks._tables import by_size, sentence
 
     lines = []
     for run in [run for run in checked.runs if not run.ok][:_ANNOTATIONS]:
-        file, title = (_escaped(str(part), ":,") for part in (run.file, run.fit))
+        file, title = (_escaped(str(field), ":,") for field in (run.file, run.fit))
         moved = [*map(sentence, by_size(row for row in run.rows if not row.ok))]
-        told = "\n".join(filter(None, [*moved, run.since]))
-        lines.append(f"::error file={file},title={title}::{_escaped(told)}")
+        reported = "\n".join(filter(None, [*moved, run.since]))
+        lines.append(f"::error file={file},title={title}::{_escaped(reported)}")
     return lines
 
 

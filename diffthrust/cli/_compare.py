@@ -1,4 +1,4 @@
-"""The command ``diffthrust compare``: a model held against its logs."""
+"""The command ``diffthrust compare``: compare a model with its logs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def compare_command(
     ] = None,
     trust: TrustOption = None,
 ) -> None:
-    """Hold a model against its logs, run by run, after a fit or as it stands."""
+    """Compare a model with its logs, run by run, after a fit or without one."""
     with session() as progress:
         from diffthrust.comparison._compare import comparison_report
         from diffthrust.comparison._page import comparisons_of, write_comparison_page

@@ -11,10 +11,11 @@ from diffthrust.cli._session import session, show
 
 def datasets_command(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="A data set to fetch; all are listed else.")
+        str | None,
+        typer.Argument(metavar="NAME", help="A data set to download; without it all are listed."),
     ] = None,
 ) -> None:
-    """List public logs with licence and known defects, or fetch one set and say where it is."""
+    """List public logs with licence and known defects, or download a set."""
     with session():
         from diffthrust import datasets
         from diffthrust.cli._tables import datasets_report

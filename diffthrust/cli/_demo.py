@@ -21,7 +21,7 @@ def demo_command(
         typer.Option("--missing", help="Diagnose a thruster with effects that its model lacks."),
     ] = False,
 ) -> None:
-    """Fit the thruster to a log that comes with the package, and try it on an unseen one."""
+    """Fit the thruster to a log of the package, and test it on an unseen log."""
     if missing:
         _diagnosed(output)
     else:

@@ -1,4 +1,4 @@
-"""Logs for a diagnosis: a thruster with effects that its model lacks, as a user's folder."""
+"""Simulated logs of a thruster with hidden effects, for a diagnosis."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def hidden_folder(folder: Path) -> Path:
 
 
 def folder_at(folder: Path) -> Path:
-    """The folder, made if it is not there.
+    """Create the folder if necessary.
 
     Raises:
         InputError: it cannot be made.

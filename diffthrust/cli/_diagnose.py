@@ -36,7 +36,7 @@ def diagnose_command(
     save: SavePath = None,
     trust: TrustOption = None,
 ) -> None:
-    """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
+    """Find what a model lacks: where it fails, which effect is missing, what is undecided."""
     with session() as progress:
         from diffthrust.specs._spec import load_spec
 

@@ -6,7 +6,7 @@ from diffthrust.cli._session import session, show
 
 
 def effects_command() -> None:
-    """List the effects that a model can be given: what each does, where, and its parameters."""
+    """List the effects of the catalogue: what each does, its port, and its parameters."""
     with session():
         from diffthrust.cli._tables import catalogue_report
         from diffthrust.models import MODELS, Vessel

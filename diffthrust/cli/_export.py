@@ -1,4 +1,4 @@
-"""The command ``diffthrust export``: a fit taken to another program."""
+"""The command ``diffthrust export``: export a fit to another program."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from diffthrust.cli._session import TrustOption, session, written
 
 
 class ExportTarget(StrEnum):
-    """Where a fit can go, by the names of the option."""
+    """The export formats, by the names of the option."""
 
     python = "python"
     c = "c"
@@ -54,22 +54,22 @@ def export_command(
     ] = None,
     trust: TrustOption = None,
 ) -> None:
-    """Take a fit to another program: firmware, a thrust allocation, a simulator of vehicles."""
+    """Export a fit to firmware, a thrust allocation, or a vehicle simulator."""
     with session() as progress:
         if fit.suffix.lower() == ".json":
             from diffthrust.saved._load import load
 
-            found = load(fit)
-            if not hasattr(found, "export"):
+            files = load(fit)
+            if not hasattr(files, "export"):
                 raise InputError(
-                    f"{fit}: expected a saved fit, found a {type(found).__name__}.",
+                    f"{fit}: expected a saved fit, found a {type(files).__name__}.",
                     "Name the file that fit.save has written.",
                 )
         else:
             from diffthrust.specs._spec import load_spec
 
-            found = load_spec(fit, trust=trust or ()).fit(progress=progress)
-        exported = found.export(to.value, output, limits=limits)
+            files = load_spec(fit, trust=trust or ()).fit(progress=progress)
+        exported = files.export(to.value, output, limits=limits)
     if output is None:
         typer.echo(exported.text)
     for note in exported.notes:

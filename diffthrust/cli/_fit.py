@@ -1,4 +1,4 @@
-"""The command ``diffthrust fit``: the parameters that logs give a model."""
+"""The command ``diffthrust fit``: estimate parameters from logs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def fit_command(
     save: SavePath = None,
     trust: TrustOption = None,
 ) -> None:
-    """Estimate the free parameters of a model from logs, and try it on unseen ones."""
+    """Estimate the free parameters of a model from logs, and test it on unseen logs."""
     with session() as progress:
         from diffthrust.comparison._page import comparisons_of, write_comparison_page
         from diffthrust.specs._spec import load_spec

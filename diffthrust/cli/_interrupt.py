@@ -1,4 +1,4 @@
-"""Ctrl-C that ends a command soon, whatever it is at, and without a traceback."""
+"""End a command soon on Ctrl-C, whatever it is doing, without a traceback."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 STOPPED = 130
-"""The exit status of a command that was interrupted, as shells have it."""
+"""The shell's exit status of an interrupted command."""
 _PATIENCE = 0.8
-"""Seconds in which a command may end by itself; what it saves then is saved."""
+"""Seconds in which a command may end by itself, to finish saving."""
 _heard = _said = False
 
 
 @contextmanager
 def ended_soon() -> Iterator[None]:
-    """Within it an interrupt ends the process after a moment, also in the midst of compiled code.
+    """Context in which an interrupt soon ends the process, even inside compiled code.
 
     Python hears of a signal only when compiled code returns, which a compilation of XLA or a long
     run does after many seconds. A thread hears of it at once, waits, and ends the process. Files
@@ -34,22 +34,24 @@ def ended_soon() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        if _heard:  # without the interpreter's own end, which XLA at work can make long, or crash
+        if (
+            _heard
+        ):  # skip the interpreter's shutdown, which can hang or crash while XLA is compiling
             say_stopped()
             os._exit(STOPPED)
 
 
 def interrupted() -> bool:
-    """Whether an interrupt came; what fails thereafter may have failed for it."""
+    """Whether an interrupt came; later failures may be due to it."""
     return _heard
 
 
 def say_stopped(how_far: str = "") -> None:
-    """Say once that the command was stopped."""
+    """Report once that the command was stopped."""
     global _said
     if not _said:
         _said = True
-        with suppress(OSError, ValueError):  # of a standard error that is closed
+        with suppress(OSError, ValueError):  # standard error may be closed
             sys.stderr.write(f"\nStopped. {how_far}".rstrip() + "\n")
             sys.stderr.flush()
 
@@ -70,14 +72,14 @@ def _hear(*_: Any) -> None:
 
 
 def _wait(heard: socket.socket) -> None:
-    while told := heard.recv(1):
-        if told[0] == signal.SIGINT:
+    while reported := heard.recv(1):
+        if reported[0] == signal.SIGINT:
             time.sleep(_PATIENCE)
             say_stopped()
             os._exit(STOPPED)
 
 
 def _unraisable(unraisable: Any) -> None:
-    """Nothing of an interrupt that met a callback, which cannot hand it on; the thread has it."""
+    """Ignore KeyboardInterrupt in a callback, which cannot propagate; the thread acts on it."""
     if not (_heard and issubclass(unraisable.exc_type, KeyboardInterrupt)):
         sys.__unraisablehook__(unraisable)

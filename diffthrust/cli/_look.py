@@ -1,4 +1,4 @@
-"""The command ``diffthrust look``: what is in a file, and a spec file to begin with."""
+"""The command ``diffthrust look``: survey a log, and draft a spec file."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ def look_command(
     json: JsonPath = None,
     all: Annotated[bool, typer.Option("--all", help="Show every field of a robot's log.")] = False,
 ) -> None:
-    """Say what is in a log, and draft a spec file for a first fit."""
+    """Survey a log, and draft a spec file for a first fit."""
     with session():
         from diffthrust.survey._look import look, look_report
 
-        seen = look(files)
+        survey = look(files)
         if spec:
-            seen.save_spec(spec)
+            survey.save_spec(spec)
         if json:
-            write_json(json, seen.to_json())
+            write_json(json, survey.to_json())
         if figure:
-            write_figure(figure, seen.plot)
-        show(look_report(seen, all=all))
+            write_figure(figure, survey.plot)
+        show(look_report(survey, all=all))
     written(spec, json, figure)
-    if spec and seen.model:
+    if spec and survey.model:
         path = visible(str(spec))
         typer.echo(f"Next: read the doubts in {path}, then diffthrust fit {path}")
     elif not spec:

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from diffthrust.models._base.model import Model
 
 _POINTS = 24
-"""Amplitudes and frequencies of a map, where these are not given."""
+"""Default number of amplitudes and frequencies."""
 _SPAN = 50.0
-"""The largest amplitude over the smallest, where these are not given."""
+"""Default ratio of largest to smallest amplitude."""
 
 
 class MapMethod(StrEnum):
-    """How the map is worked out, by the names of the option."""
+    """The methods, by the names of the option."""
 
     simulation = "simulation"
     harmonic_balance = "harmonic_balance"
@@ -73,9 +73,7 @@ def map_command(
     input: Annotated[
         str, typer.Option("--input", metavar="NAME", help="The input that is a sinusoid.")
     ] = "command",
-    output: Annotated[
-        str, typer.Option("--output", metavar="NAME", help="The output that is looked at.")
-    ] = "thrust",
+    output: Annotated[str, typer.Option("--output", metavar="NAME", help="The output.")] = "thrust",
     bias: Annotated[
         float, typer.Option("--bias", metavar="X", help="What the input swings about.")
     ] = 0.0,
@@ -103,7 +101,7 @@ def map_command(
     ] = None,
     trust: TrustOption = None,
 ) -> None:
-    """Map gain and phase over amplitude and frequency, of the model that the logs give."""
+    """Map gain and phase of the fitted model over amplitude and frequency."""
     with session() as progress:
         from diffthrust.describing._band import uncertainty
         from diffthrust.describing._describe import describing_function
@@ -122,14 +120,14 @@ def map_command(
         if amplitudes is None:
             grids["amplitudes"] = _within(loaded.model, input, train, bias)
         fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=unseen)
-        asked: Any = {
+        requested: Any = {
             **{"input": input, "output": output, "bias": bias},
             **{"method": method.value, "harmonics": harmonics},
         }
         if draws is None:
-            response = describing_function(fit or loaded.model, **grids, **asked)
+            response = describing_function(fit or loaded.model, **grids, **requested)
         else:
-            response = uncertainty(fit, **grids, **asked, draws=draws)
+            response = uncertainty(fit, **grids, **requested, draws=draws)
         if json:
             status = {"status": fit.status.value, "message": fit.message} if fit else None
             write_json(json, {**response.to_json(), "fit": status})
@@ -156,7 +154,7 @@ def grid_points(option: str, text: str) -> np.ndarray:
             if not (0 < first < last < np.inf and size >= 2):
                 raise ValueError
             return np.geomspace(first, last, size)
-        return np.unique([float(part) for part in text.split(",") if part.strip()])
+        return np.unique([float(piece) for piece in text.split(",") if piece.strip()])
     except ValueError:
         raise InputError(
             f"{option}: expected numbers as 0.5,1,2 or as 0.1:10:24 (from, to, how many), found "
@@ -166,7 +164,7 @@ def grid_points(option: str, text: str) -> np.ndarray:
 
 
 def _within(model: Model, name: str, logs: Sequence[Log], bias: float) -> np.ndarray:
-    """Amplitudes up to the largest that the logs show, for a map of what was identified."""
+    """Amplitudes up to the largest in the logs, where the model was identified."""
     import numpy as np
 
     from diffthrust.simulation._inputs import inputs_of

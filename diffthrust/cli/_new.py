@@ -1,4 +1,4 @@
-"""The command ``diffthrust new``: a folder for a fit of one's own, and the workflow for all."""
+"""The command ``diffthrust new``: create a folder for a new fit, and a workflow."""
 
 from __future__ import annotations
 

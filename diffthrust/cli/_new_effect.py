@@ -1,4 +1,4 @@
-"""The command ``diffthrust new-effect``: a class of an effect of one's own, with its tests."""
+"""The command ``diffthrust new-effect``: write a class for a user's effect, with tests."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def new_effect_command(
                     f"--learned {learned}: expected it alone, found another law beside it.",
                     "Leave out --formula, --port and --parameter.",
                 )
-            law, told, model = _learned(learned)
+            law, provenance, model = _learned(learned)
             named = Formula(law.port, law.expression, name=name, **law.given)
-            effect, doc = (model + named).effects[-1], doc or told
+            effect, doc = (model + named).effects[-1], doc or provenance
             assert isinstance(effect, Formula)
         elif formula and port:
-            asked = dict(map(parse_parameter, parameter or []))
-            effect = bound_to_model(Formula(port, formula, name=name, **asked))
+            requested = dict(map(parse_parameter, parameter or []))
+            effect = bound_to_model(Formula(port, formula, name=name, **requested))
         else:
             raise InputError(
                 "new-effect: expected a law and where it acts, found neither or one of them.",
@@ -81,7 +81,7 @@ def new_effect_command(
 
 
 def _learned(path: Path) -> tuple[Formula, str, Model]:
-    """The law that a diagnosis learned, how it goes, and the model, from the file of it."""
+    """The learned law in a saved diagnosis, with its description and model."""
     from diffthrust._support.words import capitalised
     from diffthrust.diagnosis import Diagnosis
     from diffthrust.diagnosis._report.learned import form_words
@@ -102,5 +102,5 @@ def _learned(path: Path) -> tuple[Formula, str, Model]:
         )
     law, form = named[0]
     goes, _, _ = form_words(law, form).partition(":")
-    told = f"{capitalised(goes.removeprefix('it '))}, as learned from logs."
-    return form.formula, told, diag.model
+    description = f"{capitalised(goes.removeprefix('it '))}, as learned from logs."
+    return form.formula, description, diag.model

@@ -1,4 +1,4 @@
-"""The command ``diffthrust sample``: a posterior, how far it can be believed, and its report."""
+"""The command ``diffthrust sample``: draw from the posterior, and report convergence."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def sample_command(
         int, typer.Option("--draws", metavar="N", min=10, help="Draws of each walker or chain.")
     ] = 2000,
     warmup: Annotated[
-        int, typer.Option("--warmup", metavar="N", min=0, help="Steps before, not counted.")
+        int, typer.Option("--warmup", metavar="N", min=0, help="Warmup steps, not counted.")
     ] = 1000,
     seed: Annotated[
         int, typer.Option("--seed", metavar="N", min=0, help="Equal seeds give equal draws.")
@@ -48,7 +48,7 @@ def sample_command(
         typer.Option(
             "--file",
             metavar="CHAIN.h5",
-            help="Keep the chain in this file (emcee); a run that was killed goes on from it.",
+            help="Keep the chain in this file (emcee); a killed run resumes from it.",
             callback=file_type(".h5", ".hdf5"),
         ),
     ] = None,
@@ -69,7 +69,7 @@ def sample_command(
     ] = None,
     trust: TrustOption = None,
 ) -> None:
-    """Draw from the posterior: what the logs say of each parameter, and how far to trust it."""
+    """Draw from the posterior of each parameter, and check convergence."""
     with session() as progress:
         from diffthrust._support.progress import part, teller
         from diffthrust.specs._spec import load_spec
@@ -82,8 +82,8 @@ def sample_command(
         check_sampling(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec, trust=trust or ())
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
-        tell = teller(progress)
-        fit = loaded.fit(progress=part(tell, 0.0, 0.2), train=train, holdout=unseen)
+        notify = teller(progress)
+        fit = loaded.fit(progress=part(notify, 0.0, 0.2), train=train, holdout=unseen)
         post = sample(
             fit,
             train,
@@ -94,7 +94,7 @@ def sample_command(
             chains=chains,
             seed=seed,
             file=file,
-            progress=part(tell, 0.2, 1.0),
+            progress=part(notify, 0.2, 1.0),
         )
         if save:
             write_posterior(post, save)

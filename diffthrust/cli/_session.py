@@ -1,4 +1,4 @@
-"""What the commands share: what they run in, their options, and how results are shown."""
+"""Shared by all commands: session, options, and output."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FIGURE_TYPES = (".png", ".svg", ".pdf")
 
 @contextmanager
 def session() -> Iterator[Progress | None]:
-    """What every command needs: the cache, progress on a terminal, and errors as one message."""
+    """Run a command with compilation cache, progress bar, and errors as one message."""
     from diffthrust._support._running.cache import enable_compilation_cache
     from diffthrust._support.progress import bar
 
@@ -50,9 +50,9 @@ def session() -> Iterator[Progress | None]:
 
 
 def _told(error: BaseException) -> int:
-    """Say what ended a command, and give its exit status."""
+    """Report the error that ended a command, and return its exit status."""
     if isinstance(error, KeyboardInterrupt) or interrupted():
-        # an import that is cut short ends as an ImportError, a file as one that is damaged
+        # an interrupted import raises ImportError, an interrupted read looks like a damaged file
         say_stopped(visible(str(error)) if isinstance(error, KeyboardInterrupt) else "")
         return STOPPED
     if not isinstance(error, InputError):
@@ -97,7 +97,7 @@ TrustOption = Annotated[
 
 
 def file_type(*kinds: str) -> Callable[[Path | None], Path | None]:
-    """A check before the work: the name of a file says what will be in it."""
+    """An early check of a file's suffix."""
 
     def check(path: Path | None) -> Path | None:
         try:
@@ -135,7 +135,7 @@ SavePath = Annotated[
     typer.Option(
         "--save",
         metavar="FILE.json",
-        help="Save the result whole; in Python dft.load(FILE) makes it again.",
+        help="Save the complete result; in Python dft.load(FILE) loads it.",
         callback=file_type(".json"),
     ),
 ]

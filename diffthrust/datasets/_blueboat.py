@@ -67,8 +67,8 @@ def blueboat(names: str | Sequence[str] | None = None) -> Runs:
         ...     print(type(error).__name__)
         InputError
     """
-    known = tuple(f"run_{run}" for run in _RUNS)
-    chosen = wanted(BLUEBOAT, known, names)
+    names_known = tuple(f"run_{run}" for run in _RUNS)
+    chosen = wanted(BLUEBOAT, names_known, names)
     paths = located(BLUEBOAT, [f"{name}.csv" for name in chosen])
     logs = {
         name: read_log(
@@ -83,5 +83,5 @@ def blueboat(names: str | Sequence[str] | None = None) -> Runs:
         )
         for name in chosen
     }
-    train = tuple(name for name in known if name not in _UNSEEN)
+    train = tuple(name for name in names_known if name not in _UNSEEN)
     return runs(BLUEBOAT, logs, train, _UNSEEN)

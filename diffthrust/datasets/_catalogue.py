@@ -26,13 +26,13 @@ def list() -> tuple[DataSet, ...]:
 
 
 def fetch(name: str) -> Path:
-    """Put every file of a data set on this machine, and compare its checksum.
+    """Download every file of a data set, and verify its checksum.
 
     Args:
         name: the name of a data set.
 
     Returns:
-        The folder where its files lie.
+        The folder of its files.
 
     Raises:
         InputError: there is no such set, or a file is missing, cannot be downloaded or has changed.
@@ -44,11 +44,11 @@ def fetch(name: str) -> Path:
         ...     print(error.mend)
         Choose one of 'ngs_thruster', 'blueboat', 'esso_osaka', 't200', 'emps'.
     """
-    known = {about.name: about for about in list()}
-    if name not in known:
-        near = nearest(str(name), known)
+    sets = {about.name: about for about in list()}
+    if name not in sets:
+        near = nearest(str(name), sets)
         raise InputError(
             f"expected the name of a data set, found {name!r}{'; ' + near if near else ''}.",
-            f"Choose one of {listing(known)}.",
+            f"Choose one of {listing(sets)}.",
         )
-    return next(iter(located(known[name]).values())).parent
+    return next(iter(located(sets[name]).values())).parent

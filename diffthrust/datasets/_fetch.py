@@ -1,10 +1,10 @@
-"""The files of a data set on the user's machine: from a local folder, or downloaded once.
+"""Locate the files of a data set: in a local folder, or downloaded once.
 
-Where the environment variable ``DIFFTHRUST_DATA`` names a folder, files are taken from
-``$DIFFTHRUST_DATA/NAME/`` as they are. Otherwise they are downloaded from the set's public
-repository, pinned to a commit, into the user's cache. A file's sum is compared every time it is
-used: with the known one, or, where none is known beforehand, with the one that was recorded at the
-first download. So a first download of such a file is trusted, and every later change is refused.
+If the environment variable ``DIFFTHRUST_DATA`` names a folder, files are taken from
+``$DIFFTHRUST_DATA/NAME/`` unchecked. Otherwise they are downloaded from the set's public
+repository, pinned to a commit, into the user's cache. Their checksum is verified at every use,
+against the known one, or else against the one recorded at the first download: the first download
+of such a file is trusted, and any later change is refused.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ _SUMS = "sha256.json"
 
 
 def located(about: DataSet, names: Iterable[str] | None = None) -> dict[str, Path]:
-    """Find the files of a data set, and download what is missing.
+    """Find the files of a data set, and download missing ones.
 
     Args:
         about: the data set.
-        names: names of files; all where not given.
+        names: names of files; by default all.
 
     Returns:
         The path of each file, by name.
 
     Raises:
-        InputError: a file is missing in the folder that ``DIFFTHRUST_DATA`` names, cannot be
-            downloaded, or has another checksum than expected.
+        InputError: a file is missing in the folder of ``DIFFTHRUST_DATA``, cannot be downloaded, or
+            has the wrong checksum.
     """
     files = {file.name: file for file in about.files}
     chosen = list(files) if names is None else list(names)
@@ -55,7 +55,7 @@ def located(about: DataSet, names: Iterable[str] | None = None) -> dict[str, Pat
 
 
 def place(about: DataSet) -> Path:
-    """The folder where the files of a data set lie, or will lie."""
+    """The folder of the files of a data set, existing or not."""
     root = os.environ.get(FOLDER)
     return (Path(root).expanduser() if root else _cache_folder()) / about.name
 
@@ -75,14 +75,14 @@ def _local(about: DataSet, root: Path, name: str) -> Path:
     if path.is_file():
         return path
     if not root.is_dir():
-        found = "there is no such folder"
+        reason = "there is no such folder"
     elif not path.parent.is_dir():
-        found = f"it has no folder {about.name!r}"
+        reason = f"it has no folder {about.name!r}"
     else:
-        near = nearest(name, (other.name for other in path.parent.iterdir()))
-        found = f"there is no such file{'; ' + near if near else ''}"
+        near = nearest(name, (file.name for file in path.parent.iterdir()))
+        reason = f"there is no such file{'; ' + near if near else ''}"
     raise InputError(
-        f"data set {about.name!r}: expected the file {path}, which {FOLDER} leads to; {found}.",
+        f"data set {about.name!r}: expected the file {path}, which {FOLDER} leads to; {reason}.",
         f"Put the file there, or unset {FOLDER} to have it downloaded."
         if about.address
         else f"Put the file there, or set {FOLDER} to another folder; {about.local_only}.",
@@ -109,8 +109,8 @@ def _cached(about: DataSet, file: DataFile, folder: Path) -> Path:
 def _download(
     about: DataSet, file: DataFile, path: Path, expected: str | None, recorded: dict[str, str]
 ) -> Path:
-    """Download under a temporary name, compare, record the sum, and rename last of all."""
-    import pooch  # late: with what it needs it takes a fifth of a second
+    """Download under a temporary name, verify, record the checksum, and rename last."""
+    import pooch  # imported late: takes a fifth of a second
 
     address = about.address.format(commit=file.commit, path=file.path)
     folder = path.parent
@@ -124,12 +124,12 @@ def _download(
             f"{folder}: the folder cannot be written to ({error.strerror or error}).",
             "Set DIFFTHRUST_CACHE to a folder that you may write to.",
         ) from None
-    part = Path(name)
+    partial = Path(name)
     try:
         try:
-            # read at once, not as a stream, which would be left open where it breaks off
-            pooch.HTTPDownloader(timeout=60, stream=False)(address, str(part), None)
-        except (OSError, ValueError) as error:  # what requests raises is an OSError
+            # not as a stream, which would stay open if the connection breaks
+            pooch.HTTPDownloader(timeout=60, stream=False)(address, str(partial), None)
+        except (OSError, ValueError) as error:  # exceptions of requests are OSErrors
             reason = " ".join(str(error).split())[:200]
             raise InputError(
                 f"data set {about.name!r}: {file.name} cannot be downloaded from {address} "
@@ -137,10 +137,10 @@ def _download(
                 f"Connect to the network, or set {FOLDER} to a folder that holds "
                 f"{about.name}/{file.name}.",
             ) from None
-        digest = _sha256(part)
+        digest = _sha256(partial)
         if expected is not None and digest != expected:
             raise InputError(
-                f"data set {about.name!r}: {address} is not the file that it was: expected the "
+                f"data set {about.name!r}: {address} is no longer the same file: expected the "
                 f"sha256 {expected}, found {digest}.",
                 f"Do not trust it before you know why it changed; if it is meant to be another, "
                 f"remove its line from {folder / _SUMS}."
@@ -148,17 +148,17 @@ def _download(
                 else "Do not trust it before you know why it changed.",
             )
         if file.sha256 is None and file.name not in recorded:
-            # read again: another process may have recorded others in the meantime
+            # read again: another process may have recorded other files meanwhile
             write_json(folder / _SUMS, {**_sums(folder), file.name: digest})
-        part.chmod(0o644)
-        os.replace(part, path)
+        partial.chmod(0o644)
+        os.replace(partial, path)
     finally:
-        part.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
     return path
 
 
 def _sums(folder: Path) -> dict[str, str]:
-    """The sums that were recorded at the first download of each file."""
+    """The checksums recorded at the first download of each file."""
     path = folder / _SUMS
     try:
         sums = json.loads(path.read_bytes())

@@ -1,4 +1,4 @@
-"""What a data set is: whose, under which licence, which files, and what is wrong with them."""
+"""Description of a data set: owner, licence, files, known defects."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class DataFile:
 
     Args:
         name: its name in a local folder and in the cache.
-        path: its path in the public repository; empty where it cannot be downloaded.
-        commit: the commit at which it stands there.
-        sha256: its checksum there, where it is known beforehand.
+        path: its path in the public repository; empty if it cannot be downloaded.
+        commit: its commit there.
+        sha256: its checksum there, if known.
 
     Example:
         >>> about = dft.datasets.list()[0]
@@ -39,16 +39,16 @@ class DataSet:
     """A public data set. Its files are not part of the package.
 
     Args:
-        name: its name, that of its folder too.
-        title: one line for people.
-        licence: what its owners allow.
-        citation: whom to cite.
+        name: its name, also that of its folder.
+        title: one line.
+        licence: permissions of its owners.
+        citation: reference to cite.
         homepage: where it is published.
         files: its files.
-        defects: what is known to be wrong with them, one sentence each.
-        address: where a file is downloaded from, with ``{commit}`` and ``{path}``; empty where the
-            set is read from a local folder only.
-        local_only: why it cannot be downloaded, and where a person gets it.
+        defects: known defects, one sentence each.
+        address: download address with ``{commit}`` and ``{path}``; empty if the set is only read
+            from a local folder.
+        local_only: why it cannot be downloaded, and where to get it.
 
     Example:
         >>> about = dft.datasets.list()[0]
@@ -82,9 +82,9 @@ class Runs:
     """The logs of a data set.
 
     Args:
-        logs: every log that was asked for, by name.
-        train: those of the usual split to fit to, in its order; empty where there is no split.
-        unseen: those of the usual split to try the fit on.
+        logs: the requested logs, by name.
+        train: training logs of the usual split, in order; empty without a split.
+        unseen: unseen logs of the usual split.
         about: the data set itself.
 
     Example:
@@ -109,7 +109,7 @@ class Runs:
         """The log of that name.
 
         Raises:
-            InputError: there is none, or it was not asked for.
+            InputError: there is none, or it was not requested.
         """
         if name in self.logs:
             return self.logs[name]
@@ -124,7 +124,7 @@ class Runs:
 def runs(
     about: DataSet, logs: Mapping[str, Log], train: tuple[str, ...], unseen: tuple[str, ...]
 ) -> Runs:
-    """Sort logs into those of the usual split; a log that was not asked for is left out of it."""
+    """Sort logs into the usual split; logs not requested are left out."""
     return Runs(
         logs=MappingProxyType(dict(logs)),
         train=tuple(logs[name] for name in train if name in logs),
@@ -134,22 +134,22 @@ def runs(
 
 
 def wanted(
-    about: DataSet, known: tuple[str, ...], names: str | Sequence[str] | None
+    about: DataSet, available: tuple[str, ...], names: str | Sequence[str] | None
 ) -> tuple[str, ...]:
-    """The names that were asked for, in the set's order; patterns such as ``"zigzag*"`` are known.
+    """The requested names, in the set's order; patterns such as ``"zigzag*"`` are allowed.
 
     Raises:
-        InputError: a name or pattern that no log has.
+        InputError: no log matches a name or pattern.
     """
     if names is None:
-        return known
+        return available
     patterns = (names,) if isinstance(names, str) else tuple(names)
     for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in known):
-            near = nearest(str(pattern), known)
+        if not any(fnmatchcase(name, pattern) for name in available):
+            near = nearest(str(pattern), available)
             raise InputError(
                 f"data set {about.name!r}: expected names of logs, found {pattern!r}"
                 f"{'; ' + near if near else ''}.",
-                f"Choose among {listing(known)}, or leave the names out for all.",
+                f"Choose among {listing(available)}, or leave the names out for all.",
             )
-    return tuple(n for n in known if any(fnmatchcase(n, pattern) for pattern in patterns))
+    return tuple(n for n in available if any(fnmatchcase(n, pattern) for pattern in patterns))

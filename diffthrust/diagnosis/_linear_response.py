@@ -1,10 +1,11 @@
-"""What one-step errors answer to anything that is added at a port or to a channel.
+"""The response of one-step errors to anything that is added at a port or to a channel.
 
 Along the path of a trial the innovations form is linearised sample by sample: how the states after
 a sample, and its errors, depend on the states before it, on the parameters, and on a push at each
-port and channel. All samples are linearised side by side, in one small program for each model;
-whatever is then added anywhere is carried through these matrices by a program that knows no model.
-So every candidate and every signal of unknown form is tried without compiling anything for it.
+port and channel. All samples are linearised side by side, in one small program for each model.
+Whatever is then added anywhere is propagated through these matrices by a program that knows no
+model: every candidate and every signal of unknown form is tried without compiling anything for it.
+(The whole catalogue compiled into one program, at its null, took minutes for a vessel.)
 """
 
 from __future__ import annotations
@@ -21,20 +22,20 @@ from diffthrust._support._running.programs import program
 from diffthrust.diagnosis._score_test import gauss_newton_step
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
-from diffthrust.estimation._likelihood import Quadratic
+from diffthrust.estimation._likelihood import Quadratic, by_blocks
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.estimation._problem import Problem
 
 _NARROW, _WIDE = 32, 128
-"""So many series are carried through a log together, or so many where there are more than half of
-that: a step of the loop takes hardly longer with them."""
+"""Series that go through a log together, padded with zeros to one of two widths so that two
+programs serve all: a step of the loop takes hardly longer with them."""
 
 
 class LinearResponse:
-    """The answer of the one-step errors of a trial.
+    """The linear response of the one-step errors of a trial.
 
     Args:
-        problem: the logs, at the values of the trial and under its limit of errors.
+        problem: the logs, at the values of the trial and with its clipped residuals.
 
     Example:
         >>> response.quadratic(response.to("shaft", series)).information
@@ -47,29 +48,32 @@ class LinearResponse:
         self.errors = [np.asarray(errors) for errors, _ in passed]
         paths = [path for _, path in passed]
         self.slopes = step_slopes(layout, numbers, problem.start(), paths)
-        self.cost = float(_law(layout, numbers, self.errors)[0])
+        self.cost = float(_cost_and_sigma(layout, numbers, self.errors)[0])
 
     def to(
         self, place: str, series: Sequence[np.ndarray], ends: Sequence[np.ndarray] | None = None
     ) -> list[np.ndarray]:
-        """Derivatives of the errors by a factor of each of some series, added at a place.
+        """Derivatives of the errors by the amplitude of each of some series, added at a place.
 
         Args:
             place: a port, an input, or a measured channel.
             series: by batch ``(B, K, T)``.
-            ends: what they have become when the next sample comes; its own values where ``None``.
+            ends: the series as the next sample comes; their next values where ``None``.
 
         Returns:
             By batch ``(B, K, C, T)``.
         """
         if ends is None:
-            ends = [np.concatenate([start[..., 1:], start[..., -1:]], axis=-1) for start in series]
+            ends = [np.concatenate([s[..., 1:], s[..., -1:]], axis=-1) for s in series]
         held = [dict(grid.hold).get(place) == "zero" for grid in self.problem.layout.grids]
         return [
             _response_to(
-                slopes, slopes.places.index(place), start, start if still else 0.5 * (start + end)
+                slopes,
+                slopes.places.index(place),
+                start,
+                start if is_held else 0.5 * (start + end),
             )
-            for slopes, start, end, still in zip(self.slopes, series, ends, held, strict=True)
+            for slopes, start, end, is_held in zip(self.slopes, series, ends, held, strict=True)
         ]
 
     def quadratic(
@@ -85,34 +89,32 @@ class LinearResponse:
         errors = self.errors
         if change:
             errors = [e + d for e, d in zip(errors, change, strict=True)]
-        cost, sigma = _law(layout, numbers, errors)
+        cost, sigma = _cost_and_sigma(layout, numbers, errors)
         sigma = np.asarray(sigma)
         n, extra = layout.shared, more[0].shape[1] if more else 0
         size, starts = n + extra, len(layout.starts)
-        count = sum(batch_errors.shape[0] for batch_errors in errors)
-        information = np.zeros((size + count * starts,) * 2)
-        gradient, energy, scores, at = np.zeros(size + count * starts), 0.0, [], size
-        for i, weighted in enumerate(errors):
-            root = np.sqrt(np.asarray(layout.likelihood.law.weights(weighted, sigma)))
-            root = root / sigma[None, :, None]
-            weighted, jacobian = weighted * root, self.slopes[i].jacobian
-            parts = [jacobian[:, :n], *([more[i]] if more else []), jacobian[:, n:]]
-            rows = np.concatenate(parts, axis=1) * root[:, None]
-            scores.append(_by_blocks(rows[:, :size] * weighted[:, None]))
+        logs = sum(batch_errors.shape[0] for batch_errors in errors)
+        information = np.zeros((size + logs * starts,) * 2)
+        gradient, energy, scores, at = np.zeros(size + logs * starts), 0.0, [], size
+        for i, batch_errors in enumerate(errors):
+            root, weighted = self._weighted(batch_errors, sigma)
+            jacobian = self.slopes[i].jacobian
+            columns = [jacobian[:, :n], *([more[i]] if more else []), jacobian[:, n:]]
+            rows = np.concatenate(columns, axis=1) * root[:, None]
+            scores.append(_scores(rows[:, :size], weighted))
             flat = rows.reshape(*rows.shape[:2], -1)
-            gram, slope = (
-                flat @ flat.transpose(0, 2, 1),
-                flat @ weighted.reshape(len(weighted), -1, 1),
-            )
+            grams = flat @ flat.transpose(0, 2, 1)
+            slopes = flat @ weighted.reshape(len(weighted), -1, 1)
             energy += float(np.sum(weighted**2))
-            information[:size, :size] += gram[:, :size, :size].sum(axis=0)
-            gradient[:size] += slope[:, :size, 0].sum(axis=0)
-            for block, slopes_of_log in zip(gram, slope, strict=True):
+            information[:size, :size] += grams[:, :size, :size].sum(axis=0)
+            gradient[:size] += slopes[:, :size, 0].sum(axis=0)
+            # initial states are of one log each: they meet the shared coordinates only
+            for gram, slope in zip(grams, slopes, strict=True):
                 local = slice(at, at + starts)
-                information[:size, local] = block[:size, size:]
-                information[local, :size] = block[size:, :size]
-                information[local, local] = block[size:, size:]
-                gradient[local] = slopes_of_log[size:, 0]
+                information[:size, local] = gram[:size, size:]
+                information[local, :size] = gram[size:, :size]
+                information[local, local] = gram[size:, size:]
+                gradient[local] = slope[size:, 0]
                 at += starts
         return Quadratic(
             np.asarray(cost), gradient, information, np.asarray(energy), sigma,
@@ -132,41 +134,27 @@ class LinearResponse:
         The further coordinates move within ``limits``.
         """
         n, extra = self.problem.shared, more[0].shape[1] if more else 0
-        extra_slice = slice(n, n + extra)
+        further = slice(n, n + extra)
         step = gauss_newton_step(q.information, q.gradient, movable)
-        room = np.clip(step[extra_slice], *limits)
-        if np.any(room != step[extra_slice]):  # those that would go beyond their bounds go to them
+        within = np.clip(step[further], *limits)
+        if np.any(within != step[further]):  # on their bounds; the others follow them there
             movable = movable.copy()
-            movable[extra_slice] = False
-            slope = q.gradient + q.information[:, extra_slice] @ room
+            movable[further] = False
+            slope = q.gradient + q.information[:, further] @ within
             step = gauss_newton_step(q.information, slope, movable)
-            step[extra_slice] = room
+            step[further] = within
         logs = sum(map(len, self.errors))
         starts = step[n + extra :].reshape(logs, len(self.problem.layout.starts))
         errors, at = [], 0
-        for i, (predicted, off) in enumerate(zip(self.errors, change, strict=True)):
-            jacobian, count = self.slopes[i].jacobian, len(predicted)
-            predicted = predicted + off + np.tensordot(step[:n], jacobian[:, :n], (0, 1))
-            predicted = predicted + np.einsum(
-                "bj,bjct->bct", starts[at : at + count], jacobian[:, n:]
-            )
+        for i, (batch_errors, offset) in enumerate(zip(self.errors, change, strict=True)):
+            jacobian, count = self.slopes[i].jacobian, len(batch_errors)
+            moved = batch_errors + offset + np.tensordot(step[:n], jacobian[:, :n], (0, 1))
+            moved = moved + np.einsum("bj,bjct->bct", starts[at : at + count], jacobian[:, n:])
             if extra:
-                predicted = predicted + np.tensordot(step[n : n + extra], more[i], (0, 1))
-            errors.append(predicted)
+                moved = moved + np.tensordot(step[further], more[i], (0, 1))
+            errors.append(moved)
             at += count
-        return float(_law(self.problem.layout, self.problem.numbers, errors)[0])
-
-    @cached_property
-    def weighted(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """By batch the root of the weights, and the errors and shared derivatives under it."""
-        layout, out = self.problem.layout, []
-        sigma = np.asarray(_law(layout, self.problem.numbers, self.errors)[1])
-        for errors, slopes in zip(self.errors, self.slopes, strict=True):
-            root = np.sqrt(np.asarray(layout.likelihood.law.weights(errors, sigma)))
-            root = root / sigma[None, :, None]
-            shared = slopes.jacobian[:, : layout.shared] * root[:, None]
-            out.append((root, errors * root, shared))
-        return out
+        return float(_cost_and_sigma(self.problem.layout, self.problem.numbers, errors)[0])
 
     def scores(
         self, estimated: Sequence[int], more: Sequence[np.ndarray]
@@ -179,9 +167,9 @@ class LinearResponse:
         """
         size = len(estimated) + more[0].shape[1]
         information, scores = np.zeros((size, size)), []
-        for (root, residual, shared), added in zip(self.weighted, more, strict=True):
-            rows = np.concatenate([shared[:, list(estimated)], added * root[:, None]], axis=1)
-            scores.append(_by_blocks(rows * residual[:, None]))
+        for (root, weighted, shared), further in zip(self._own_rows, more, strict=True):
+            rows = np.concatenate([shared[:, list(estimated)], further * root[:, None]], axis=1)
+            scores.append(_scores(rows, weighted))
             flat = rows.reshape(*rows.shape[:2], -1)
             information += (flat @ flat.transpose(0, 2, 1)).sum(axis=0)
         return information, np.concatenate(scores, axis=1)
@@ -197,7 +185,7 @@ class LinearResponse:
         return ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
 
     def batched(self, series: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Series log by log, ``(K, T)`` each, as they are batched: ``(B, K, T)``."""
+        """Series log by log, ``(K, T)`` each, in the batches of the problem: ``(B, K, T)``."""
         out = []
         for batch, indices in zip(self.problem.numbers.batches, self.problem.order, strict=True):
             rows = np.zeros((len(indices), len(series[0]), batch.time.shape[1]))
@@ -206,52 +194,80 @@ class LinearResponse:
             out.append(rows)
         return out
 
+    @cached_property
+    def _own_rows(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """By batch the root of the weights, and under it the errors and shared derivatives.
 
-def _by_blocks(products: np.ndarray) -> np.ndarray:
-    """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(k, B * blocks)``."""
-    size = -(-products.shape[-1] // SETTINGS.structure.blocks)
-    padding = SETTINGS.structure.blocks * size - products.shape[-1]
-    padded = np.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
-    sums = padded.reshape(*padded.shape[:2], SETTINGS.structure.blocks, size).sum(axis=-1)
+        Tests of structure ask for them by the hundred.
+        """
+        layout, out = self.problem.layout, []
+        sigma = np.asarray(_cost_and_sigma(layout, self.problem.numbers, self.errors)[1])
+        for errors, slopes in zip(self.errors, self.slopes, strict=True):
+            root, weighted = self._weighted(errors, sigma)
+            out.append((root, weighted, slopes.jacobian[:, : layout.shared] * root[:, None]))
+        return out
+
+    def _weighted(self, errors: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The root of the weights of errors, ``(B, C, T)``, and the errors times it."""
+        law = self.problem.layout.likelihood.law
+        root = np.sqrt(np.asarray(law.weights(errors, sigma))) / sigma[None, :, None]
+        return root, errors * root
+
+
+def _scores(rows: np.ndarray, weighted: np.ndarray) -> np.ndarray:
+    """The gradient by coordinates, for each block of time of each log, ``(k, B * blocks)``."""
+    sums = by_blocks(rows * weighted[:, None], SETTINGS.structure.blocks, np)
     return sums.transpose(1, 0, 2).reshape(sums.shape[1], -1)
 
 
 @program(1)
-def _law(layout: Any, numbers: Any, errors: Any) -> Any:
+def _cost_and_sigma(layout: Any, numbers: Any, errors: Any) -> Any:
     return layout.cost(numbers, errors)
 
 
 def _response_to(
     slopes: StepSlopes, place: int, series: np.ndarray, over: np.ndarray
 ) -> np.ndarray:
-    """The errors' answer to series ``(B, K, T)`` at a place, ``(B, K, C, T)``."""
+    """The errors' response to series ``(B, K, T)`` at a place, ``(B, K, C, T)``.
+
+    Args:
+        slopes: of a batch.
+        place: index of the place.
+        series: at the samples.
+        over: mean until the next sample.
+    """
     count = series.shape[1]
-    wide = _WIDE if 2 * count > _WIDE else _NARROW
-    room = ((0, 0), (0, -count % wide), (0, 0))
-    series, over = np.pad(series, room), np.pad(over, room)
-    now, later, shown = (chunk[..., place] for chunk in (slopes.now, slopes.over, slopes.shown))
+    width = _WIDE if 2 * count > _WIDE else _NARROW
+    padding = ((0, 0), (0, -count % width), (0, 0))
+    series, over = np.pad(series, padding), np.pad(over, padding)
+    now, later, direct = (
+        matrix[..., place] for matrix in (slopes.push_now, slopes.push_over, slopes.direct)
+    )
+    chunks = [
+        (series[:, at : at + width], over[:, at : at + width]) for at in range(0, count, width)
+    ]
     out = [
-        np.asarray(_propagated(slopes.carry, slopes.seen, now, later, shown, *chunk))
-        for at in range(0, count, wide)
-        for chunk in [(series[:, at : at + wide], over[:, at : at + wide])]
+        np.asarray(_propagated(slopes.transition, slopes.output, now, later, direct, *chunk))
+        for chunk in chunks
     ]
     return np.concatenate(out, axis=1)[:, :count]
 
 
 @jax.jit
 def _propagated(
-    carry: Any, output: Any, now: Any, later: Any, shown: Any, series: Any, over: Any
+    transition: Any, output: Any, now: Any, later: Any, direct: Any, series: Any, over: Any
 ) -> Any:
-    def log_response(log: Any) -> Any:
-        carry, output, now, later, shown, series, over = log
+    def of_log(log: Any) -> Any:
+        transition, output, now, later, direct, series, over = log
 
         def body(x: Any, row: Any) -> tuple[Any, Any]:
-            a, c, b, o, d, p, q = row
-            error = c @ x + d[:, None] * p[None, :]
-            return a @ x + b[:, None] * p[None, :] + o[:, None] * q[None, :], error
+            a, c, b, o, d, at_sample, between = row
+            error = c @ x + d[:, None] * at_sample[None, :]
+            x = a @ x + b[:, None] * at_sample[None, :] + o[:, None] * between[None, :]
+            return x, error
 
-        start = jnp.zeros((carry.shape[-1], series.shape[0]))
-        rows = (carry, output, now, later, shown, series.T, over.T)
+        start = jnp.zeros((transition.shape[-1], series.shape[0]))
+        rows = (transition, output, now, later, direct, series.T, over.T)
         return jax.lax.scan(body, start, rows)[1].transpose(2, 1, 0)
 
-    return jax.lax.map(log_response, (carry, output, now, later, shown, series, over))
+    return jax.lax.map(of_log, (transition, output, now, later, direct, series, over))

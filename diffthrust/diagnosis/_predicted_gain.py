@@ -168,7 +168,7 @@ def shift_of(response: LinearResponse, effect: Effect, values: Point) -> Shift:
     out: Shift = {}
     for place in effect.ports:
         if place in response.slopes[0].places:
-            parts = [_added(place, effect, s.early, s.late) for s in response.slopes]
+            parts = [_added(place, effect, s.at_samples, s.at_next) for s in response.slopes]
             out[place] = tuple([np.asarray(p[i]) for p in parts] for i in (0, 1))
     return out
 

@@ -163,7 +163,7 @@ def _assemble(
         information += products[:, :n, :n].sum(0)
         energy += products[:, -1, -1].sum()
         if layout.width is not None:
-            scores.append(_by_blocks(jacobian * rest[:, None])[:, :n])
+            scores.append(by_blocks(jacobian * rest[:, None], _BLOCKS, jnp)[:, :n])
         local.append(slope[:, n:].reshape(-1))
         cross.append(products[:, :n, n:-1].transpose(1, 0, 2).reshape(n, -1))
         own.append(products[:, n:-1, n:-1])
@@ -191,12 +191,18 @@ def _assemble(
     return Quadratic(jnp.where(fine, cost, jnp.inf), gradient, whole, energy, sigma, blocks)
 
 
-def _by_blocks(products: Any) -> Any:
-    """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(B, k, blocks)``."""
-    size = -(-products.shape[-1] // _BLOCKS)
-    padding = _BLOCKS * size - products.shape[-1]
-    padded = jnp.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
-    return padded.reshape(*padded.shape[:2], _BLOCKS, size).sum(axis=-1)
+def by_blocks(products: Any, count: int, xp: Any) -> Any:
+    """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(B, k, blocks)``.
+
+    Args:
+        products: the products.
+        count: the number of blocks.
+        xp: whose functions are used, `numpy` or `jax.numpy`.
+    """
+    size = -(-products.shape[-1] // count)
+    padding = count * size - products.shape[-1]
+    padded = xp.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
+    return padded.reshape(*padded.shape[:2], count, size).sum(axis=-1)
 
 
 def gram(series: Sequence[Any]) -> Any:

@@ -1,4 +1,4 @@
-"""A rival model simulated under designs, and held against what it is to imitate."""
+"""Simulate a rival model under designs, and compare it with target outputs."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from diffthrust.simulation._trajectory import Grid, Key, trajectory
 
 InputSeries = Mapping[str, Float[np.ndarray, "designs time"]]
 CHUNK = 16
-"""Designs are simulated so many at a time, whatever their number: one compilation serves all."""
+"""Designs per batch, whatever their number: one compilation serves all."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What all designs have in common.
+    """Conditions common to all designs.
 
     Args:
         time: sample instants [s], ``(T,)``.
@@ -52,7 +52,7 @@ class _Layout(NamedTuple):
 
 
 class Confronted(NamedTuple):
-    """A model held against targets: outputs, criterion, slope and Gram matrix for each design.
+    """A model compared with targets: outputs, cost, gradient and Gram matrix for each design.
 
     Args:
         outputs: of the model.
@@ -81,7 +81,7 @@ def against(
         conditions: time stamps and noise.
         inputs: all input series by name.
         z: coordinates of the free parameters for each design.
-        target: outputs to be imitated.
+        target: outputs to imitate.
     """
     named = rival.model.parameters
     hold = tuple((name, "zero") for name in sorted(inputs))
@@ -105,15 +105,15 @@ def against(
         rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
         series = {name: values[rows] for name, values in inputs.items()}
         chunk = _chunk(layout, arrays, series, z[rows], target[rows])
-        passes.append([np.array(part)[: count - begin] for part in chunk])
-    outputs, cost, slope, gram = (np.concatenate(parts) for parts in zip(*passes, strict=True))
+        passes.append([np.array(array)[: count - begin] for array in chunk])
+    outputs, cost, slope, gram = (np.concatenate(chunks) for chunks in zip(*passes, strict=True))
     fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
     return Confronted(outputs, np.where(fine, cost, np.inf), slope, gram)
 
 
 @program(1)
 def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tuple[Any, ...]:
-    def one(design: Any) -> tuple[Any, ...]:
+    def confront(design: Any) -> tuple[Any, ...]:
         series, point, goal = design
         steps = jnp.eye(point.shape[0])
 
@@ -125,11 +125,11 @@ def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tu
         else:
             y = fn(point)
             slopes = jnp.zeros((0, *y.shape))
-        rest = _white(arrays, goal - y).reshape(-1)
-        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), rest.size)
-        return y, rest @ rest, rows @ rest, rows @ rows.T
+        residual = _white(arrays, goal - y).reshape(-1)
+        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), residual.size)
+        return y, residual @ residual, rows @ residual, rows @ rows.T
 
-    return jax.lax.map(one, (inputs, z, target))
+    return jax.lax.map(confront, (inputs, z, target))
 
 
 def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
@@ -143,7 +143,7 @@ def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
 
 
 def _white(arrays: Any, series: Any) -> Any:
-    """What is left of ``(C, T)`` when the noise, of first order, is made white and of unit size."""
+    """Whiten series ``(C, T)`` with first-order noise, to unit variance."""
     phi = arrays["correlation"]
     later = (series[:, 1:] - phi * series[:, :-1]) / jnp.sqrt(1.0 - phi**2)
     return jnp.concatenate([series[:, :1], later], axis=1) / arrays["sigma"][:, None]
@@ -152,7 +152,7 @@ def _white(arrays: Any, series: Any) -> Any:
 def outputs_of(
     rival: Rival, conditions: Conditions, inputs: InputSeries
 ) -> Float[np.ndarray, "designs channels time"]:
-    """What a rival predicts as it is."""
+    """Predictions of a rival with its estimated parameters."""
     count = next(iter(inputs.values())).shape[0]
     blank = np.zeros((count, len(conditions.noise), conditions.time.size))
     return against(rival, conditions, inputs, np.tile(rival.start, (count, 1)), blank).outputs

@@ -10,20 +10,20 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Space:
-    """What a sequence may do.
+    """Constraints of a sequence.
 
     Args:
         time: sample instants [s], ``(T,)``, evenly spaced.
-        limits: lowest and highest value of each input that is moved.
-        rates: largest change per second of some of them.
-        rest: length of the rest at the start and at the end [s].
+        limits: lowest and highest value of each moved input.
+        rates: largest change per second, for some of them.
+        rest_duration: length of the rest at the start and at the end [s].
         seed: of the random sequences.
     """
 
     time: np.ndarray
     limits: Mapping[str, tuple[float, float]]
     rates: Mapping[str, float]
-    rest: float
+    rest_duration: float
     seed: int
 
     @property
@@ -34,7 +34,7 @@ class Space:
     @property
     def active(self) -> float:
         """Time between the two rests [s]."""
-        return float(self.time[-1] - self.time[0]) - 2 * self.rest
+        return float(self.time[-1] - self.time[0]) - 2 * self.rest_duration
 
     def resting(self, name: str) -> float:
         """The value at rest: zero, or the limit nearest to it."""
@@ -44,14 +44,14 @@ class Space:
 
 @dataclass(frozen=True)
 class Design:
-    """One sequence: a kind, how fast, how large, and which inputs take part.
+    """One sequence: kind, speed, size, and inputs that take part.
 
     Args:
         kind: a key of `KINDS`.
-        moved: the inputs that follow the sequence, each with the sign in which it does.
-        share: how much of the way from rest to the limits is used, above 0 and at most 1.
-        hold: time per level [s]; of chirps and multisines half the shortest period.
-        bias: how much of the way to the upper limit the other inputs are held at.
+        moved: the inputs that follow the sequence, each with its sign.
+        share: share of the range from rest to the limits, above 0 and at most 1.
+        hold: time per level [s]; for chirps and multisines half the shortest period.
+        bias: level of the other inputs, as a share of the range from rest to the upper limit.
     """
 
     kind: str
@@ -61,58 +61,64 @@ class Design:
     bias: float = 0.0
 
     def levels(self, name: str, space: Space) -> tuple[float, float]:
-        """Lowest and highest value that an input takes (both the same where it is held)."""
-        (low, high), rest = space.limits[name], space.resting(name)
+        """Lowest and highest value of an input (equal if it is held)."""
+        (low, high), rest_value = space.limits[name], space.resting(name)
         if name not in self.moved:
-            value = rest + self.bias * (high - rest)
+            value = rest_value + self.bias * (high - rest_value)
             return value, value
-        bottom, top = rest + self.share * (low - rest), rest + self.share * (high - rest)
+        bottom, top = (
+            rest_value + self.share * (low - rest_value),
+            rest_value + self.share * (high - rest_value),
+        )
         if self.kind == "step up":
-            return rest, top
+            return rest_value, top
         if self.kind == "step down":
-            return bottom, rest
+            return bottom, rest_value
         return bottom, top
 
     def changed(self, faster: float, larger: float, space: Space) -> Design:
-        """A neighbour: another time and another size, within what is possible."""
+        """A neighbour with another speed and size, within the constraints."""
         timeless = self.kind in ("step up", "step down")
-        hold = self.hold if timeless else _whole(self.hold / faster, space)
+        hold = self.hold if timeless else _integer(self.hold / faster, space)
         return replace(self, hold=hold, share=float(np.clip(self.share * larger, 0.01, 1.0)))
 
 
 def sequence(design: Design, space: Space) -> dict[str, np.ndarray]:
     """The values of every moved input at the sample instants.
 
-    The sequence keeps the limits and the rate limits exactly, and begins and ends at rest.
+    The sequence respects limits and rate limits exactly, and starts and ends at rest.
     """
-    since = space.time - space.time[0] - space.rest
+    since = space.time - space.time[0] - space.rest_duration
     on = (since > -1e-9 * space.step) & (since < space.active - 1e-6 * space.step)
     shape = KINDS[design.kind].shape(np.where(on, since, 0.0), design.hold, space)
     out = {}
     for name, (low, high) in space.limits.items():
-        rest, (bottom, top) = space.resting(name), design.levels(name, space)
+        rest_value, (bottom, top) = space.resting(name), design.levels(name, space)
         sign = design.moved.get(name, 1)
         if design.kind == "pulses":  # out of rest, to either side
-            values = rest + np.where(sign * shape > 0, top - rest, rest - bottom) * sign * shape
+            values = (
+                rest_value
+                + np.where(sign * shape > 0, top - rest_value, rest_value - bottom) * sign * shape
+            )
         elif sign > 0:
             values = bottom + (top - bottom) * 0.5 * (1.0 + shape)
         else:
             values = top - (top - bottom) * 0.5 * (1.0 + shape)
-        values = np.clip(np.where(on, values, rest), low, high)
-        out[name] = _within_rate(values, space.rates.get(name, np.inf), space.step, rest)
+        values = np.clip(np.where(on, values, rest_value), low, high)
+        out[name] = _within_rate(values, space.rates.get(name, np.inf), space.step, rest_value)
     return out
 
 
-def _within_rate(values: np.ndarray, rate: float, step: float, rest: float) -> np.ndarray:
+def _within_rate(values: np.ndarray, rate: float, step: float, rest_value: float) -> np.ndarray:
     """Follow the values as fast as the rate allows, and be back at rest in time for the end."""
     if not np.isfinite(rate):
         return values
     most = rate * step * (1.0 - 1e-9)  # rounding must not break the limit
     out = values.copy()
-    out[0] = out[-1] = rest
+    out[0] = out[-1] = rest_value
     for k in range(1, out.size):
         out[k] = np.clip(out[k], out[k - 1] - most, out[k - 1] + most)
-    out[-1] = rest
+    out[-1] = rest_value
     for k in range(out.size - 2, -1, -1):
         out[k] = np.clip(out[k], out[k + 1] - most, out[k + 1] + most)
     return out
@@ -181,7 +187,7 @@ def _multisine(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Family:
-    """A family of sequences: its shape, its words, and the shares of the test that it is held."""
+    """A family of sequences: shape, description, and hold times as shares of the test."""
 
     shape: Callable[[np.ndarray, float, Space], np.ndarray]
     words: str
@@ -200,8 +206,7 @@ KINDS: dict[str, Family] = {
     "chirp": Family(_chirp, "Chirp", (_SHORT, _MIDDLE)),
     "multisine": Family(_multisine, "Multisine", (_SHORT, _MIDDLE)),
 }
-"""Steps, reversals, pulses, staircases, ramps, chirps and multisines; one ramp is a slow one that
-takes the whole test, as a yardstick."""
+"""The families; one ramp takes the whole test, as a reference."""
 _SHARES = (1.0, 0.4, 0.1)
 _FEWER = {
     "step up": (1.0,),
@@ -210,14 +215,14 @@ _FEWER = {
     "staircase": (1 / 16,),
     "random staircase": (_MIDDLE,),
 }
-"""For several inputs, which take part in several ways: the held shares of the test by kind."""
+"""Fewer hold times for several inputs, which are combined in several ways."""
 
 
 def grid(space: Space) -> list[Design]:
-    """The designs that are tried first: some 50 for one input, 80 for two."""
+    """The designs tried first: some 50 for one input, 80 for two."""
     names = tuple(space.limits)
     ways: list[tuple[Mapping[str, int], float]] = [({names[0]: 1}, 0.0)]
-    holds, shares = {kind: known.holds for kind, known in KINDS.items()}, _SHARES
+    holds, shares = {kind: rates.holds for kind, rates in KINDS.items()}, _SHARES
     if len(names) > 1:
         alternating = {name: 1 if i % 2 == 0 else -1 for i, name in enumerate(names)}
         ways = [({name: 1}, 0.6) for name in names]
@@ -225,7 +230,7 @@ def grid(space: Space) -> list[Design]:
         ways += [(dict.fromkeys(names, 1), 0.0), (alternating, 0.0)]
         holds, shares = _FEWER, _SHARES[:2]
     designs = (
-        Design(kind, moved, share, _whole(hold * space.active, space), bias)
+        Design(kind, moved, share, _integer(hold * space.active, space), bias)
         for moved, bias in ways
         for kind, parts in holds.items()
         for hold in parts
@@ -238,12 +243,12 @@ def grid(space: Space) -> list[Design]:
 
 
 def design_key(design: Design) -> tuple[object, ...]:
-    """What makes a design the same as another."""
+    """A key that is equal for equal designs."""
     moved = tuple(sorted(design.moved.items()))
     return (design.kind, moved, design.bias, round(design.share, 6), round(design.hold, 9))
 
 
-def _whole(hold: float, space: Space) -> float:
-    """A hold of whole samples, two at least."""
+def _integer(hold: float, space: Space) -> float:
+    """A hold time of an integer number of samples, at least two."""
     samples = round(float(np.clip(hold, 0.0, space.active)) / space.step)
     return float(max(samples, 2) * space.step)

@@ -1,4 +1,4 @@
-"""What a caller asks of an experiment: rivals, limits and noise, checked and put in order."""
+"""The checked arguments of an experiment: rivals, limits and noise."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Request:
     """A checked request.
 
     Args:
-        rivals: the models with what is known of their parameters.
-        names: what to call them.
-        space: what a sequence may do.
+        rivals: the models with prior knowledge of their parameters.
+        names: their names.
+        space: constraints of a sequence.
         conditions: grid and noise.
         held: values of the inputs that stay constant.
         units: of all inputs and channels.
@@ -63,24 +63,24 @@ def requested(
     noise: Mapping[str, float] | None,
     held: Mapping[str, float] | None,
     rate_limits: Mapping[str, float] | None,
-    rest: float,
+    rest_duration: float,
     correlation_time: float | None,
     seed: int,
 ) -> Request:
-    """Check what `suggest_experiment` was given.
+    """Check the arguments of `suggest_experiment`.
 
     Raises:
-        InputError: anything that is missing or out of range.
+        InputError: an argument is missing or out of range.
     """
     runs = listed(logs) if logs is not None else ()
     models = models_of(rivals)
-    _check_numbers(duration, step, rest, correlation_time, seed)
+    _check_numbers(duration, step, rest_duration, correlation_time, seed)
     moved, constant = _inputs(models, limits, held, runs)
     rates = _rates(rate_limits, moved)
     sigma = _noise(rivals, models, noise)
     units = _units(models, runs)
     time = np.round(np.arange(round(duration / step) + 1) * step, 9)
-    space = Space(time, moved, rates, rest, seed)
+    space = Space(time, moved, rates, rest_duration, seed)
     unsigned = frozenset(name for log in runs for name in log.unsigned if name in sigma)
     conditions = Conditions(
         time=time,
@@ -95,16 +95,20 @@ def requested(
     return Request(ready, names_of(models), space, conditions, constant, units, written)
 
 
-def _check_numbers(duration: Any, step: Any, rest: Any, correlation_time: Any, seed: Any) -> None:
+def _check_numbers(
+    duration: Any, step: Any, rest_duration: Any, correlation_time: Any, seed: Any
+) -> None:
     for what, value, least in (("duration", duration, 0.0), ("step", step, 0.0)):
         if not (_number(value) and value > least):
             raise InputError(
                 f"{what}: expected a positive number of seconds, found {value!r}.", "Correct it."
             )
-    if not (_number(rest) and rest >= 0 and duration - 2 * rest >= 20 * step):
+    if not (
+        _number(rest_duration) and rest_duration >= 0 and duration - 2 * rest_duration >= 20 * step
+    ):
         raise InputError(
-            f"rest: a test of {duration:g} s with a rest of {rest!r} s at either end and a step of "
-            f"{step:g} s leaves fewer than 20 samples to move in.",
+            f"rest: a test of {duration:g} s with a rest of {rest_duration!r} s at either end and "
+            f"a step of {step:g} s leaves fewer than 20 samples to move in.",
             "Lengthen the duration, or shorten the rest or the step.",
         )
     if correlation_time is not None and not (_number(correlation_time) and correlation_time > 0):
@@ -128,16 +132,16 @@ def _number(value: Any) -> bool:
 def _inputs(
     models: Sequence[Model], limits: Any, held: Any, logs: Sequence[Log]
 ) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
-    """Limits of the inputs that are moved, and values of those that are not."""
+    """Limits of moved inputs, and values of held inputs."""
     limits = by_input("limits", limits, models[0], "(low, high)")
     held = by_input("held", held, models[0], "0.0")
-    known = _unique(
+    available = _unique(
         name
         for model in models
         for name in [*model.inputs, *model.optional_inputs, *model.states, *_needs(model)]
     )
     for what, named in (("limits", limits), ("held", held)):
-        _known(what, named, known, "no rival reads this input")
+        _check_names(what, named, available, "no rival reads this input")
     both = [name for name in limits if name in held]
     if both:
         raise InputError(
@@ -152,7 +156,7 @@ def _inputs(
     )  # fmt: skip
     moving = {name for model in models for name in model.inputs}
     recorded = {name for log in logs for name in log.inputs}
-    for name in [*needed, *(n for n in known if n in recorded and n not in needed)]:
+    for name in [*needed, *(n for n in available if n in recorded and n not in needed)]:
         if name in named or name not in recorded:
             continue
         unit = _units(models, ())[name]
@@ -190,13 +194,13 @@ def _unique(names: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _known(what: str, names: Iterable[str], known: Sequence[str], why: str) -> None:
+def _check_names(what: str, names: Iterable[str], available: Sequence[str], why: str) -> None:
     for name in names:
-        if name not in known:
-            near = nearest(name, known)
+        if name not in available:
+            near = nearest(name, available)
             raise InputError(
                 f"{what}: '{name}': {why}{f'; {near}' if near else ''}.",
-                f"Use one of {listing(known)}.",
+                f"Use one of {listing(available)}.",
             )
 
 
@@ -216,7 +220,7 @@ def _pair(name: str, pair: Any) -> tuple[float, float]:
 
 def _rates(wanted: Any, moved: Mapping[str, Any]) -> dict[str, float]:
     rates = dict(wanted or {})
-    _known("rate_limits", rates, list(moved), "this input is not moved")
+    _check_names("rate_limits", rates, list(moved), "this input is not moved")
     for name, rate in rates.items():
         if not (_number(rate) and rate > 0):
             raise InputError(
@@ -227,10 +231,10 @@ def _rates(wanted: Any, moved: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _noise(rivals: Sequence[Any], models: Sequence[Model], wanted: Any) -> dict[str, float]:
-    """Noise of the channels to compare. Misfit raises a fit's level, so the smallest is nearest."""
+    """Noise of the channels: the smallest of the fits, since misfit increases the estimate."""
     shared = [n for n in models[0].outputs if all(n in model.outputs for model in models)]
     if wanted is not None:
-        _known("noise", wanted, shared, "not an output of every rival")
+        _check_names("noise", wanted, shared, "not an output of every rival")
         noise = dict(wanted)
     else:
         fits = [fit for fit in rivals if isinstance(fit, Fit)]
@@ -266,7 +270,7 @@ def _substeps(
     held: Mapping[str, float],
     noise: Mapping[str, float],
 ) -> int:
-    """Integrator steps per sample that the hardest sequence, full reversals, needs."""
+    """Integrator steps per sample needed by the hardest sequence, full reversals."""
     names = tuple(space.limits)
     hold = max(2, round(space.active / space.step / 40)) * space.step
     probe = sequence(Design("reversals", dict.fromkeys(names, 1), 1.0, hold), space)

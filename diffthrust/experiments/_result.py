@@ -1,4 +1,4 @@
-"""A suggested experiment: the inputs to send, and what rival models predict for them."""
+"""A suggested experiment: inputs to send, and predictions of the rival models."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Trial(NamedTuple):
         kind: the family, such as "staircase".
         parameters: lowest and highest value of each input, ``share`` of the way to the limits, and
             ``hold`` [s], the time per level or half the shortest period.
-        separation: the criterion, for the two rivals that it separates worst.
+        separation: the criterion for the worst separated pair.
         words: the design in words.
     """
 
@@ -38,29 +38,29 @@ class Trial(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Experiment(Result):
-    """A test that separates rival models, and what is to be expected of it.
+    """A test that separates rival models, and its expected result.
 
     Args:
-        sentence: the test and its promise in words.
+        sentence: the test and its expected result in words.
         time: sample instants [s], ``(T,)``.
         inputs: the series to send to the vehicle, ``(T,)`` each, each value held to the next.
-        log_inputs: these and the inputs taken as constant: the inputs of the log to come.
-        ranking: all designs that were tried, the best first.
+        log_inputs: these and the constant inputs: the inputs of the future log.
+        ranking: all designs tried, the best first.
         rivals: names of the models.
-        separation: the criterion for the two rivals that are separated worst: the sum of squared
-            differences over the noise after one has imitated the other as well as it can. Half of
-            it is the expected log-likelihood ratio, with a standard deviation of its square root.
-            It rests on the best of 16 searches for an imitation, so it is an upper bound: of large
-            models with little known of their parameters it may be too high by a factor of two.
-        separations: the same for every pair ``(truth, imitator)``; of a model and the same with
-            more effects only with the larger one as the truth: the smaller is its special case.
-        decisive: whether the test can be expected to tell the rivals apart.
-        truth: the rival that, if it holds, is hardest to tell from another.
-        predictions: outputs by rival and channel, ``(T,)`` each: of ``truth`` as it is, of the
-            others as they imitate it.
+        separation: the criterion for the worst separated pair: the sum of squared differences over
+            the noise, after one rival has imitated the other as well as it can. Half of it is the
+            expected log-likelihood ratio, whose standard deviation is the square root of the
+            separation. It is an upper bound, from the best of 16 searches for an imitation: for
+            large models with poorly known parameters it may be too high by a factor of two.
+        separations: the same for every pair ``(truth, imitator)``; for nested models only with the
+            larger one as the truth, since the smaller is its special case.
+        decisive: whether the test is expected to discriminate the rivals.
+        truth: the rival that, if true, is hardest to discriminate from another.
+        predictions: outputs by rival and channel, ``(T,)`` each: of ``truth`` itself, and of the
+            others imitating it.
         noise: standard deviation of each channel's noise.
         units: of inputs and channels.
-        written: how the logs so far wrote them: people are told in those units.
+        written: how the logs so far wrote them; used as display units.
 
     Example:
         >>> rivals = [dft.Thruster(), dft.Thruster() + dft.effects.CommandDeadband(width=0.4)]
@@ -96,22 +96,22 @@ class Experiment(Result):
 
     @property
     def expected_log_likelihood_ratio(self) -> float:
-        """Expected gain of the right rival over the wrong one, for the worst pair."""
+        """Expected log-likelihood ratio of the true to the wrong rival, for the worst pair."""
         return 0.5 * self.separation
 
     def difference(self, channel: str, one: str, other: str) -> np.ndarray:
-        """The prediction of one rival less that of another, ``(T,)``."""
+        """The prediction of one rival minus that of another, ``(T,)``."""
         return self.predictions[one][channel] - self.predictions[other][channel]
 
     @showing
     def plot(self) -> Figure:
-        """The inputs, what the rivals predict with its noise, and the difference."""
+        """Plot the inputs, the predictions of the rivals with noise, and the difference."""
         from diffthrust.experiments._figures import experiment_figure
 
-        told, units = ShownUnits((self.written,)), self.units
+        shown_units, units = ShownUnits((self.written,)), self.units
 
         def shown(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-            return {name: told.values(name, x, units[name]) for name, x in series.items()}
+            return {name: shown_units.values(name, x, units[name]) for name, x in series.items()}
 
         order = [self.truth, *(name for name in self.rivals if name != self.truth)]
         return experiment_figure(
@@ -119,8 +119,11 @@ class Experiment(Result):
             self.time,
             shown(self.inputs),
             {name: shown(self.predictions[name]) for name in order},
-            {name: told.size(name, level, units[name]).value for name, level in self.noise.items()},
-            {name: told.unit(name, unit) for name, unit in units.items()},
+            {
+                name: shown_units.size(name, level, units[name]).value
+                for name, level in self.noise.items()
+            },
+            {name: shown_units.unit(name, unit) for name, unit in units.items()},
         )
 
     def to_csv(self, path: str | Path) -> None:

@@ -1,4 +1,4 @@
-"""Rival models, and what is already known of their parameters."""
+"""Rival models, with prior knowledge of their parameters."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from diffthrust.models._base.model import Model
 
 @dataclass(frozen=True)
 class Rival:
-    """A model that may be the right one.
+    """A model that may be true.
 
     Args:
         model: at its estimated values.
-        free: the parameters that it may move to imitate another.
-        precision: what is known of them: the inverse covariance in the optimiser's coordinates,
-            ``(k, k)``; zero where nothing is known.
+        free: the parameters it may move to imitate another.
+        precision: prior knowledge: inverse covariance in the optimiser's coordinates, ``(k, k)``;
+            zero without any.
     """
 
     model: Model
@@ -51,7 +51,7 @@ def models_of(rivals: Any) -> tuple[Model, ...]:
     """The models among models and fits.
 
     Raises:
-        InputError: fewer than two, or something else.
+        InputError: there are fewer than two, or an item is neither a model nor a fit.
     """
     if not isinstance(rivals, Sequence) or len(rivals) < 2:
         count = f"{len(rivals)}" if isinstance(rivals, Sequence) else repr(rivals)
@@ -69,7 +69,7 @@ def models_of(rivals: Any) -> tuple[Model, ...]:
 
 
 def names_of(models: Sequence[Model]) -> tuple[str, ...]:
-    """The models as they are written, numbered where two are written alike."""
+    """Names of the models; duplicates are numbered."""
     names = [str(model) for model in models]
     return tuple(
         f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name
@@ -78,7 +78,7 @@ def names_of(models: Sequence[Model]) -> tuple[str, ...]:
 
 
 def rival_of(source: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
-    """A model with what its fit, or the logs, or its priors say of its parameters."""
+    """A model with prior knowledge from its fit, the logs, or its priors."""
     free = tuple(name for name, p in model.parameters.items() if not p.fixed)
     if isinstance(source, Fit):
         return Rival(model, free, _precision(model, free, source.free, source.covariance))
@@ -87,15 +87,15 @@ def rival_of(source: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
         z = problem.start()
         local = examine(problem, z, solve(problem, z, budget=1).quadratic)
         return Rival(model, free, _precision(model, free, problem.free, local.covariance))
-    known = [n for n in free if model.parameters[n].prior is not None]
-    variances = [p.std**2 for n in known if (p := model.parameters[n].prior) is not None]
-    return Rival(model, free, _precision(model, free, known, np.diag(variances)))
+    with_prior = [n for n in free if model.parameters[n].prior is not None]
+    variances = [p.std**2 for n in with_prior if (p := model.parameters[n].prior) is not None]
+    return Rival(model, free, _precision(model, free, with_prior, np.diag(variances)))
 
 
 def _precision(
     model: Model, free: Sequence[str], names: Sequence[str], covariance: np.ndarray
 ) -> np.ndarray:
-    """Inverse covariance in the optimiser's coordinates; zero where nothing is known."""
+    """Inverse covariance in the optimiser's coordinates; zero without knowledge."""
     out = np.zeros((len(free), len(free)))
     spread = np.sqrt(np.diagonal(covariance)) if len(names) else np.zeros(0)
     kept = [i for i, name in enumerate(names) if name in free and 0 < spread[i] < math.inf]

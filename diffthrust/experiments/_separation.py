@@ -1,15 +1,15 @@
-"""How well a test tells two models apart, after one had the chance to imitate the other.
+"""How well a test discriminates two models, after one has imitated the other.
 
 The separation of a truth A from an imitator B under some inputs is
 
     min over theta of  sum |y_A - y_B(theta)|^2 / sigma^2 + (theta - theta_B)' P (theta - theta_B)
 
 over all channels and samples, with P the information of the logs to which B was fitted: the
-T-criterion of Atkinson & Fedorov 1975 (Biometrika 62, 57 and 289), with what is already known of
-the imitator's parameters. Half of it is the expected log-likelihood ratio. The minimum is found by
-Gauss-Newton steps whose Jacobians are those of forward mode; since every accepted step is verified
-by simulation, the figure is that of an imitation that exists. Angles are those that the models
-integrate, without a jump at the full turn: all begin alike, and the jump would make false minima.
+T-criterion of Atkinson & Fedorov 1975 (Biometrika 62, 57 and 289), with prior knowledge of the
+imitator's parameters. Half of it is the expected log-likelihood ratio. The minimum is found by
+Gauss-Newton steps with forward-mode Jacobians; since every accepted step is verified by simulation,
+the result is always attained by an actual imitation, hence an upper bound. Angles are not wrapped:
+all runs start equal, and jumps at a full turn would create false minima.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from diffthrust.experiments._rivals import Rival
 _SCREEN, _THOROUGH = 12, 30
 """Most steps of an imitation, in the search for designs and to verify one."""
 _SETTLED = 1e-3
-"""The imitation is done where a step gains less than this, relative and in the criterion."""
+"""An imitation ends if a step gains less than this, relative to 1 + criterion."""
 _SCATTER = 0.5
-"""Spread of further starts in a parameter's coordinate, where no less is known of it."""
+"""Largest spread of further starts in a parameter's coordinate."""
 
 
 class Imitation(NamedTuple):
     """The best imitation of a truth under each design.
 
     Args:
-        separation: what is left; NaN where a simulation failed.
+        separation: remaining difference; NaN if a simulation failed.
         outputs: of the imitator at its best.
     """
 
@@ -51,15 +51,15 @@ def imitated(
     starts: Float[np.ndarray, "designs free"] | None = None,
     steps: int = _SCREEN,
 ) -> Imitation:
-    """Let a rival imitate outputs by moving its parameters, under each design alone.
+    """Let a rival imitate outputs by moving its parameters, separately for each design.
 
     Args:
         rival: the imitator.
         conditions: time stamps and noise.
         inputs: all input series by name.
-        truth: the outputs to be imitated.
-        starts: coordinates to begin from; by default the rival's own.
-        steps: at most so many.
+        truth: the outputs to imitate.
+        starts: starting coordinates; by default those of the rival.
+        steps: most steps.
     """
     low, high = rival.limits
     z = np.tile(rival.start, (truth.shape[0], 1)) if starts is None else starts.copy()
@@ -113,17 +113,19 @@ def _newton(
 def pairs_of(rivals: Sequence[Rival]) -> list[tuple[int, int]]:
     """The pairs (truth, imitator) that a test must separate.
 
-    A rival that is another plus effects imitates it perfectly, by their null values; such a pair
-    is judged only as if the larger one holds.
+    A rival that extends another by effects imitates it perfectly, with the effects at their null;
+    such a pair counts only with the larger model as the truth.
     """
     many = range(len(rivals))
     return [(i, j) for i in many for j in many if i != j and not _extends(rivals[j], rivals[i])]
 
 
 def _extends(larger: Rival, smaller: Rival) -> bool:
-    one, other = larger.model, smaller.model
-    inside = {e.structure for e in other.effects} < {e.structure for e in one.effects}
-    return inside and type(one) is type(other)
+    larger_model, smaller_model = larger.model, smaller.model
+    inside = {e.structure for e in smaller_model.effects} < {
+        e.structure for e in larger_model.effects
+    }
+    return inside and type(larger_model) is type(smaller_model)
 
 
 def separations(
@@ -144,7 +146,7 @@ def imitated_from_afar(
 ) -> Imitation:
     """The best imitation under one design, from several starts.
 
-    The first start is the rival as it is; the others are drawn from what is known of it.
+    The first start is the rival itself; the others are drawn from its prior knowledge.
     """
     low, high = rival.limits
     spread = np.linalg.inv(rival.precision + np.eye(low.size) / _SCATTER**2)

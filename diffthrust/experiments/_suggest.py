@@ -1,4 +1,4 @@
-"""The experiment that best tells rival models apart."""
+"""Find the experiment that best discriminates rival models."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 
 _DECISIVE = 9.0
-"""Separation from which a test decides: the log-likelihood ratio is then wrong in its sign in at
-most one case of fifteen, the normal probability beyond half of its square root."""
+"""Separation above which a test is decisive: the log-likelihood ratio then has the wrong sign with
+probability 1/15, the normal tail beyond half its square root."""
 _ROUNDS = (1.5, 1.25, 1.12)
 _LEADERS = 4
 
@@ -50,16 +50,16 @@ def suggest_experiment(
     """Find the command sequence that best separates the predictions of rival models.
 
     Steps, reversals, pulses, staircases, ramps, chirps and multisines of several sizes and speeds
-    are tried, and the best are refined. The worth of a test is what remains of the difference
-    between two rivals after one has imitated the other as well as its parameters allow, given what
-    the logs so far say of them; for the pair that is separated worst.
+    are tried, and the best are refined. The criterion is the remaining difference between two
+    rivals after one has imitated the other as well as its parameters allow, given the logs so far;
+    for the worst separated pair.
 
     Source of the criterion: Atkinson & Fedorov 1975, Biometrika 62, 57 (two rivals) and 289
     (several).
 
     Args:
-        rivals: two or more models or fits. Of a fit, the covariance says how far its parameters may
-            move; of a model, its priors and the logs do.
+        rivals: two or more models or fits. How far parameters may move is given by the covariance
+            of a fit, or by priors and logs of a model.
         duration: length of the test [s].
         step: time between samples [s].
         limits: lowest and highest value of each input that may be moved, in the model's unit; by
@@ -70,15 +70,14 @@ def suggest_experiment(
         held: values of inputs that stay constant (inflow, supply voltage); by default their medians
             in ``logs``.
         rate_limits: largest change of an input per second.
-        rest: the inputs are at zero (or the nearest limit) for so long at the start and the end
-            [s].
-        correlation_time: of the noise [s], where it is not white: after this time its correlation
-            has fallen to 1/e. Process noise makes differences that last count for less.
+        rest: time at zero (or the nearest limit) at the start and the end [s].
+        correlation_time: time after which the noise's correlation has fallen to 1/e [s], if it is
+            not white. It reduces the weight of slow differences, as process noise would.
         seed: of the random sequences; the result is the same for the same arguments.
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
-        An `Experiment`; look at ``sentence`` first.
+        An `Experiment`; read ``sentence`` first.
 
     Raises:
         InputError: fewer than two rivals, an input without limits or value, no noise level, or
@@ -105,16 +104,16 @@ def suggest_experiment(
         noise=noise,
         held=held,
         rate_limits=rate_limits,
-        rest=rest,
+        rest_duration=rest,
         correlation_time=correlation_time,
         seed=seed,
     )
-    space, tell = request.space, teller(progress)
+    space, report = request.space, teller(progress)
     tried: dict[tuple[object, ...], tuple[float, Design]] = {}
-    tell("trying commands", 0.0)
+    report("trying commands", 0.0)
     _try(grid(space), request, tried)
     for k, factor in enumerate(_ROUNDS):
-        tell("refining the best", 0.4 + 0.3 * k / len(_ROUNDS))
+        report("refining the best", 0.4 + 0.3 * k / len(_ROUNDS))
         around = [
             design.changed(faster, larger, space)
             for _, design in _best(tried)[:_LEADERS]
@@ -122,13 +121,13 @@ def suggest_experiment(
         ]
         _try(around, request, tried)
     checked = 0
-    while True:  # a promise must hold against the best imitation found, not only the first
-        tell("seeking the best imitation", 1.0 - 0.3 * 0.7**checked)
+    while True:  # verify against the best imitation from several starts
+        report("seeking the best imitation", 1.0 - 0.3 * 0.7**checked)
         checked += 1
         worth, design = _best(tried)[0]
         verified = _Verified.of(design, request)
         if verified.worth >= worth * (1 - 1e-6):
-            tell("done", 1.0)
+            report("done", 1.0)
             return _result(request, _best(tried), verified)
         tried[design_key(design)] = (verified.worth, design)
 
@@ -149,7 +148,7 @@ def _best(tried: Mapping[Any, tuple[float, Design]]) -> list[tuple[float, Design
 
 
 class _Verified(NamedTuple):
-    """A design whose imitations were sought from several starts."""
+    """A design verified by imitations from several starts."""
 
     inputs: dict[str, np.ndarray]
     pairs: dict[tuple[int, int], float]

@@ -17,8 +17,8 @@ def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
     apart = {name: test.difference(name, test.truth, imitator) for name in test.noise}
     peaks = {name: float(np.max(np.abs(np.nan_to_num(d)))) for name, d in apart.items()}
     channel = max(peaks, key=lambda name: peaks[name] / test.noise[name])
-    told = ShownUnits((test.written,)).size(channel, peaks[channel], test.units[channel])
-    size = f"{number(told.value, 2)} {told.unit}".rstrip()
+    shown = ShownUnits((test.written,)).size(channel, peaks[channel], test.units[channel])
+    size = f"{number(shown.value, 2)} {shown.unit}".rstrip()
     size = f"{size} ({peaks[channel] / test.noise[channel]:.2g} x the noise)"
     ratio = f"expected log-likelihood ratio {test.expected_log_likelihood_ratio:.3g}"
     pair = " and ".join(f"'{name}'" for name in test.rivals if name in (test.truth, imitator))
@@ -40,11 +40,11 @@ def in_words(
         >>> in_words(design, space, {"command": "V"}, {})
         'Staircase of command between -2 V and 2 V, each level held 1.5 s'
     """
-    told = ShownUnits((written,))
+    shown = ShownUnits((written,))
     levels = {
         n: [
-            f"{_number(float(level))} {told.unit(n, units[n])}".rstrip()
-            for level in told.values(n, design.levels(n, space), units[n])
+            f"{_number(float(level))} {shown.unit(n, units[n])}".rstrip()
+            for level in shown.values(n, design.levels(n, space), units[n])
         ]
         for n in space.limits
     }

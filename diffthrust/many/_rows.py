@@ -1,4 +1,4 @@
-"""Results as rows of a table: one column for each quantity."""
+"""Results as table rows, one column per quantity."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from diffthrust.estimation._result import Fit
 
 
 def row_of(result: Any) -> dict[str, Any]:
-    """The columns of a fit or of a comparison; none of anything else."""
+    """The columns of a fit or a comparison; empty for other results."""
     if isinstance(result, Fit):
         numbers = estimates_of(result)
         values = {name: value for name, (value, _) in numbers.items()}
@@ -23,7 +23,7 @@ def row_of(result: Any) -> dict[str, Any]:
 
 
 def column_units(result: Any) -> dict[str, str]:
-    """The units of the columns of `row_of` that have one."""
+    """The units of the columns of `row_of`, where they have one."""
     units = {}
     if isinstance(result, Fit):
         for name, e in result.parameters.items():
@@ -34,7 +34,7 @@ def column_units(result: Any) -> dict[str, str]:
 
 
 def fit_row(fit: Fit) -> dict[str, Any]:
-    """What a table tells of a fit, but for its parameters."""
+    """The columns of a fit, except for its parameters."""
     return {
         "model": fit.model.name,
         "effects": ", ".join(effect.name for effect in fit.model.effects),

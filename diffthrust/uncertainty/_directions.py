@@ -1,4 +1,4 @@
-"""Identifiability: which combinations of parameters the logs know well, and which hardly."""
+"""Identifiability: combinations of parameters that the logs determine well, or hardly."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Direction:
     """One combination of parameters that varies independently of the others.
 
     Args:
-        std_error: how well the logs know it, as a relative change; infinite where not at all.
-        changes: what one standard error along it does to each parameter, in the parameter's unit,
-            by name; where nothing is known of it, what a change of one per cent does.
+        std_error: standard error as a relative change; infinite if not determined.
+        changes: change of each parameter per standard error along the direction, in the
+            parameter's unit, by name; if not determined, per change of one per cent.
         relative: the same as relative changes.
     """
 
@@ -45,7 +45,7 @@ class Direction:
 
     @property
     def grade(self) -> str:
-        """How well it is known, in two words."""
+        """How well it is determined, in words."""
         if not math.isfinite(self.std_error):
             return "not known at all"
         if self.std_error < _WELL:
@@ -54,7 +54,7 @@ class Direction:
 
     @property
     def members(self) -> dict[str, float]:
-        """Relative changes of the parameters that matter in it, the largest first."""
+        """Relative changes of the main parameters, the largest first."""
         largest = max(map(abs, self.relative.values()))
         kept = {n: c for n, c in self.relative.items() if abs(c) >= _PART * largest}
         return dict(sorted(kept.items(), key=lambda item: -abs(item[1])))
@@ -77,7 +77,7 @@ class Directions(Result):
 
     Args:
         directions: in the order of their standard errors.
-        held: parameters at a bound, which take no part.
+        held: parameters at a bound, which are left out.
 
     Example:
         >>> found = dft.uncertainty.directions(fit, log)
@@ -101,12 +101,12 @@ class Directions(Result):
 
     @property
     def sentences(self) -> list[str]:
-        """One for each direction, and one on what is held."""
+        """One for each direction, and one on held parameters."""
         sentences = [d.sentence for d in self.directions]
         return sentences + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
 
     def table(self) -> Renderable:
-        """A table of rich: how well each direction is known, and what it moves."""
+        """A rich table: how well each direction is determined, and its parameters."""
         from diffthrust._support.tables import renderable
 
         return renderable(self._report())
@@ -121,7 +121,7 @@ class Directions(Result):
         return "; ".join(self.sentences)
 
     def to_json(self) -> list[dict[str, Any]]:
-        """Plain data; ``std_error`` is ``None`` where nothing is known."""
+        """Plain data; ``std_error`` is ``None`` if not determined."""
         return [
             {
                 "std_error": d.std_error if math.isfinite(d.std_error) else None,
@@ -134,19 +134,18 @@ class Directions(Result):
 
 
 def directions(fit: Fit, logs: Log | Sequence[Log]) -> Directions:
-    """Eigen-directions of the information that the logs hold about the parameters.
+    """Eigenvectors of the information that the logs hold about the parameters.
 
-    Changes are relative to the values (to the standard error where a value is smaller than that).
-    Initial states and the
-    parameters of the noise go to their best. The information is that of the fit's likelihood:
-    with correlated residuals taken as white, all directions are less well known than told.
+    Changes are relative to the values (or to the standard error if a value is smaller). Initial
+    states and noise parameters are profiled out. The information is that of the fit's likelihood:
+    if residuals are correlated but assumed white, all directions are less well known than stated.
 
     Args:
         fit: a fit that converged.
         logs: its training logs, in their order.
 
     Raises:
-        InputError: a fit that failed or did not converge, or logs that are not its own.
+        InputError: the fit failed or did not converge, or the logs are not its own.
 
     Source: Brown & Sethna 2003, Physical Review E 68, 021904 (stiff and sloppy directions).
 
@@ -170,26 +169,30 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     length = np.sqrt(np.diagonal(information))
     length = np.where(length > 0, length, 1.0)
     scaled = information / np.outer(length, length)
-    # whether a direction is known at all must not depend on units: judged where all lengths are one
-    _, left = marginal_spread(gradient / length, scaled, inside, beside)
-    nothing = RANK_LIMIT * max(np.linalg.eigvalsh(left).max(initial=0.0), 1e-300)
+    # Rank must not depend on units: judge it with all coordinates scaled to unit information.
+    _, projected = marginal_spread(gradient / length, scaled, inside, beside)
+    nothing = RANK_LIMIT * max(np.linalg.eigvalsh(projected).max(initial=0.0), 1e-300)
     names, slopes = [problem.own[i] for i in inside], problem.slopes(z)[inside]
     length, values = length[inside], problem.values(z)
-    error = np.sqrt(np.diagonal(np.linalg.pinv(left, RANK_LIMIT, hermitian=True))) * slopes / length
-    whole = np.maximum(np.abs([values[n] for n in names]), error)
-    whole = np.where(whole > 0, whole, slopes)
-    unit = whole / slopes  # coordinates in a relative change of one
+    error = (
+        np.sqrt(np.diagonal(np.linalg.pinv(projected, RANK_LIMIT, hermitian=True)))
+        * slopes
+        / length
+    )
+    size = np.maximum(np.abs([values[n] for n in names]), error)
+    size = np.where(size > 0, size, slopes)
+    unit = size / slopes  # coordinates in a relative change of one
     length = length * unit
-    values, vectors = np.linalg.eigh(left * np.outer(length, length))
+    values, vectors = np.linalg.eigh(projected * np.outer(length, length))
     samples = float(np.sum(problem.numbers.counts))
     wide = inflation(problem, samples, inside.size + beside.size)
     ranked = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
-        # along the vector the scaled information is this small where nothing is known
-        known = value > nothing * float(np.sum((vector * length) ** 2))
-        error = math.sqrt(wide / value) if known else math.inf
+        # The same limit of rank, transformed to the scaled direction.
+        determined = value > nothing * float(np.sum((vector * length) ** 2))
+        error = math.sqrt(wide / value) if determined else math.inf
         sign = 1.0 if vector[np.argmax(np.abs(vector))] > 0 else -1.0
-        step = sign * vector * (error if known else 0.01)
+        step = sign * vector * (error if determined else 0.01)
         ranked.append(
             Direction(
                 error,

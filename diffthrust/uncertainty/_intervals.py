@@ -1,4 +1,4 @@
-"""All intervals of a fit side by side: which one to take, and why they differ."""
+"""Compare all intervals of a fit: which to use, and why they differ."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from diffthrust.uncertainty._sandwich import Sandwich, converged, quantile, sand
 from diffthrust.uncertainty._scores import sample_scores
 
 _WHITE = 0.1
-"""Residuals correlated from sample to sample by less than this count as white: standard errors that
-take them as white are then short by no more than a tenth."""
+"""Residuals with a lag-one correlation below this count as white: standard errors are then too
+short by at most a tenth."""
 _WIDER = 1.25
-"""A sandwich wider than the covariance by this factor, and by more than chance, is believed."""
+"""The sandwich is preferred if it is wider than the covariance by this factor and beyond chance."""
 
 
 @progressing
@@ -41,24 +41,24 @@ def intervals(
 ) -> Intervals:
     """Covariance, sandwich, profile and posterior intervals of every parameter, side by side.
 
-    One of them is recommended for each parameter: the profile where the residuals are as white as
-    the fit's likelihood takes them to be (under ``noise_model="ar1"`` what is new in the noise at
-    each sample), the sandwich where they are not. Where two disagree a sentence says why.
+    One of them is recommended for each parameter: the profile if the residuals are white, as the
+    fit's likelihood assumes (under ``noise_model="ar1"``, the residuals of the autoregression), or
+    else the sandwich. If two disagree, a sentence says why.
 
     Args:
-        fit: a fit that converged; of any likelihood, loss and noise model.
-        logs: its training logs, in their order.
-        posterior: draws of the same fit, as `sample` returns them (an ArviZ object with a group
-            ``posterior``); its intervals leave out equal shares to both sides.
-        level: of all intervals.
+        fit: a converged fit with any likelihood, loss and noise model.
+        logs: its training logs, in order.
+        posterior: draws of the same fit, as returned by `sample` (an ArviZ object with a group
+            ``posterior``); its intervals have equal tails.
+        level: confidence level of all intervals.
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         `Intervals`, by parameter, with the directions of the information.
 
     Raises:
-        InputError: a fit that failed or did not converge, logs that are not its own, a posterior
-            that lacks a parameter, or a level outside (0, 1).
+        InputError: the fit failed or did not converge, the logs are not its own, the posterior
+            lacks a parameter, or the level is outside (0, 1).
 
     Example:
         >>> found = dft.intervals(fit, log)
@@ -96,12 +96,14 @@ def intervals(
 
 
 def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
-    """Standard errors from the estimate to the ends of the covariance's interval."""
+    """Half-width of the covariance's interval in standard errors."""
     if problem.layout.likelihood.noise.lasts:
         return math.sqrt(threshold_of(problem, z, level))
-    left = float(np.sum(problem.numbers.counts)) - z.size
-    known = any(problem.layout.known_noise) or not problem.layout.likelihood.law.closed or left < 1
-    return quantile(level, math.inf if known else left)
+    degrees = float(np.sum(problem.numbers.counts)) - z.size
+    level_known = (
+        any(problem.layout.known_noise) or not problem.layout.likelihood.law.closed or degrees < 1
+    )
+    return quantile(level, math.inf if level_known else degrees)
 
 
 def _row(
@@ -159,7 +161,7 @@ def _wider(robust: Sandwich, name: str) -> bool:
 
 
 def _chance(robust: Sandwich, name: str) -> float:
-    """How far from one the inflation may be by chance: three relative standard deviations."""
+    """How far the inflation may differ from one by chance: three relative standard deviations."""
     return 3 / math.sqrt(2 * robust.degrees[name]) if name in robust.degrees else 0.0
 
 
@@ -182,7 +184,7 @@ def _drawn(posterior: Any, name: str, level: float) -> Interval:
 
 
 def _judged(posterior: Any) -> list[str]:
-    """What the sampler says of itself, where it is not content."""
+    """The convergence message of the posterior, unless it converged."""
     attrs = getattr(posterior, "attrs", None) or {}
     if attrs.get("status", "converged") == "converged":
         return []

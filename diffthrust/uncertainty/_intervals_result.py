@@ -1,4 +1,4 @@
-"""A table of intervals: by parameter and by the way they were found."""
+"""A table of intervals, by parameter and method."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ class Intervals(Result):
     Args:
         rows: by parameter.
         level: of all intervals.
-        correlation: of the residuals that the fit took as white, from sample to sample; zero within
-            what chance gives.
-        notes: what holds for all of them, the recommendation first.
-        directions: which combinations of parameters the logs know well.
+        correlation: lag-one correlation of the residuals assumed white; zero if within chance.
+        notes: remarks on all intervals, the recommendation first.
+        directions: combinations of parameters, by how well the logs determine them.
         profiles: the profiles behind the intervals.
 
     Example:
@@ -61,7 +60,7 @@ class Intervals(Result):
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """The methods that some parameter has an interval of."""
+        """The methods for which any parameter has an interval."""
         return tuple(m for m in _METHODS if any(m in row.intervals for row in self.rows.values()))
 
     @property
@@ -99,7 +98,7 @@ class Intervals(Result):
 
     @showing
     def plot(self) -> Figure:
-        """The intervals as bars below each other, one panel for each parameter."""
+        """Plot the intervals as stacked bars, one panel for each parameter."""
         from diffthrust.uncertainty._figures import intervals_figure
 
         return intervals_figure([row.shown for row in self.rows.values()], self.methods, self.level)

@@ -22,7 +22,7 @@ class Interval(NamedTuple):
 def scaled(
     ends: tuple[float | None, float | None], per: float
 ) -> tuple[float | None, float | None]:
-    """Both ends of an interval times a positive number; an open one stays open."""
+    """Scale both ends of an interval by a positive number; open ends stay open."""
     low, high = (None if end is None else per * end for end in ends)
     return low, high
 
@@ -35,12 +35,12 @@ class Row:
         name: full name of the parameter.
         unit: of the value and all intervals.
         value: the estimate.
-        intervals: by method, those that there are.
-        recommended: the method to take.
-        sentences: why methods disagree; empty where they do not.
-        bounds: lower and upper bound of the parameter where the profile reaches it, else ``None``.
-        per: how many of ``shown_unit`` make one of ``unit``.
-        shown_unit: the unit for people; ``unit`` where it is empty.
+        intervals: available intervals by method.
+        recommended: the method to use.
+        sentences: why methods disagree; empty if they agree.
+        bounds: lower and upper bound of the parameter if the profile reaches it, else ``None``.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit; ``unit`` if empty.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Row:
 
     @property
     def shown(self) -> Row:
-        """The same in the unit for people."""
+        """The same in the display unit."""
         if not self.shown_unit:
             return self
         return replace(
@@ -69,7 +69,7 @@ class Row:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, in the parameter's unit and in that for people."""
+        """Plain data, in the parameter's unit and in the display unit."""
         return {
             **self._sizes(),
             "recommended": self.recommended,

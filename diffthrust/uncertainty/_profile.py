@@ -1,4 +1,4 @@
-"""Profile likelihood: intervals that need no quadratic, of parameters and what follows of them."""
+"""Profile likelihood: intervals of parameters and derived quantities without a quadratic."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from diffthrust.uncertainty._profile_walk import DeeperError, Side, walk
 from diffthrust.uncertainty._sandwich import converged, quantile
 
 _ROUNDS = 3
-"""So often a walk may find a lower cost and all begin anew from there."""
+"""Most restarts of all profiles from a lower cost found by a walk."""
 
 
 @progressing
@@ -44,26 +44,25 @@ def profile(
     level: float = 0.95,
     progress: ProgressOption = None,
 ) -> Profiles:
-    """Intervals from the likelihood itself, by holding one parameter and fitting all others.
+    """Intervals from the profile likelihood: fix one parameter and fit all others.
 
-    The interval of a parameter holds every value at which the best fit of all others is not
+    The interval of a parameter contains every value at which the best fit of all others is not
     significantly worse: twice the drop of the log-likelihood stays below the quantile of the
-    chi-square law with one degree of freedom (Venzon & Moolgavkar 1988). It does not change with
-    the parameter's transform, it need not be symmetric, and it has no end where the data set none.
-    With noise levels that were estimated the quantile is that of the F law, exact for one channel
-    and a model linear in its parameters; under noise that lasts it counts the samples that are
-    independent. On long logs all are the same.
+    chi-square distribution with one degree of freedom (Venzon & Moolgavkar 1988). It is invariant
+    to transforms of the parameter, may be asymmetric, and is open if the data set no limit. With
+    estimated noise levels the F distribution is used, exact for one channel and a linear model;
+    under autocorrelated noise it counts independent samples. On long logs all of them agree.
 
-    The likelihood is the fit's own: where residuals are correlated and the fit assumed white noise,
-    the interval is too short. `intervals` says which one to take.
+    The likelihood is that of the fit: if residuals are correlated but the fit assumed white noise,
+    the interval is too short. `intervals` recommends which to use.
 
     Args:
-        fit: a fit that converged; of any likelihood, loss and noise model.
-        logs: its training logs, in their order.
-        names: free parameters, by full name; all of them where ``None``.
-        quantities: from parameter values by full name to quantities by name, in terms of
-            `jax.numpy`, as `derived` takes it. It is compiled once; parameters need nothing to be
-            compiled beyond the fit.
+        fit: a converged fit with any likelihood, loss and noise model.
+        logs: its training logs, in order.
+        names: free parameters, by full name; ``None`` for all.
+        quantities: function from parameter values by full name to quantities by name, written in
+            `jax.numpy`, as for `derived`. It is compiled once; profiles of parameters need no
+            compilation beyond the fit.
         units: the unit of each quantity.
         level: of the intervals.
         progress: True for a bar, or a function of a message and the share done.
@@ -72,8 +71,8 @@ def profile(
         `Profiles`, by name, the parameters first.
 
     Raises:
-        InputError: a fit that failed or did not converge, logs that are not its own, a name that
-            is no free parameter, or a level outside (0, 1).
+        InputError: the fit failed or did not converge, the logs are not its own, a name is not a
+            free parameter, or the level is outside (0, 1).
 
     Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87; Raue et al. 2009, Bioinformatics
     25, 1923.
@@ -92,12 +91,12 @@ def profile(
             "Write quantities=lambda p: {'gain': p['beta'] / p['alpha']}.",
         )
     problem, z = problem_of(fit, logs)
-    tell = teller(progress)
-    return profiles_of(fit, problem, z, wanted, quantities, units or {}, level, tell)
+    report = teller(progress)
+    return profiles_of(fit, problem, z, wanted, quantities, units or {}, level, report)
 
 
 def check_level(level: float, what: str) -> None:
-    """Raise `InputError` for a level of confidence that is none."""
+    """Raise `InputError` for an invalid confidence level."""
     if not (isinstance(level, float) and 0 < level < 1):
         raise InputError(
             f"{what}, level: expected a number between 0 and 1, found {level!r}.",
@@ -113,7 +112,7 @@ def profiles_of(
     quantities: Function | None,
     units: Mapping[str, str],
     level: float,
-    tell: Progress,
+    report: Progress,
 ) -> Profiles:
     """Profiles of a problem whose optimum is known."""
     threshold = threshold_of(problem, z, level)
@@ -121,8 +120,8 @@ def profiles_of(
     for _ in range(_ROUNDS):
         try:
             profiles = []
-            for done, name in enumerate(names):
-                tell(f"profile of {name}", done / len(names))
+            for index, name in enumerate(names):
+                report(f"profile of {name}", index / len(names))
                 line = ParameterLine(problem, name, best)
                 profiles.append(_profile(fit, problem, name, line, threshold, level))
             profiles += _quantities(fit, problem, best, quantities, units, threshold, level)
@@ -131,8 +130,8 @@ def profiles_of(
             best = optimum_at(problem, deeper.point.z)
     else:
         raise InputError(
-            f"profile: {_ROUNDS} times a lower cost than the best so far was found: the fit is at "
-            "none of the deep optima.",
+            f"profile: {_ROUNDS} times a lower cost than the best so far was found: the fit is not "
+            "at a deep optimum.",
             "Fit again with more starts.",
         )
     gain = first.cost - best.cost
@@ -141,7 +140,7 @@ def profiles_of(
 
 
 def optimum_at(problem: Problem, z: np.ndarray) -> ProfilePoint:
-    """The optimum next to some coordinates, where lines begin."""
+    """The optimum next to given coordinates, where profiles start."""
     solved = solve(problem, z)
     return ProfilePoint(
         math.nan, float(solved.quadratic.cost), solved.z, solved.quadratic, math.nan
@@ -165,27 +164,27 @@ def _wanted(fit: Fit, names: str | Sequence[str] | None) -> tuple[str, ...]:
 
 
 def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
-    """What twice the drop of the log-likelihood may be.
+    """Threshold of twice the drop of the log-likelihood.
 
-    Under noise that lasts there are fewer independent samples than samples, and a level known from
-    n of them has n / 2 degrees of freedom, for the correlation is estimated as well: its long-run
-    variance has the relative variance 4 / n (of an autoregression a over T samples
-    4 (1 + a) / (1 - a) / T, see the sandwich).
+    Under autocorrelated noise, n independent samples give a noise level with n / 2 degrees of
+    freedom, because the correlation is estimated as well: the long-run variance has the relative
+    variance 4 / n (for an AR(1) coefficient a over T samples, 4 (1 + a) / (1 - a) / T, see the
+    sandwich).
     """
     likelihood = problem.layout.likelihood
     if likelihood.noise.lasts:
         channels = problem.layout.channels
         samples = likelihood.noise.independent(channels, problem.numbers, problem.values(z))
-        left = max(samples - len(problem.own) - problem.local, 1.0)
-        return quantile(confidence, 0.5 * samples) ** 2 * samples / left
+        degrees = max(samples - len(problem.own) - problem.local, 1.0)
+        return quantile(confidence, 0.5 * samples) ** 2 * samples / degrees
     plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
     if not likelihood.law.closed or any(problem.layout.known_noise):
         return plain
     samples = float(np.sum(problem.numbers.counts))
-    left = samples - z.size
-    if left < 1:
+    degrees = samples - z.size
+    if degrees < 1:
         return plain
-    return samples * math.log1p(quantile(confidence, left) ** 2 / left)
+    return samples * math.log1p(quantile(confidence, degrees) ** 2 / degrees)
 
 
 def _quantities(
@@ -249,13 +248,13 @@ def _end(line: Line, side: Side) -> float | None:
 
 
 def _met(line: Line, side: Side, limit: float) -> float | None:
-    """The bound of the parameter, where a side reaches it."""
+    """The bound of the parameter, if a side reaches it."""
     met = side.why == "bound" and math.isfinite(limit)
     return line.value(side.points[-1].x) if met else None
 
 
 def _why(line: Line, side: Side, limit: float, more: str) -> str | None:
-    """Why a side has no end, in words."""
+    """Why a side is open, in words."""
     last = line.value(side.points[-1].x)
     if side.why == "bound" and math.isfinite(limit):
         return f"reaches the bound {limit:g}"

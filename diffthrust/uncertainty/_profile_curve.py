@@ -12,7 +12,7 @@ from diffthrust._support.words import with_error
 from diffthrust.uncertainty._intervals_row import scaled
 
 LOPSIDED = 1.15
-"""An interval is called lopsided where one arm is longer than the other by this factor."""
+"""An interval is called lopsided if one arm is longer than the other by this factor."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,19 +23,19 @@ class Profile(Brief):
         name: of the parameter or quantity.
         unit: of all its values.
         value: the best value.
-        low: lower end of the interval; ``None`` where it is open, and ``open_low`` says why.
-        high: upper end; ``None`` where it is open, and ``open_high`` says why.
+        low: lower end of the interval; ``None`` if open, for the reason in ``open_low``.
+        high: upper end; ``None`` if open, for the reason in ``open_high``.
         open_low: reason in words, or ``None``.
         open_high: reason in words, or ``None``.
         level: of the interval.
-        threshold: what twice the drop of the log-likelihood reaches at the ends.
-        grid: values that were tried, increasing, ``(n,)``.
-        drop: drop of the log-likelihood at them, with all else at its best, ``(n,)``.
-        std_error: that of the fit's covariance, for comparison; ``None`` where it has none.
-        quantity: it follows from parameters and is none itself.
-        bounds: lower and upper bound of the parameter where the profile reaches it, else ``None``.
-        per: how many of ``shown_unit`` make one of ``unit``.
-        shown_unit: the unit for people; ``unit`` where it is empty.
+        threshold: twice the drop of the log-likelihood at the ends.
+        grid: evaluated values, increasing, ``(n,)``.
+        drop: drop of the log-likelihood there, all other parameters optimised, ``(n,)``.
+        std_error: from the fit's covariance, for comparison; ``None`` if it has none.
+        quantity: whether it is derived from parameters.
+        bounds: lower and upper bound of the parameter if the profile reaches it, else ``None``.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit; ``unit`` if empty.
 
     Example:
         >>> alpha = dft.uncertainty.profile(fit, log, "alpha")["alpha"]
@@ -64,7 +64,7 @@ class Profile(Brief):
 
     @property
     def shown(self) -> Profile:
-        """The same in the unit for people."""
+        """The same in the display unit."""
         if not self.shown_unit:
             return self
         low, high = scaled((self.low, self.high), self.per)
@@ -83,14 +83,14 @@ class Profile(Brief):
 
     @property
     def lopsided(self) -> float | None:
-        """Length of the upper arm over that of the lower one; ``None`` where an end is open."""
+        """Ratio of the upper to the lower arm; ``None`` if an end is open."""
         if self.low is None or self.high is None or self.low >= self.value:
             return None
         return (self.high - self.value) / (self.value - self.low)
 
     @property
     def sentence(self) -> str:
-        """The interval in words, in the unit for people."""
+        """The interval in words, in the display unit."""
         return self.shown._sentence
 
     @property
@@ -119,7 +119,7 @@ class Profile(Brief):
         return with_error(end, 0.5 * abs(end - self.value))[0]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, the interval in the parameter's unit and in that for people."""
+        """Plain data, the interval in the parameter's unit and in the display unit."""
         return {
             **self._ends(),
             "written": self.shown._ends(),

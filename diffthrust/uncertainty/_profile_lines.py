@@ -1,4 +1,4 @@
-"""What a profile is taken along: a parameter, or a quantity that follows from several."""
+"""Lines along which a profile is taken: a parameter, or a derived quantity."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from diffthrust.estimation._solver import MOST_STEPS, BoundedLevenbergMarquardt,
 from diffthrust.uncertainty._sandwich import VANISHED
 
 _STIFF = 0.1
-"""A pull is as strong as a measurement of the quantity with this share of its standard error."""
+"""A pull acts like a measurement of the quantity with this share of its standard error."""
 Function = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
 class ProfilePoint(NamedTuple):
-    """The least cost at one place of a line, and the coordinates that have it.
+    """The least cost at one position of a line, and the coordinates there.
 
-    ``aim`` is what was asked for: a quantity is only drawn near to it.
+    ``aim`` is the requested position, which a quantity reaches only approximately.
     """
 
     x: float
@@ -38,9 +38,9 @@ class ProfilePoint(NamedTuple):
 
 
 def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
-    """Inverse information in the coordinates that are free, zero for those at a bound ``(N, N)``.
+    """Inverse information of the free coordinates, zero for those at a bound, ``(N, N)``.
 
-    Directions of which nothing is known are left out: here it only sets steps, never intervals.
+    Undetermined directions are left out: the result sets only step lengths, never intervals.
     """
     low, high = problem.limits()
     inside = (point.z > low + 1e-9) & (point.z < high - 1e-9)
@@ -53,7 +53,7 @@ def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ParameterLine:
-    """A free parameter, in its coordinate; it is held by limits that are equal."""
+    """A free parameter, in its coordinate; equal limits fix it, so nothing is compiled anew."""
 
     problem: Problem
     name: str
@@ -66,16 +66,16 @@ class ParameterLine:
 
     @cached_property
     def scale(self) -> float:
-        """Standard error in the coordinate; at a bound, the way to a cost of about one half."""
+        """Standard error in the coordinate; at a bound, the distance to a cost higher by 1/2."""
         i, q = self.place, self.best.quadratic
         variance = spread(self.problem, self.best)[i, i]
-        if variance > 1e-24:  # less is rounding, of a coordinate at its bound
+        if variance > 1e-24:  # smaller values are rounding errors of a coordinate at its bound
             return float(min(np.sqrt(variance), 1.0))
         steep = np.sqrt(max(float(q.information[i, i]), 0.0)) + abs(float(q.gradient[i]))
         return float(np.clip(1.0 / max(steep, 1.0), 1e-12, 1.0))
 
     def ends(self) -> tuple[float, float]:
-        """The bounds; of a logarithm without any, ten decades away."""
+        """The bounds; for a logarithm without bounds, ten decades away."""
         low, high = (float(side[self.place]) for side in self.problem.limits())
         x, p = self.best.z[self.place], self.problem.named[self.name]
         if p.transform != "log":
@@ -91,15 +91,15 @@ class ParameterLine:
         return self.best._replace(x=x, aim=x)
 
     def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
-        """The least cost at ``x``, from the neighbour along the valley's direction."""
+        """The least cost at ``x``, starting from a neighbour along the direction of the valley."""
         i, (low, high) = self.place, self.problem.limits()
-        others = np.asarray(near.quadratic.information).copy()
+        information = np.asarray(near.quadratic.information).copy()
         inside = (near.z > low + 1e-9) & (near.z < high - 1e-9)
         inside[i] = False
-        gram = others[np.ix_(inside, inside)]
+        gram = information[np.ix_(inside, inside)]
         length = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         slope = np.linalg.lstsq(
-            gram / np.outer(length, length), others[inside, i] / length, rcond=1e-10
+            gram / np.outer(length, length), information[inside, i] / length, rcond=1e-10
         )[0]
         low, high = low.copy(), high.copy()
         low[i] = high[i] = x
@@ -119,12 +119,12 @@ class ParameterLine:
 
 @dataclass(frozen=True)
 class QuantityLine:
-    """A function of the parameters, drawn aside by a soft pull.
+    """A function of the parameters, moved by a penalty.
 
-    With ``((q(z) - target) / width)^2 / 2`` added to the cost, the search ends where no z of the
-    same q has a lower cost, for all of them pay the same for the pull: what is left without it
-    lies on the profile, at the q that was reached. All quantities of a function share a
-    compilation.
+    With ``((q(z) - target) / width)^2 / 2`` added to the cost, the minimiser has the least cost of
+    all z with the same q, since they all pay the same penalty. The cost without the penalty is
+    therefore on the profile, at the q that was reached. No equality constraint is needed, and all
+    quantities of a function share a compilation.
     """
 
     problem: Problem
@@ -156,11 +156,13 @@ class QuantityLine:
         return self.best._replace(x=x, aim=x)
 
     def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
-        """The least cost at a value near ``x``."""
+        """The least cost at a value close to ``x``."""
         low, high = self.problem.limits()
         width = _STIFF * self.scale
-        drawn = x + _STIFF**2 * (x - self._slope[0])  # as far as a quadratic cost pulls back
-        z, quadratic, value, pull, _ = _pulled(
+        drawn = x + _STIFF**2 * (
+            x - self._slope[0]
+        )  # compensates the pull of a quadratic cost towards the optimum
+        z, quadratic, value, pull, _ = _solve_pulled(
             self.problem.layout,
             self.function,
             self.problem.numbers,
@@ -171,17 +173,17 @@ class QuantityLine:
             jnp.asarray(drawn),
             jnp.asarray(width),
         )
-        quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
+        quadratic = Quadratic(*(np.asarray(array) for array in quadratic))
         cost = float(quadratic.cost) - float(pull)
         return ProfilePoint(float(value), cost, np.asarray(z), quadratic, x)
 
     def value(self, x: float) -> float:
-        """The place is the value."""
+        """The position is the value itself."""
         return x
 
 
 Line = ParameterLine | QuantityLine
-"""What can be held at a place while all else goes where the cost is least."""
+"""A parameter or a quantity that is fixed while all else minimises the cost."""
 
 
 def _of(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index: Any) -> Any:
@@ -198,7 +200,7 @@ def _quantity(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, 
 
 
 @program(2)
-def _pulled(
+def _solve_pulled(
     layout: Any,
     function: Function,
     numbers: ProblemNumbers,
@@ -216,12 +218,12 @@ def _pulled(
 
     def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
         q = evaluate(layout, args[0], y)
-        rest, slope = of(y, args[0]), jax.jacfwd(of)(y, args[0])
-        cost = q.cost + 0.5 * rest**2
+        residual, slope = of(y, args[0]), jax.jacfwd(of)(y, args[0])
+        cost = q.cost + 0.5 * residual**2
         cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
         q = q._replace(
             cost=cost,
-            gradient=q.gradient + rest * slope,
+            gradient=q.gradient + residual * slope,
             information=q.information + slope[:, None] * slope[None, :],
         )
         return cost, q
@@ -235,6 +237,6 @@ def _pulled(
         max_steps=MOST_STEPS,
         throw=False,
     )
-    rest = of(solution.value, numbers)
-    value = rest * width + target
-    return solution.value, solution.aux, value, 0.5 * rest**2, solution.state.done
+    residual = of(solution.value, numbers)
+    value = residual * width + target
+    return solution.value, solution.aux, value, 0.5 * residual**2, solution.state.done

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Better:
-    """An optimum that a walk came upon and that the fit had missed.
+    """A better optimum found by a walk, which the fit had missed.
 
     Args:
         values: of all parameters, by full name.
@@ -36,7 +36,7 @@ class Profiles(Result):
     Args:
         profiles: by name.
         level: of their intervals.
-        better: a better optimum found on the way, to which the profiles then belong, or ``None``.
+        better: a better optimum found on the way, which the profiles then belong to, or ``None``.
 
     Example:
         >>> found = dft.uncertainty.profile(fit, log, "alpha")
@@ -90,7 +90,7 @@ class Profiles(Result):
 
     @showing
     def plot(self) -> Figure:
-        """Each profile beside the quadratic of the covariance, with the threshold and the ends."""
+        """Plot each profile with the quadratic of the covariance, the threshold and the ends."""
         from diffthrust.uncertainty._figures import profile_figure
 
         return profile_figure(list(self.profiles.values()))

@@ -1,4 +1,4 @@
-"""The walk along a profile to where the likelihood has fallen far enough."""
+"""Walk along a profile likelihood to the end of the confidence interval."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from diffthrust.uncertainty._profile_lines import Line, ProfilePoint
 _MOST = 60
 """Most points to one side."""
 _FAR = 1e4
-"""A walk without bounds ends after so many standard errors."""
+"""A walk without bounds stops after this many standard errors."""
 _STEP = 1 / 3
-"""Steps aim at this share of the threshold's root."""
+"""A step aims at this share of the threshold's root."""
 _NEAR = 1e-4
-"""An end is found where the signed root agrees with the threshold's to this share."""
+"""Relative tolerance of the root at the end of the interval."""
 _GAIN = 1e-3
-"""A cost lower by this than the fit's is another optimum, not rounding."""
+"""A cost lower than the fit's by this is another optimum, not rounding."""
 
 
 class DeeperError(Exception):
-    """A walk came to a lower cost than that of the fit, at ``point``."""
+    """A walk found a lower cost than that of the fit, at ``point``."""
 
     def __init__(self, point: ProfilePoint) -> None:
         self.point = point
@@ -32,9 +32,9 @@ class Side(NamedTuple):
     """One half of a profile.
 
     Args:
-        points: from the optimum outwards, in the order of their places.
-        end: where the likelihood has fallen far enough, or ``None``.
-        why: the reason, where there is no end: "bound", "flat", "stuck" or "fails".
+        points: from the optimum outwards.
+        end: end of the interval, or ``None``.
+        why: the reason if there is no end: "bound", "flat", "stuck" or "fails".
     """
 
     points: list[ProfilePoint]
@@ -43,11 +43,11 @@ class Side(NamedTuple):
 
 
 def walk(line: Line, sign: float, reach: float) -> Side:
-    """From the optimum to one side, in steps that follow the profile's own steepness.
+    """Walk from the optimum to one side, with steps adapted to the steepness of the profile.
 
-    The root of twice the drop of the log-likelihood grows nearly linearly with the distance, so a
-    step aims at a third of the way in that root, and the end is found on it by regula falsi
-    (Illinois; Dowell & Jarratt 1971).
+    The root of twice the drop of the log-likelihood is nearly linear in the distance (exactly so
+    for a quadratic), unlike the drop itself. A step aims at a third of the threshold in that root,
+    and the end is found by regula falsi on it (Illinois; Dowell & Jarratt 1971).
 
     Args:
         line: what is profiled.
@@ -55,7 +55,7 @@ def walk(line: Line, sign: float, reach: float) -> Side:
         reach: the root of twice the drop at which the walk ends.
 
     Raises:
-        DeeperError: a lower cost than that of the optimum.
+        DeeperError: a point has a lower cost than the optimum.
     """
     start = line.start()
     limit = line.ends()[0 if sign < 0 else 1]
@@ -74,17 +74,19 @@ def walk(line: Line, sign: float, reach: float) -> Side:
             if failures > 8:
                 return Side(points, None, "fails")
             continue
-        _check(point, start)
+        _check_deeper(point, start)
         moved = sign * (point.x - last.x)
-        if moved < 0.05 * abs(aim - last.x):  # the parameters' bounds hold a quantity back
+        if moved < 0.05 * abs(
+            aim - last.x
+        ):  # bounds of the parameters keep the quantity from moving
             stuck, step = stuck + 1, 4 * step
             if stuck > 3:
                 return Side(points, None, "stuck")
             continue
         points.append(point)
         if root(point, start) >= reach:
-            points, end = _between(line, points, start, reach)
-            return Side(_beyond(line, points, sign, limit, end), end, None)
+            points, end = _bracketed_end(line, points, start, reach)
+            return Side(_point_outside(line, points, sign, limit, end), end, None)
         rise = root(point, start) - root(last, start)
         wanted = _STEP * reach * moved / rise if rise > 0 else np.inf
         step = float(np.clip(wanted, 0.25 * moved, 4 * moved))
@@ -96,18 +98,18 @@ def root(point: ProfilePoint, start: ProfilePoint) -> float:
     return float(np.sqrt(2 * max(point.cost - start.cost, 0.0)))
 
 
-def _check(point: ProfilePoint, start: ProfilePoint) -> None:
+def _check_deeper(point: ProfilePoint, start: ProfilePoint) -> None:
     if point.cost < start.cost - _GAIN:
         raise DeeperError(point)
 
 
-def _between(
+def _bracketed_end(
     line: Line, points: list[ProfilePoint], start: ProfilePoint, reach: float
 ) -> tuple[list[ProfilePoint], float]:
-    """The place where the root has the wanted value, between the last two points."""
+    """Find the end of the interval between the last two points."""
     inner, outer = points[-2], points[-1]
     inside, outside = root(inner, start) - reach, root(outer, start) - reach
-    known, kept = [*points], 0
+    tried, kept = [*points], 0
     nearest = outer if outside < -inside else inner
     for _ in range(40):
         if abs(root(nearest, start) - reach) < _NEAR * reach:
@@ -118,21 +120,23 @@ def _between(
         point = line.reach(x, inner)
         if not np.isfinite(point.cost):
             point = line.reach(x, outer)
-        _check(point, start)
-        known.append(point)
+        _check_deeper(point, start)
+        tried.append(point)
         nearest, miss = point, root(point, start) - reach
-        if miss >= 0:  # an end that stays twice counts half, or it would stay for ever
+        if (
+            miss >= 0
+        ):  # Illinois: halve the value of an end kept twice, or it would be kept for ever
             outer, outside, inside = point, miss, inside * (0.5 if kept == 1 else 1.0)
         else:
             inner, inside, outside = point, miss, outside * (0.5 if kept == -1 else 1.0)
         kept = 1 if miss >= 0 else -1
-    return sorted(known, key=lambda p: abs(p.x - start.x)), nearest.x
+    return sorted(tried, key=lambda p: abs(p.x - start.x)), nearest.x
 
 
-def _beyond(
+def _point_outside(
     line: Line, points: list[ProfilePoint], sign: float, limit: float, end: float
 ) -> list[ProfilePoint]:
-    """One more point a little outside, so that a figure shows the crossing."""
+    """Add a point slightly outside, so that a figure shows the crossing."""
     start, last = points[0], points[-1]
     x = end + 0.2 * (end - start.x)
     if sign * (last.x - x) >= 0 or sign * (limit - x) <= 0:

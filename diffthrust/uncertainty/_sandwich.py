@@ -1,4 +1,4 @@
-"""The sandwich covariance: standard errors that hold where residuals are correlated in time."""
+"""The sandwich covariance: standard errors valid for residuals correlated in time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from diffthrust.logs._log import Log
 from diffthrust.uncertainty._scores import Scores, sample_scores, summed
 
 VANISHED = 23.0
-"""A "log" parameter so many e-foldings (ten decades) below its start has run to zero, as in the
+"""A "log" parameter this many e-foldings (ten decades) below its start has vanished, as in the
 fit's status."""
 
 
@@ -37,10 +37,10 @@ class Sandwich(Brief):
         inflation: by name, the standard error over that of the fit; near 1 where the residuals
             are white. ``None`` where either is undefined.
         block: length of the overlapping blocks of time, in samples, after prewhitening.
-        block_seconds: the same [s], by the median step of the logs; NaN without a time.
-        memory: by name, how many successive samples count as one.
+        block_seconds: the same [s], by the median step of the logs; NaN for static logs.
+        memory: by name, number of successive samples that count as one.
         degrees: by name, degrees of freedom of the standard error, for the quantile of Student's t:
-            a variance measured on few independent stretches is itself uncertain.
+            a variance estimated from few independent blocks is itself uncertain.
         values: the estimates, by name.
 
     Example:
@@ -63,7 +63,7 @@ class Sandwich(Brief):
     values: Mapping[str, float]
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float] | None:
-        """Confidence interval of a parameter in its unit; ``None`` where it has no error."""
+        """Confidence interval of a parameter in its unit; ``None`` if it has no error."""
         error = self.std_errors[name]
         if error is None:
             return None
@@ -89,18 +89,18 @@ class Sandwich(Brief):
 
 
 def sandwich(fit: Fit, logs: Log | Sequence[Log]) -> Sandwich:
-    """Covariance that stays honest where residuals are correlated in time.
+    """Covariance that remains valid if residuals are correlated in time.
 
-    The inverse curvature on both sides of the scatter of the scores (Huber 1967; White 1980). The
-    scatter is summed over overlapping blocks of time within each log, with weights that fall
-    linearly (Newey & West 1987), never across logs. The blocks are as long as the scores'
-    own correlation asks (Andrews 1991, first-order plug-in), after prewhitening by a first-order
-    autoregression of each parameter's scores (Andrews & Monahan 1992): without it intervals of some
-    hundred samples cover too little; with it, what they cover is measured in
+    The inverse curvature on both sides of the covariance of the scores (Huber 1967; White 1980).
+    The latter is summed over overlapping blocks of time within each log, with linearly falling
+    weights (Newey & West 1987), never across logs. Block lengths follow from the scores'
+    correlation (Andrews 1991, first-order plug-in), after prewhitening by a first-order
+    autoregression of each parameter's scores (Andrews & Monahan 1992): without it, intervals from
+    some hundred samples cover too little. The coverage is measured in
     tests/uncertainty/test_coverage.py.
 
-    It holds for noise that is correlated, that comes from another law than the fit assumed or
-    that grows with the signal. It cannot mend an estimate that a missing effect has biased.
+    It is valid for noise that is correlated, has another law than assumed, or grows with the
+    signal. It cannot correct the bias from a missing effect.
 
     Args:
         fit: a fit that converged; of any likelihood, loss and noise model.
@@ -110,7 +110,7 @@ def sandwich(fit: Fit, logs: Log | Sequence[Log]) -> Sandwich:
         A `Sandwich`.
 
     Raises:
-        InputError: a fit that failed or did not converge, or logs that are not its own.
+        InputError: the fit failed or did not converge, or the logs are not its own.
 
     Source: Andrews 1991, Econometrica 59, 817; Andrews & Monahan 1992, Econometrica 60, 953.
 
@@ -125,7 +125,7 @@ def sandwich(fit: Fit, logs: Log | Sequence[Log]) -> Sandwich:
 
 
 def converged(fit: Fit, what: str) -> None:
-    """Raise `InputError` for a fit that is not at an optimum, of which nothing can be said."""
+    """Raise `InputError` for a fit that is not at an optimum."""
     if not isinstance(fit, Fit):
         raise InputError(
             f"{what}: expected a fit, found {type(fit).__name__}.", "Give what dft.fit returns."
@@ -154,7 +154,7 @@ def quantile(level: float, degrees: float) -> float:
 def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, measured: Scores) -> Sandwich:
     """The sandwich of a problem whose scores are known."""
     inside, weights = _influence(problem, z, measured)
-    ours = [problem.own[i] for i in inside]
+    names = [problem.own[i] for i in inside]
     pairs = zip(measured.places, measured.values, strict=True)
     runs = [weights[:, place] @ values for place, values in pairs]
     scatter, block, memory, degrees = summed(runs)
@@ -176,8 +176,8 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, measured: Scores) -> 
         inflation={n: _ratio(errors[n], naive[n]) for n in problem.own},
         block=block,
         block_seconds=block * float(np.median(steps)) if timed else math.nan,
-        memory=dict(zip(ours, map(float, memory), strict=True)),
-        degrees=dict(zip(ours, map(float, degrees), strict=True)),
+        memory=dict(zip(names, map(float, memory), strict=True)),
+        degrees=dict(zip(names, map(float, degrees), strict=True)),
         values={n: fit.parameters[n].value for n in problem.own},
     )
 
@@ -187,10 +187,10 @@ def _ratio(error: float | None, naive: float | None) -> float | None:
 
 
 def _influence(problem: Problem, z: np.ndarray, measured: Scores) -> tuple[np.ndarray, np.ndarray]:
-    """Which of the model's parameters are free, and what a score moves them by, ``(k, N)``.
+    """The free model parameters, and their influence function (change per score), ``(k, N)``.
 
-    The coordinates are treated as `examine` treats them: those at a bound are held, those of the
-    noise follow, and a parameter that these logs cannot tell from others is NaN.
+    Coordinates are treated as in the fit's status: those at a bound are fixed, those of the noise
+    are profiled out, and a parameter that is not identifiable is NaN.
     """
     low, high = problem.limits()
     gradient = np.asarray(solve(problem, z, budget=1).quadratic.gradient)
@@ -206,8 +206,8 @@ def _influence(problem: Problem, z: np.ndarray, measured: Scores) -> tuple[np.nd
     length = np.sqrt(np.diagonal(information))
     length = np.where(length <= 0, 1.0, length)
     scaled = information / np.outer(length, length)
-    _, left = marginal_spread(gradient / length, scaled, inside, beside)
-    values, vectors = np.linalg.eigh(left)
+    _, projected = marginal_spread(gradient / length, scaled, inside, beside)
+    values, vectors = np.linalg.eigh(projected)
     null = values <= RANK_LIMIT * max(values.max(initial=0.0), 1e-300)
     inverse = (vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T
     cross, noise = scaled[np.ix_(inside, beside)], scaled[np.ix_(beside, beside)]
@@ -216,5 +216,5 @@ def _influence(problem: Problem, z: np.ndarray, measured: Scores) -> tuple[np.nd
     weights[:, beside] = -inverse @ cross @ np.linalg.pinv(noise, rcond=1e-10, hermitian=True)
     weights /= length[inside][:, None] * length[None, :]
     weights[np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)] = np.nan
-    ours = inside < k
-    return inside[ours], weights[ours]
+    own = inside < k
+    return inside[own], weights[own]

@@ -1,7 +1,6 @@
-"""Scores: what each sample says of the parameters, and how far their sum scatters.
+"""Scores (gradients of the log-likelihood by sample) and the covariance of their sum.
 
-Log by log and in the order of time; the scatter is that of sums over blocks of time, for samples
-are correlated.
+The covariance is summed over blocks of time within each log, because samples are correlated.
 """
 
 from __future__ import annotations
@@ -21,22 +20,22 @@ from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Layout, Problem
 
 _LASTING = 0.97
-"""A series is taken to last no longer than this correlation from sample to sample allows."""
+"""Largest lag-one correlation used for prewhitening."""
 _LEAST = 2.0
-"""Fewest degrees of freedom: with less, an interval would say nothing at all."""
+"""Fewest degrees of freedom: with fewer, an interval would be useless."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """The gradient of the cost by samples, and the curvature that belongs to it.
+    """The gradient of the cost by sample, and the matching curvature.
 
     Args:
         values: for each log the gradient of the negative log-likelihood with respect to the
             coordinates in ``places``, by channel and sample, ``(C, n + m, T)``; NaN where nothing
-            was measured. Priors are no samples and not in it.
-        places: for each log the coordinates of its rows: the shared ones, then its initial states.
-        residuals: for each log and channel over the noise level, ``(C, T)``; NaN where nothing was
-            measured. They are what the likelihood takes as white.
+            was measured. Priors are not included.
+        places: for each log the coordinates of its rows: shared ones, then its initial states.
+        residuals: residuals over the noise level, for each log ``(C, T)``; NaN where nothing was
+            measured. The likelihood assumes them white.
         curvature: expected Hessian of the cost without priors, in all coordinates, ``(N, N)``.
         prior: information of the priors, ``(N, N)``.
         samples: number of measured values.
@@ -52,25 +51,25 @@ class Scores:
     def lag_one(self) -> float:
         """The largest correlation of a channel's residuals from sample to sample.
 
-        Zero where it is within what chance gives to white noise (three standard deviations).
+        Zero if within the range of white noise (three standard deviations).
         """
         return max(map(lag_one, zip(*self.residuals, strict=True)), default=0.0)
 
 
 def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
-    """Scores at some coordinates, by one forward-mode pass over the logs.
+    """Scores at given coordinates, by one forward-mode pass over the logs.
 
-    The curvature is the Gauss-Newton one for the Gaussian law. Under the Student-t law it is
-    weighted by the mean slope of the law's score in each channel, measured on the residuals: the
-    weights of the fit's own information would count outliers twice (Huber & Ronchetti 2009,
-    section 7.6).
+    For the Gaussian law the curvature is that of Gauss-Newton. For the Student-t law it is weighted
+    by the mean derivative of the law's score in each channel, evaluated on the residuals: the
+    weights of the fit's information would count outliers twice (Huber & Ronchetti 2009, section
+    7.6).
 
     Args:
         problem: an estimation problem.
         z: coordinates, ``(N,)``.
 
     Raises:
-        Nothing: a simulation that fails gives values that are not finite.
+        Nothing: a failed simulation gives non-finite values.
 
     Example:
         >>> sample_scores(*problem_of(fit, logs)).lag_one()
@@ -80,18 +79,20 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
     curvature = np.zeros((z.size, z.size))
     rows_of: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     at = n
-    for part, batch, indices in zip(batches, problem.numbers.batches, problem.order, strict=True):
-        values, rests, gram = (np.asarray(a) for a in part)
+    for results, batch, indices in zip(
+        batches, problem.numbers.batches, problem.order, strict=True
+    ):
+        values, residuals, gram = (np.asarray(a) for a in results)
         absent = np.isnan(np.asarray(batch.measured))
         beyond = absent if batch.beyond is None else absent | (np.asarray(batch.beyond) != 0)
-        rests = np.where(beyond, np.nan, rests)
+        residuals = np.where(beyond, np.nan, residuals)
         values = np.where(absent[:, :, None], np.nan, values)
         for row, index in enumerate(indices):
-            size = len(problem.logs[index])  # what follows is padding
+            size = len(problem.logs[index])  # the rest is padding
             place = np.concatenate([np.arange(n), np.arange(at, at + m)])
             at += m
             curvature[np.ix_(place, place)] += gram[row]
-            rows_of[index] = values[row, :, :, :size], place, rests[row, :, :size]
+            rows_of[index] = values[row, :, :, :size], place, residuals[row, :, :size]
     by_log = [rows_of[index] for index in range(len(problem.logs))]
     return Scores(
         values=tuple(v for v, _, _ in by_log),
@@ -114,58 +115,58 @@ def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
 
 @program(1)
 def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[tuple[Any, Any, Any]]:
-    """By batch scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, grams of n + m columns."""
+    """By batch: scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, Gram matrices."""
     passes = jacobians(layout, numbers, z)
-    rests, law = [rest for rest, _ in passes], layout.likelihood.law
-    _, sigma = layout.cost(numbers, rests)
-    bends = law.bend(rests, numbers, sigma)
+    residuals, law = [residual for residual, _ in passes], layout.likelihood.law
+    _, sigma = layout.cost(numbers, residuals)
+    bends = law.bend(residuals, numbers, sigma)
     out = []
-    for (rest, jacobian), bend, batch in zip(passes, bends, numbers.batches, strict=True):
+    for (residual, jacobian), bend, batch in zip(passes, bends, numbers.batches, strict=True):
         level = sigma[None, :, None]
-        straight, weight = law.straight(rest, sigma, batch)
+        straight, weight = law.straight(residual, sigma, batch)
         weighted = straight / level * weight
         values = jnp.einsum("bict,bct->bcit", jacobian / level[:, None], weighted)
         rows = jacobian * (jnp.sqrt(bend) / level)[:, None]
-        out.append((values, rest / level, jnp.einsum("bict,bjct->bij", rows, rows)))
+        out.append((values, residual / level, jnp.einsum("bict,bjct->bij", rows, rows)))
     return out
 
 
 def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
-    """Covariance of the sum of series, whose logs are independent and whose samples are not.
+    """Covariance of the sum of series: logs are independent, samples within a log are not.
 
-    The series of each channel is prewhitened by a first-order autoregression of its own, from one
-    measured sample to the next, and what is new in it counts for all that follows from it (Andrews
-    & Monahan 1992). Then channels are summed, for noise of two sensors may be one, and over
-    overlapping blocks with weights that fall linearly (Newey & West 1987).
+    Each channel's series is prewhitened by a first-order autoregression from one measured sample to
+    the next, and recoloured by its long-run gain (Andrews & Monahan 1992). Channels are then
+    summed, as the noise of two sensors may be common, and products are summed over overlapping
+    blocks with linearly falling weights (Newey & West 1987).
 
     Args:
         runs: for each log ``(C, k, T)``; NaN where a channel was not measured.
 
     Returns:
-        The covariance ``(k, k)``, the length of the blocks in samples, by how much the memory of
-        the series widens a variance ``(k,)``, and the degrees of freedom ``(k,)``.
+        The covariance ``(k, k)``, the block length in samples, the factor by which correlation
+        increases a variance ``(k,)``, and the degrees of freedom ``(k,)``.
     """
     size = runs[0].shape[1]
     together = [np.zeros((size, run.shape[2])) for run in runs]
-    # a row may be NaN throughout, of a parameter of which nothing is known
+    # A row is NaN throughout for a parameter that the logs do not determine.
     measured = [np.any(np.isfinite(run), axis=1) for run in runs]
     kept = [np.any(at, axis=0) for at in measured]
     weight, memory, doubt = np.zeros(size), np.zeros(size), np.zeros(size)
     for channel in range(runs[0].shape[0]):
-        seen = [at[channel] for at in measured]
-        series = [run[channel][:, at] for run, at in zip(runs, seen, strict=True)]
-        samples = sum(one.shape[1] for one in series)
+        finite = [at[channel] for at in measured]
+        series = [run[channel][:, at] for run, at in zip(runs, finite, strict=True)]
+        samples = sum(channel_run.shape[1] for channel_run in series)
         if not samples:
             continue
         lasting = _lasting(series, samples)
         colour = 1 / (1 - lasting)
         energy = np.zeros(size)
-        for out, one, at in zip(together, series, seen, strict=True):
-            new = _new(one, lasting) * colour[:, None]
+        for out, channel_run, at in zip(together, series, finite, strict=True):
+            new = _new(channel_run, lasting) * colour[:, None]
             out[:, at] += new
             energy += (new**2).sum(axis=1)
-        # relative variance of a variance from an autoregression, 4 var(a) / (1 - a)^2 with
-        # var(a) = (1 - a^2) / samples
+        # Relative variance of the long-run variance from the estimated coefficient a:
+        # 4 var(a) / (1 - a)^2 with var(a) = (1 - a^2) / samples.
         doubt += energy**2 * 4 * (1 + lasting) / (1 - lasting) / samples
         memory += energy * (1 + lasting) / (1 - lasting)
         weight += energy
@@ -179,36 +180,38 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
         for lag in range(1, min(math.ceil(block), out.shape[1])):
             product = out[:, lag:] @ out[:, :-lag].T
             scatter += (1 - lag / block) * (product + product.T)
-    # and of the blocks (Priestley 1981, table 6.1: 4/3 block over samples)
+    # Relative variance from the blocks (Priestley 1981, table 6.1: 4/3 block over samples).
     relative = 4 / 3 * block / count + doubt / weight**2
     return scatter, block, np.maximum(memory / weight, 1.0), np.maximum(2 / relative, _LEAST)
 
 
 def _lasting(series: Sequence[np.ndarray], samples: int) -> np.ndarray:
-    """Correlation from sample to sample that is taken out of the series of a channel, ``(k,)``."""
+    """Lag-one correlation by which the series of a channel are prewhitened, ``(k,)``."""
     measured = _lag_one_by_row(series)
-    # the scores of a fit sum to zero, which makes them seem to last less than they do: by
-    # (1 + 3 a) / samples (Kendall 1954, Biometrika 41, 403)
+    # Scores of a fit sum to zero, which biases their lag-one correlation downwards by
+    # (1 + 3 a) / samples (Kendall 1954, Biometrika 41, 403).
     longer = (samples * measured + 1) / max(samples - 3, 1)
-    # nothing can be seen to last longer than a quarter of the samples
+    # A memory beyond a quarter of the samples cannot be observed.
     limit = min(_LASTING, max(samples - 4, 0) / (samples + 4))
     return np.clip(np.where(measured > 0, longer, 0.0), 0.0, limit)
 
 
 def _new(run: np.ndarray, lasting: np.ndarray) -> np.ndarray:
-    first = run[:, :1] * np.sqrt(1 - lasting**2)[:, None]  # as uncertain as those that follow
+    first = (
+        run[:, :1] * np.sqrt(1 - lasting**2)[:, None]
+    )  # scaled to the variance of the innovations that follow
     return np.concatenate([first, run[:, 1:] - lasting[:, None] * run[:, :-1]], axis=1)
 
 
 def _lag_one_by_row(runs: Sequence[np.ndarray]) -> np.ndarray:
-    """Correlation of each series with itself one sample later, about zero, ``(k,)``."""
+    """Lag-one correlation of each series about zero, ``(k,)``."""
     products = sum((run[:, 1:] * run[:, :-1]).sum(axis=1) for run in runs)
     squares = sum((run[:, :-1] ** 2).sum(axis=1) for run in runs)
     return np.asarray(products / np.where(np.asarray(squares) > 0, squares, 1.0))
 
 
 def _block(lag_one: np.ndarray, samples: int) -> float:
-    """Length of blocks with falling weights for first-order series (Andrews 1991, eq. 6.4)."""
+    """Block length for first-order series with falling weights (Andrews 1991, eq. 6.4)."""
     a = np.clip(lag_one[np.isfinite(lag_one)], -_LASTING, _LASTING)
     if not a.size:
         return 1.0

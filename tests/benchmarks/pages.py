@@ -3,6 +3,7 @@
     cd tests && python -m benchmarks.pages                                # the pages anew
     cd tests && python -m benchmarks.pages --bench results.jsonl --seed 53   # of `hidden.bench`
     cd tests && python -m benchmarks.pages --peers peers.json             # of `benchmarks.peers`
+    cd tests && python -m benchmarks.pages --sweep answers.json --seed 3511  # of `hidden.sweep`
 
 With a file of results its figures are taken in, with the commit of the checkout, the day and the
 machine. A page is never written by hand: a test holds it against what this script gives.
@@ -28,6 +29,7 @@ from places import ROOT
 
 NUMBERS = ROOT / "docs" / "numbers"
 BENCH, PEERS = NUMBERS / "hidden_effects.json", NUMBERS / "benchmarks.json"
+SWEEP = NUMBERS / "thresholds.json"
 Run = dict[str, Any]
 
 CLASSES: dict[str, tuple[str, str, tuple[str, ...]]] = {
@@ -264,9 +266,69 @@ def peers_page(found: Run) -> str:
     return "\n".join(lines)
 
 
+def _turn(found: Run, side: str) -> tuple[str, str]:
+    """The value at which the first decision changes, and what the answer is just past it."""
+    turn = found[side]
+    if turn is None:
+        return "", ""
+    tried = [
+        f"{run['at']:.3g} ({run['kind']}): {run['changes'] or 'same answer'}"
+        for run in found.get(f"again {side}", ())
+    ]
+    return f"{turn['value']:.4g}", "; ".join(tried) or turn["kind"]
+
+
+def sweep_page(found: Run) -> str:
+    """The page of settings and how far they may move."""
+    lines = [
+        MADE,
+        "",
+        "# How flat each threshold is",
+        "",
+        "The numbers by which a diagnosis decides stand in `diffthrust/diagnosis/_settings.py`,",
+        "each with its origin. While sets of the bench are diagnosed, each comparison with such a",
+        "number notes at which value of it the outcome would turn. Between the nearest of these,",
+        "every decision of all sets stays, and so does every answer: there the choice is flat. The",
+        "columns 'below' and 'above' name the set whose decision turns first; where sets were",
+        "diagnosed again with the number moved just past that, they say what becomes of it.",
+        "Numbers that only count something, or enter a sum, are not in the table.",
+        "",
+        *textwrap.wrap(found["notes"], 96),
+        "",
+    ]
+    for run in found["runs"]:
+        rows = []
+        for name, setting in run["settings"].items():
+            (low, below), (high, above) = (_turn(setting, side) for side in ("below", "above"))
+            rows.append([f"`{name}`", f"{setting['value']:.4g}", low, high, below, above])
+        lines += [
+            f"## {run['sets']} sets of seed {run['seed']}",
+            "",
+            *_table(("setting", "value", "flat from", "to", "below", "above"), rows),
+            "",
+        ]
+    return "\n".join(
+        [
+            *lines,
+            "## Where they are from",
+            "",
+            *_origins(found["runs"], "seed"),
+            "",
+            "```console",
+            "$ cd tests",
+            "$ python -m hidden.bench --watch --count 48 --seed 7 --out results.jsonl",
+            "$ python -m hidden.sweep results.jsonl --again 3 --out answers.json",
+            "$ python -m benchmarks.pages --sweep answers.json --seed 7",
+            "```",
+            "",
+        ]
+    )
+
+
 def rendered() -> dict[Path, str]:
     """Each page as the stored measurements give it."""
     return {
+        SWEEP.with_suffix(".md"): sweep_page(taken(SWEEP)),
         BENCH.with_suffix(".md"): bench_page(taken(BENCH)),
         PEERS.with_suffix(".md"): peers_page(taken(PEERS)),
     }
@@ -282,9 +344,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Take in what was measured, and write the pages."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.pages")
     parser.add_argument("--bench", type=Path, metavar="FILE", help="of hidden.bench --out")
-    parser.add_argument("--seed", type=int, help="that --bench was run with")
+    parser.add_argument("--seed", type=int, help="that --bench or --sweep was run with")
     parser.add_argument("--peers", type=Path, metavar="FILE", help="of benchmarks.peers --json")
+    parser.add_argument("--sweep", type=Path, metavar="FILE", help="of hidden.sweep --out")
     options = parser.parse_args(arguments)
+    if options.sweep:
+        if options.seed is None:
+            parser.error("--sweep needs --seed")
+        _add(SWEEP, {"seed": options.seed, **stamp(), **taken(options.sweep)})
     if options.bench:
         lines = options.bench.read_text(encoding="utf-8").splitlines()
         if options.seed is None:

@@ -413,7 +413,7 @@ def test_an_edit_that_comes_while_the_fit_runs_is_not_lost(fits, monkeypatch):
     monkeypatch.setattr(Spec, "fit", slowly)
     checked = check(fits, update=True, jobs=1)
     assert not checked.ok
-    assert "saved anew while its fit ran" in str(checked.rows)
+    assert "edited while its fit ran" in str(checked.rows)
     assert path.read_text().endswith("# looked at by hand\n")
     assert "[expected]" not in path.read_text()
     beside = path.with_name("fit.toml.updated")

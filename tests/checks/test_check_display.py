@@ -35,7 +35,7 @@ def test_the_table_shows_what_moved_the_largest_first():
     assert "three, five. Mend: Mend it." in lines
     assert lines[-2:] == ["4 of 5 fits failed: two [x], three, four, five.", "1 fit unchanged."]
     assert outcome(ROWS[0]).report() == "1 fit checked, none moved.\n"
-    assert outcome(ROWS[0], updated=True).report() == "1 fit run; written again: one.\n"
+    assert outcome(ROWS[0], updated=True).report() == "1 fit run; rewritten: one.\n"
 
 
 def test_the_json_of_a_check():

@@ -90,7 +90,7 @@ def test_check_tells_by_its_exit_status(sensor, tmp_path):
     assert "moved" in result.stdout
     assert "std errors" in result.stdout
     assert "1 of 1 fit failed: depth_sensor" in result.stdout
-    assert "written again: depth_sensor" in run("check", sensor.parent, "--update").stdout
+    assert "rewritten: depth_sensor" in run("check", sensor.parent, "--update").stdout
     run("check", sensor.parent)
 
 

@@ -414,7 +414,7 @@ def test_inner_products_tell_that_series_are_parallel():
 @pytest.mark.parametrize("count", [30, 48, 50, 1000])
 def test_products_are_summed_over_equal_blocks_of_time(count):
     products = np.random.default_rng(0).normal(size=(2, 3, 2, count))
-    found = np.asarray(_likelihood._by_blocks(jnp.asarray(products)))
+    found = np.asarray(_likelihood.by_blocks(jnp.asarray(products), _likelihood._BLOCKS, jnp))
     blocks = _likelihood._BLOCKS
     size = int(np.ceil(count / blocks))
     parts = [products[..., k * size : (k + 1) * size].sum(axis=(2, 3)) for k in range(blocks)]

@@ -5,7 +5,8 @@
 Results are written as they come, one JSON object a line; the same command again goes on where it
 was cut. ``--kinds`` takes classes or kinds: ``--kinds clear field-none outside/load_hump``.
 Those of `further` (unmeasured states, wrong constants, odd logs, rivals, small effects, held and
-lost samples) are done where they are asked for: ``--kinds further``.
+lost samples) are done where they are asked for: ``--kinds further``. ``--watch`` keeps in each row
+at which values of its settings the diagnosis would have decided otherwise (`sweep`).
 """
 
 from __future__ import annotations
@@ -30,9 +31,10 @@ from . import further, sets
 from .further import FURTHER, FurtherSet
 from .score import LABELS, Line, Outcome, confusion, held_out_ratio, score
 from .sets import CLASSES, HiddenSet
+from .sweep_watch import watching
 
 Row = dict[str, Any]
-Task = tuple[str, int, bool]
+Task = tuple[str, int, bool, bool]
 CHUNK = 8
 
 
@@ -84,8 +86,12 @@ def _unseen(told: Row) -> list[float]:
 
 
 def _work(task: Task) -> Row:
-    kind, seed, ratio = task
-    return examine(kind, seed, partial(dft.diagnose, experiment=False), ratio)
+    kind, seed, ratio, watch = task
+    diagnose = partial(dft.diagnose, experiment=False)
+    if not watch:
+        return examine(kind, seed, diagnose, ratio)
+    with watching() as decisions:
+        return {**examine(kind, seed, diagnose, ratio), "decisions": decisions}
 
 
 def _start_worker() -> None:
@@ -160,7 +166,7 @@ def run(arguments: argparse.Namespace, console: Console) -> list[Row]:
         asked = (*(name for name in asked if name != "further"), *FURTHER)
     plan = sets.plan(arguments.count, arguments.seed, asked, arguments.only_field, classes)
     rows = {task: row for task, row in _earlier(arguments.out).items() if task in set(plan)}
-    left = [(*task, not arguments.no_ratio) for task in plan if task not in rows]
+    left = [(*task, not arguments.no_ratio, arguments.watch) for task in plan if task not in rows]
     console.print(f"{len(plan)} sets, {len(rows)} of them done.")
     for row in results(left, arguments.jobs):
         rows[row["kind"], row["seed"]] = row
@@ -194,6 +200,7 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     parser.add_argument("--out", type=Path, help="JSON-lines file of results, also to go on from")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     parser.add_argument("--only-field", action="store_true", help="field conditions only")
+    parser.add_argument("--watch", action="store_true", help="keep what the settings decide")
     parser.add_argument("--no-ratio", action="store_true", help="leave the true structure unfitted")
     arguments = parser.parse_args(words)
     console = Console(stderr=arguments.json, width=None if os.isatty(1) else 180)

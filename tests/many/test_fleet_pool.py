@@ -17,9 +17,9 @@ from diffthrust import InputError
 from diffthrust.many._fleet.evidence import (  # private: the density alone
     Ruler,
     VehicleEvidence,
-    gathered,
+    gather_evidence,
 )
-from diffthrust.many._fleet.hierarchy import Hierarchy, arranged  # private: the density alone
+from diffthrust.many._fleet.hierarchy import Hierarchy, arrange  # private: the density alone
 
 # Rubin 1981: effects of coaching in eight schools
 EFFECT = np.array([28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0])
@@ -165,7 +165,7 @@ def test_the_density_is_the_joint_one(correlated):
         evidence.append(
             VehicleEvidence(f"v{i}", rng.standard_normal(3), root @ root.T, np.ones(3, bool))
         )
-    target, data = arranged(evidence, correlated)
+    target, data = arrange(evidence, correlated)
 
     def parts(target, data, v):
         every = law_and_vehicles(target, data, v)
@@ -184,9 +184,9 @@ def test_an_exact_likelihood_is_that_of_the_logs(dives):
     logs, fits = dives
     made = dft.many.fleet(fits)
     ruler = Ruler(tuple(made.axes[n] for n in ("alpha", "beta")), np.log([0.037, 42.0]))
-    evidence, notes = gathered(made, ruler, {"auv1": logs[1], "auv2": logs[2]})
+    evidence, notes = gather_evidence(made, ruler, {"auv1": logs[1], "auv2": logs[2]})
     assert not notes
-    target, data = arranged(evidence, False)
+    target, data = arrange(evidence, False)
     assert target.kinds[0].vehicles == 2  # one compilation for both
 
     def whole(target, data, v):
@@ -198,13 +198,13 @@ def test_an_exact_likelihood_is_that_of_the_logs(dives):
         e, row = one.exact, evidence.index(one)
         z = told["theta"][row]
         kind = target.kinds[0]
-        at = target.law + target.vehicles * target.parameters + (row - 1) * kind.rest
+        at = target.law + target.vehicles * target.parameters + (row - 1) * kind.unpooled
         own = jax.tree.map(lambda a: a[row - 1], data["exact"][0])
-        eta = np.asarray(v)[at : at + kind.rest]
+        eta = np.asarray(v)[at : at + kind.unpooled]
         x = np.empty(e.posterior.dim)
         x[e.pooled] = e.shift + e.scale * z
         slope, root = np.asarray(own["rest_slope"]), np.asarray(own["rest_root"])
-        x[e.rest] = own["rest_top"] + slope @ (z - own["top"]) + root @ eta
+        x[e.unpooled] = own["rest_top"] + slope @ (z - own["top"]) + root @ eta
         return x
 
     def likelihood(one, v, told):
@@ -217,8 +217,8 @@ def test_an_exact_likelihood_is_expanded_where_it_is_likely(dives):
     logs, fits = dives
     made = dft.many.fleet(fits)
     ruler = Ruler(tuple(made.axes[n] for n in ("alpha", "beta")), np.log([0.037, 42.0]))
-    plain, _ = gathered(made, ruler, {})
-    whole, _ = gathered(made, ruler, {"auv1": logs[1]})
+    plain, _ = gather_evidence(made, ruler, {})
+    whole, _ = gather_evidence(made, ruler, {"auv1": logs[1]})
     error = np.sqrt(np.diagonal(np.linalg.inv(plain[1].information)))
     assert whole[1].values == pytest.approx(plain[1].values, abs=0.2 * error.min())
     assert whole[1].information == pytest.approx(plain[1].information, rel=0.1)
@@ -229,15 +229,15 @@ def test_fits_of_one_vehicle_count_together(dives):
     own = list(fits)
     ruler_of = dft.many.fleet({"a": own[:1], "b": own[1:2], "c": own[2:]})
     ruler = Ruler(tuple(ruler_of.axes[n] for n in ("alpha", "beta")), np.log([0.037, 42.0]))
-    evidence, _ = gathered(ruler_of, ruler, {})
-    parts, _ = gathered(dft.many.fleet({"c": own[2], "d": own[3]}), ruler, {})
+    evidence, _ = gather_evidence(ruler_of, ruler, {})
+    parts, _ = gather_evidence(dft.many.fleet({"c": own[2], "d": own[3]}), ruler, {})
     total = sum(one.information for one in parts)
     mean = np.linalg.solve(total, sum(one.information @ one.values for one in parts))
     assert evidence[2].values == pytest.approx(mean)
     grown = np.sqrt(np.diagonal(total) / np.diagonal(evidence[2].information))
     assert (grown >= 1.0 - 1e-9).all()
     with pytest.raises(InputError, match="'c' has 2 fits, an exact likelihood needs one"):
-        gathered(ruler_of, ruler, {"c": logs[2]})
+        gather_evidence(ruler_of, ruler, {"c": logs[2]})
 
 
 def test_the_correlated_law_has_as_many_coordinates_as_numbers():

@@ -18,7 +18,7 @@ from diffthrust.effects import ActuatorLag
 from diffthrust.estimation._multistart import distinct  # private: optima by hand
 from diffthrust.estimation._solver import Solved  # private: an optimum by hand
 from diffthrust.many._batch import calls, maps  # private: patched, to fail
-from diffthrust.many._batch.lengths import ladder  # private: the cheapest lengths
+from diffthrust.many._batch.each import ladder  # private: the cheapest lengths
 from diffthrust.many._batch.result import named_members  # private: names alone
 
 TRUTH = {"alpha": 0.03, "beta": 40.0, "ct": 0.02}

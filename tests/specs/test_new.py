@@ -51,7 +51,7 @@ def test_from_a_new_fit_to_a_gate():
     assert str(spec.parent) in out
     assert "--update" in out
     assert "no [expected] block" in run("check", "fits", status=1).stdout
-    assert "written again: bollard" in run("check", "fits", "--update").stdout
+    assert "rewritten: bollard" in run("check", "fits", "--update").stdout
     assert "none moved" in run("check", "fits").stdout
     expected = load_spec(spec).file.expected
     assert expected is not None

@@ -214,7 +214,7 @@ def test_wrong_input_is_told(fit):
         with pytest.raises(InputError, match=words):
             quantities(*given, **asked)
 
-    refused("nothing is asked for", post, fit)
+    refused("no quantity is requested", post, fit)
     refused("both pitch and area", post, fit, pitch=0.1)
     refused("positive area", post, fit, pitch=0.1, area=-1.0)
     refused("Give the model or the fit", post, commands=[1.0])

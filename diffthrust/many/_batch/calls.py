@@ -36,22 +36,21 @@ def fit(
 ) -> Many:
     """Fit a model to each of many records, as `diffthrust.fit` does to one.
 
-    The members are fitted one by one, each with its own starts, checks and status; their
-    simulations are run some at a time in one compiled program. Logs of different length are padded
-    to few lengths, chosen such that compiling and padding together cost least. Results are those
-    of single fits, to rounding. A record that cannot be fitted is an error of its own.
+    Each member is fitted separately, with its own starts, checks and status, but simulations of
+    several members run together in one compiled program. Logs are padded to a few lengths, chosen
+    to minimise the cost of compiling and padding. Results equal those of single fits, up to
+    rounding. A record that cannot be fitted becomes an error of that member.
 
     Args:
-        model: the first guess of all, or one of each.
-        logs: what each is fitted to: a log, or several.
-        holdout: unseen logs of each, or ``None`` where there are none.
+        model: the first guess for all members, or one for each.
+        logs: a log, or several, of each member.
+        holdout: unseen logs of each member, or ``None``.
         names: of the members; by default those of their first logs.
-        width: members in one run of a program on each device; chosen by the machine where
-            ``None``.
-        devices: of JAX over which each run is divided; its own choice by default.
-        processes: of this machine among which the members are divided. One keeps two or three
-            processors busy; several take seconds to start, and pay for thousands of members where
-            there are more processors.
+        width: members per run of a program on each device; chosen automatically if ``None``.
+        devices: JAX devices over which each run is divided; by default JAX's choice.
+        processes: number of processes on this machine. One keeps two or three processors busy;
+            several take seconds to start, and pay off for thousands of members on more
+            processors.
         progress: True for a bar, or a function of a message and the share done.
         **options: of `diffthrust.fit`.
 
@@ -59,7 +58,7 @@ def fit(
         `Many` fits; ``.table()`` has a row for each.
 
     Raises:
-        InputError: lists of different length, or arguments that cannot be meant.
+        InputError: lists differ in length, or an argument is invalid.
 
     Example:
         >>> found = dft.many.fit(dft.Thruster(), [log, unseen], names=["one", "two"], starts=2)
@@ -67,10 +66,10 @@ def fit(
         (['one', 'two'], <Status.CONVERGED: 'converged'>)
     """
     check_options(fit_one, options)
-    members = [listed(one) for one in _records(logs)]
+    members = [listed(entry) for entry in _records(logs)]
     models = _for_each(model, Model, "model", len(members))
     unseen = _for_each(holdout, type(None), "holdout", len(members))
-    held = [listed(one) for one in unseen if one is not None]
+    held = [listed(entry) for entry in unseen if entry is not None]
 
     lengths = lengths_of(log for group in (*members, *held) for log in group)
     named, triples = _names(names, members), list(zip(models, members, unseen, strict=True))
@@ -89,12 +88,14 @@ def _fits(
 ) -> Many:
     lengths, width, runs, options = common
 
-    def one(i: int) -> Fit:
+    def fit_member(i: int) -> Fit:
         model, logs, unseen = members[i]
-        # thousands of short fits: each takes about as long as a look at its logs
+        # thousands of short fits: checking the logs for doubts would double the time
         return fit_one(model, logs, holdout=unseen, **{"doubts": False, **options})
 
-    return each(one, names, lengths, width=width, devices=devices, runs=runs, progress=progress)
+    return each(
+        fit_member, names, lengths, width=width, devices=devices, runs=runs, progress=progress
+    )
 
 
 @progressing
@@ -108,15 +109,14 @@ def compare(
     progress: ProgressOption = None,
     **options: Any,
 ) -> Many:
-    """Hold a model, or the fit of each, against each of many records.
+    """Compare a model, or a fit of each member, with each of many records.
 
     Args:
-        fit: a model or fit for all, or one of each.
+        fit: a model or fit for all members, or one for each.
         logs: a log, or several, of each member.
         names: of the members; by default those of their first logs.
-        width: members in one run of a program on each device; chosen by the machine where
-            ``None``.
-        devices: of JAX over which each run is divided; its own choice by default.
+        width: members per run of a program on each device; chosen automatically if ``None``.
+        devices: JAX devices over which each run is divided; by default JAX's choice.
         progress: True for a bar, or a function of a message and the share done.
         **options: of `diffthrust.compare`.
 
@@ -124,7 +124,7 @@ def compare(
         `Many` comparisons; ``.table()`` has a row for each.
 
     Raises:
-        InputError: lists of different length, or arguments that cannot be meant.
+        InputError: lists differ in length, or an argument is invalid.
 
     Example:
         >>> held_against = dft.many.compare(fit, [log, unseen], names=["one", "two"])
@@ -132,15 +132,17 @@ def compare(
         2
     """
     check_options(compare_one, options)
-    members = [listed(one) for one in _records(logs)]
+    members = [listed(entry) for entry in _records(logs)]
     fits = _for_each(fit, (Fit, Model), "fit", len(members))
 
-    def one(i: int) -> Any:
+    def compare_member(i: int) -> Any:
         return compare_one(fits[i], members[i], **options)
 
     lengths = lengths_of(log for group in members for log in group)
     named = _names(names, members)
-    return each(one, named, lengths, width=width, devices=devices, progress=teller(progress))
+    return each(
+        compare_member, named, lengths, width=width, devices=devices, progress=teller(progress)
+    )
 
 
 @progressing
@@ -154,25 +156,25 @@ def sample(
     progress: ProgressOption = None,
     **options: Any,
 ) -> Many:
-    """Draw from the posterior of each of many fits, as `diffthrust.sample` does of one.
+    """Draw from the posterior of each of many fits; see `diffthrust.sample`.
 
-    Chains of one posterior are run together already, and fill a processor; on an accelerator those
-    of many logs padded to one length are run together, too.
+    Chains of a single posterior already run together and fill a processor; on an accelerator,
+    chains of many logs padded to one length run together as well.
 
     Args:
-        fits: the fits, in the order of the logs; members without one are errors here, too.
+        fits: the fits, in the order of the logs; failed members are errors here, too.
         logs: the training logs of each.
         names: of the members; by default those of their first logs.
-        width: chains in one run of a program on each device; chosen by the machine where ``None``.
-        devices: of JAX over which each run is divided; its own choice by default.
+        width: chains per run of a program on each device; chosen automatically if ``None``.
+        devices: JAX devices over which each run is divided; by default JAX's choice.
         progress: True for a bar, or a function of a message and the share done.
-        **options: of `diffthrust.sample`, but for ``file``.
+        **options: of `diffthrust.sample`, except ``file``.
 
     Returns:
         `Many` posteriors.
 
     Raises:
-        InputError: lists of different length, or arguments that cannot be meant.
+        InputError: lists differ in length, or an argument is invalid.
 
     Example:
         >>> posteriors = dft.many.sample([fit], [log], draws=100, warmup=50)
@@ -185,15 +187,17 @@ def sample(
             "Leave it out, or run `diffthrust campaign --task sample`.",
         )
     check_options(sample_one, options)
-    members = [listed(one) for one in _records(logs)]
+    members = [listed(entry) for entry in _records(logs)]
     each_fit = _for_each(fits, (), "fits", len(members))
 
-    def one(i: int) -> Any:
+    def sample_member(i: int) -> Any:
         return sample_one(each_fit[i], members[i], **options)
 
     lengths = lengths_of(log for group in members for log in group)
     named = _names(names, members)
-    return each(one, named, lengths, width=width, devices=devices, progress=teller(progress))
+    return each(
+        sample_member, named, lengths, width=width, devices=devices, progress=teller(progress)
+    )
 
 
 def _processes(processes: Any, devices: Any) -> int:
@@ -219,7 +223,7 @@ def _records(logs: Any) -> list[Any]:
 
 
 def _for_each(one_or_all: Any, kinds: Any, what: str, members: int) -> Sequence[Any] | Many:
-    """What was given, one of each; of `Many`, a member that failed raises its own error."""
+    """One value per member; a failed member of a `Many` raises its own error when accessed."""
     if isinstance(one_or_all, kinds):
         return [one_or_all] * members
     if not isinstance(one_or_all, Sequence | Many) or isinstance(one_or_all, str):

@@ -23,7 +23,7 @@ DEFAULTS = {
     if p.kind is Parameter.KEYWORD_ONLY and name != "progress"
 }
 _MAPS_AT_A_TIME = 16
-"""Models whose maps are worked out together: more would only take memory."""
+"""Models whose maps are computed together: more would only take memory."""
 
 
 @progressing
@@ -36,13 +36,13 @@ def describing_function(
     progress: ProgressOption = None,
     **options: Any,
 ) -> Many:
-    """Describing functions of many models, as `diffthrust.describing_function` gives of one.
+    """Describing functions of many models; see `diffthrust.describing_function`.
 
-    The points of models of one structure are worked out together. A model that cannot be asked is
-    an error of its own.
+    Models of the same structure are computed together. A model that fails becomes an error of that
+    member.
 
     Args:
-        models: models or fits; members of a `Many` without a fit are errors here, too.
+        models: models or fits; failed members of a `Many` are errors here, too.
         amplitudes: of the input, ``(A,)``, the same for all.
         frequencies: [rad/s], ``(F,)``.
         names: of the members; by default those of the `Many`, or numbers.
@@ -53,7 +53,7 @@ def describing_function(
         `Many` maps.
 
     Raises:
-        InputError: no list of models, or names that are not one of each.
+        InputError: not a list of models, or the number of names differs.
 
     Example:
         >>> maps = dft.many.describing_function(
@@ -69,36 +69,38 @@ def describing_function(
         )
     check_options(describe_one, options)
     wanted = {**DEFAULTS, **options}
-    begun, count = time.monotonic(), len(models)
+    started, count = time.monotonic(), len(models)
     named = named_members(names, models.names if isinstance(models, Many) else range(count))
     results: list[Any] = [None] * count
     errors: list[Exception | None] = [None] * count
     seconds = [0.0] * count
-    asked: dict[int, MapRequest] = {}
+    requests: dict[int, MapRequest] = {}
     groups: dict[Any, list[int]] = {}
     for i in range(count):
         try:
-            asked[i] = request(models[i], amplitudes, frequencies, **wanted)
-            groups.setdefault(asked[i].model.structure, []).append(i)
-        except Exception as error:  # a row of its own, whatever it is: the others go on
+            requests[i] = request(models[i], amplitudes, frequencies, **wanted)
+            groups.setdefault(requests[i].model.structure, []).append(i)
+        except (
+            Exception
+        ) as error:  # whatever it is, it becomes this member's error: the others go on
             errors[i] = error
     chunks = [
         g[at : at + _MAPS_AT_A_TIME]
         for g in groups.values()
         for at in range(0, len(g), _MAPS_AT_A_TIME)
     ]
-    finished = count - len(asked)
+    finished = count - len(requests)
     while chunks:
         chunk, since = chunks.pop(0), time.monotonic()
         try:
-            drawn = maps_of([asked[i] for i in chunk], [models[i] for i in chunk])
+            drawn = maps_of([requests[i] for i in chunk], [models[i] for i in chunk])
         except Exception as error:
-            if len(chunk) > 1:  # each alone, so that only the one to blame fails
+            if len(chunk) > 1:  # retry one by one, so that only the faulty model fails
                 chunks = [[i] for i in chunk] + chunks
                 continue
             drawn, errors[chunk[0]] = [None], error
-        for i, one in zip(chunk, drawn, strict=True):
-            results[i], seconds[i] = one, time.monotonic() - since
+        for i, result in zip(chunk, drawn, strict=True):
+            results[i], seconds[i] = result, time.monotonic() - since
         finished += len(chunk)
         if callable(progress):
             progress(f"maps {finished} of {count}", finished / count)
@@ -107,5 +109,5 @@ def describing_function(
         results=tuple(results),
         errors=tuple(errors),
         seconds=tuple(seconds),
-        wall=time.monotonic() - begun,
+        wall=time.monotonic() - started,
     )

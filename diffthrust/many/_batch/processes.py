@@ -1,4 +1,4 @@
-"""Members divided among processes: one interpreter runs the Python of one thread at a time."""
+"""Divide members among processes, since the GIL lets one process run one thread of Python."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from diffthrust._support.progress import Progress
 from diffthrust.many._batch.result import Many
 
 _MEMBERS_AT_A_TIME = 64
-"""Members that a process is given at once: enough to keep its runs full."""
+"""Members sent to a process at once: enough to keep its batched runs full."""
 
 
 def divided(
@@ -29,23 +29,23 @@ def divided(
     processes: int,
     progress: Progress | None,
 ) -> Many:
-    """``work(members, names, common)`` in several processes, each given some members at a time.
+    """Call ``work(members, names, common)`` in several processes, some members at a time.
 
-    What goes between the processes lies in a temporary folder.
+    Arguments and results are exchanged by files in a temporary folder.
 
     Args:
-        work: a function of a module, which gives a `Many`.
-        members: what is told of each.
+        work: a module-level function that returns a `Many`.
+        members: arguments of each member.
         names: of the members.
-        common: what is told to all.
-        processes: how many.
+        common: arguments common to all.
+        processes: number of processes.
         progress: called with a message and the share done.
 
     Raises:
-        InputError: something that another process cannot know, such as a model that the script
-            itself defines.
+        InputError: an argument cannot be sent to another process, such as a model defined in the
+            main script.
     """
-    begun, count = time.monotonic(), len(members)
+    started, count = time.monotonic(), len(members)
     share = max(1, min(_MEMBERS_AT_A_TIME, -(-count // processes)))
     chunks = [range(at, min(at + share, count)) for at in range(0, count, share)]
     lines = [LineProcess(f"{__name__}:run_pickled") for _ in range(min(processes, len(chunks)))]
@@ -54,11 +54,11 @@ def divided(
     with tempfile.TemporaryDirectory(prefix="diffthrust-") as folder:
 
         def ask(process: LineProcess, chunk: range) -> list[tuple[Any, Exception | None, float]]:
-            asked, answered = (Path(folder) / f"{chunk.start}.{end}" for end in ("in", "out"))
+            request, reply = (Path(folder) / f"{chunk.start}.{end}" for end in ("in", "out"))
             question = [members[i] for i in chunk], [names[i] for i in chunk], common
-            asked.write_bytes(pickle.dumps((work, *question)))
+            request.write_bytes(pickle.dumps((work, *question)))
             try:
-                failed = process.ask([str(asked), str(answered)])
+                failed = process.ask([str(request), str(reply)])
             except ProcessDied as how:
                 error = InputError(
                     f"The process that worked on it died ({how}).",
@@ -71,17 +71,17 @@ def divided(
                     "Put models, effects and functions of your own in a module, or leave processes "
                     "out.",
                 )
-            part = pickle.loads(answered.read_bytes())
-            asked.unlink()
-            answered.unlink()
-            return list(zip(part.results, part.errors, part.seconds, strict=True))
+            answer = pickle.loads(reply.read_bytes())
+            request.unlink()
+            reply.unlink()
+            return list(zip(answer.results, answer.errors, answer.seconds, strict=True))
 
         with closing(on_processes(chunks, [0] * len(chunks), lines, ask)) as each:
-            for one in each:
-                if one is None:
+            for outcome in each:
+                if outcome is None:
                     continue
-                chunk = chunks[one[0]]
-                outcomes[chunk.start : chunk.stop] = one[1]
+                chunk = chunks[outcome[0]]
+                outcomes[chunk.start : chunk.stop] = outcome[1]
                 finished += len(chunk)
                 if progress:
                     progress(f"{finished} of {count}", finished / count)
@@ -90,16 +90,16 @@ def divided(
         results=tuple(result for result, _, _ in outcomes),
         errors=tuple(error for _, error, _ in outcomes),
         seconds=tuple(seconds for _, _, seconds in outcomes),
-        wall=time.monotonic() - begun,
+        wall=time.monotonic() - started,
     )
 
 
 def run_pickled(question: Sequence[str]) -> str:
-    """Do the work of a file, put what it gave in another, and say what is wrong with it, if so."""
-    asked, answered = map(Path, question)
+    """Read arguments from a file, write the result to another; returns an error message, if any."""
+    request, reply = map(Path, question)
     try:
-        work, *arguments = pickle.loads(asked.read_bytes())
+        work, *arguments = pickle.loads(request.read_bytes())
     except (AttributeError, ImportError, pickle.UnpicklingError) as error:
         return str(error)
-    answered.write_bytes(pickle.dumps(work(*arguments)))
+    reply.write_bytes(pickle.dumps(work(*arguments)))
     return ""

@@ -1,4 +1,4 @@
-"""What became of many members: a result or an error of each."""
+"""Results of many members: a result or an error for each."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 _SHOWN = ("name", "status", "fit_status", "train_nrmse", "holdout_nrmse", "nrmse", "error")
 _MOST = 40
 """A report has so many rows, with these columns."""
-_TOLD = ("name", "status", "error", "mend", "seconds")  # of every member, whatever was asked
+_TOLD = ("name", "status", "error", "mend", "seconds")  # columns of every kind of result
 
 
 @dataclass(frozen=True, repr=False)
 class Many(Result):
-    """The results of many members, in the order in which they were given.
+    """The results of many members, in their order.
 
-    ``len(found)`` is the number of members; ``found[3]`` or ``found["pool 7"]`` gives the result
-    of one, or raises its error; ``found[:3]`` gives `Many` again; iterating gives the results of
-    those that have one.
+    ``len(found)`` is the number of members; ``found[3]`` or ``found["pool 7"]`` returns the result
+    of a member, or raises its error; ``found[:3]`` returns a `Many`; iteration yields the results
+    of members that did not fail.
 
     Args:
         names: of the members.
         results: of each, or ``None``.
         errors: of each, or ``None``.
-        seconds: from the begin to the end of each; many are under way at a time.
-        wall: seconds for all.
+        seconds: elapsed time of each; members run concurrently.
+        wall: elapsed time of all [s].
 
     Example:
         >>> fits.names[:2], fits.failed, fits.units["alpha"]
@@ -51,7 +51,7 @@ class Many(Result):
     wall: float
 
     def __len__(self) -> int:
-        """Number of members, with those that failed."""
+        """Number of members, including failed ones."""
         return len(self.names)
 
     def __iter__(self) -> Iterator[Any]:
@@ -59,11 +59,11 @@ class Many(Result):
         return (r for r, e in zip(self.results, self.errors, strict=True) if e is None)
 
     def __getitem__(self, which: int | str | slice) -> Any:
-        """The result of one member, by place or by name; of a slice, those members.
+        """The result of a member by index or name; for a slice, a `Many`.
 
         Raises:
-            InputError: no such member.
-            Exception: the member's own error, where it failed.
+            InputError: there is no such member.
+            Exception: the error of the member, if it failed.
         """
         if isinstance(which, str):
             if which not in self.names:
@@ -86,10 +86,10 @@ class Many(Result):
         return {name: error for name, error in pairs if error is not None}
 
     def table(self) -> pd.DataFrame:
-        """A row for each member: ``status`` ("ok" or "failed"), what was found, or the error.
+        """A row for each member: ``status`` ("ok" or "failed"), the results, or the error.
 
-        Fits have their status, errors and notes, and for each parameter a column with its value
-        and one with ``_std_error`` behind its name; comparisons have their errors.
+        Fits have status, errors and notes, and for each parameter a column with its value and one
+        with the suffix ``_std_error``; comparisons have their errors.
         """
         import pandas as pd
 
@@ -109,7 +109,7 @@ class Many(Result):
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of each column of `table` that has one: that of the model, not of the logs."""
+        """The units of the columns of `table`: those of the model, not of the logs."""
         units = {"seconds": "s"}
         for result in self:
             units |= column_units(result)
@@ -137,10 +137,10 @@ class Many(Result):
 
 
 def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:
-    """A name for each member; where several have the same, they are numbered.
+    """A unique name for each member; duplicates are numbered.
 
     Raises:
-        InputError: names that are not as many as members.
+        InputError: the number of names differs from that of the members.
     """
     chosen = [str(name) for name in otherwise]
     if names is not None:
@@ -151,12 +151,12 @@ def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tupl
                 "Give lists of equal length.",
             )
         chosen = wanted
-    taken, seen = set(chosen), Counter[str]()
+    taken, counts = set(chosen), Counter[str]()
     out = []
     for name in chosen:
-        unique, seen[name] = name, seen[name] + 1
-        while seen[name] > 1 and (unique := f"{name} ({seen[name]})") in taken:
-            seen[name] += 1
+        unique, counts[name] = name, counts[name] + 1
+        while counts[name] > 1 and (unique := f"{name} ({counts[name]})") in taken:
+            counts[name] += 1
         taken.add(unique)
         out.append(unique)
     return tuple(out)

@@ -1,4 +1,4 @@
-"""A task over many specs: begun, stopped and continued at will."""
+"""Run a task over many specs; can be interrupted and resumed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _SAVING = 0.02
-"""Share of the time that may go into writing the table while the campaign runs."""
+"""Largest share of the time spent on writing the table while the campaign runs."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,11 +37,11 @@ class Campaign(Result):
     """The outcome of a campaign.
 
     Args:
-        output: the folder of the results: one folder for each spec, and the table.
-        task: what was done with each spec.
-        rows: one for each spec, in the order of their names, as plain data.
-        kept: how many of them an earlier campaign had done already.
-        seconds: time that this one took.
+        output: the folder of results: one folder per spec, and the table.
+        task: the task done with each spec.
+        rows: one for each spec, ordered by name, as plain data.
+        kept: number of results kept from an earlier campaign.
+        seconds: duration of this campaign.
 
     Example:
         >>> done.ok, done.counts, done.table.shape[0], done.path.name
@@ -70,12 +70,12 @@ class Campaign(Result):
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many specs ended how: "ok", "failed", "timed_out", "lost"."""
+        """Number of specs by status: "ok", "failed", "timed_out", "lost"."""
         return dict(Counter(row["status"] for row in self.rows))
 
     @property
     def ok(self) -> bool:
-        """Whether every spec has its result."""
+        """Whether every spec has a result."""
         return set(self.counts) <= {"ok"}
 
     @property
@@ -87,8 +87,8 @@ class Campaign(Result):
             parts[0] += f" ({self.kept} of them before)"
         parts += [f"{n} {how.replace('_', ' ')}" for how, n in self.counts.items() if how != "ok"]
         sentence = f"{', '.join(parts)}."
-        again = " The same campaign again tries those without a result."
-        return sentence if self.ok else sentence + again
+        retry = " The same campaign again tries those without a result."
+        return sentence if self.ok else sentence + retry
 
     def _line(self) -> str:
         return f"{self.task}: {self.summary}"
@@ -99,7 +99,7 @@ class Campaign(Result):
         return campaign_report(self.rows, self.task, self.summary)
 
     def to_json(self) -> dict[str, Any]:
-        """The outcome as plain data, in the form that ``diffthrust campaign --json`` writes."""
+        """The outcome as plain data, as written by ``diffthrust campaign --json``."""
         return {
             "schema": 1,
             "task": self.task,
@@ -129,29 +129,29 @@ def campaign(
 
     Each spec gets a folder under ``output`` with its result (``fit.json``, ``diagnosis.json`` or
     ``posterior.json``) and a ``status.json``; ``campaign.parquet`` has a row for each spec, also
-    for those that failed, with the error and its mend. Folders and table appear whole or not at
-    all. Run again, a campaign does what is not done: a spec whose text, logs, scripts, task and
-    options are as they were is left alone if its result is there, and tried again if it failed.
+    for failures, with the error and its mend. Folders and table are written atomically. Run again,
+    a campaign does only the remaining work: a spec whose text, logs, scripts, task and options are
+    unchanged is skipped if it has a result, and retried if it failed.
 
-    A task without a time limit runs in the worker where that is a process; a worker that is a
-    thread, and any worker under a time limit, has a process of its own for it. A process that dies
-    takes one task with it, which is tried again, three times in all. On a cluster, every worker
-    must see specs, logs and output under the same paths.
+    A task without a time limit runs in the worker if that is a process; a worker that is a thread,
+    and any worker under a time limit, starts a separate process. If a process dies, its task is
+    retried, three times in all. On a cluster, every worker must see specs, logs and output under
+    the same paths.
 
     Args:
-        specs: a folder, searched with all that is below it for spec files; or spec files.
+        specs: a folder, searched recursively for spec files; or spec files.
         task: "fit", "diagnose" or "sample".
-        output: the folder of the results, made where it does not exist.
-        executor: processes of this machine where ``None``; any `concurrent.futures.Executor`; or
+        output: the folder of results, created if necessary.
+        executor: ``None`` for processes of this machine; any `concurrent.futures.Executor`; or
             the address of a Dask scheduler, such as ``"tcp://10.0.0.5:8786"`` (``pip install
             'diffthrust[dask]'``).
-        jobs: how many processes of this machine; as many as processors where ``None``.
+        jobs: number of processes on this machine; ``None`` for one per processor.
         time_limit: seconds after which a task is killed.
         report: write ``report.html`` into each folder.
         trust: folders whose scripts specs may run, besides those in and below their own.
-        progress: True for a bar, or a function of a message and the share done; the message tells
-            the time left.
-        **options: of a diagnosis ``candidates``; of sampling ``method``, ``draws``, ``warmup``,
+        progress: True for a bar, or a function of a message, with the remaining time, and the
+            share done.
+        **options: for a diagnosis ``candidates``; for sampling ``method``, ``draws``, ``warmup``,
             ``walkers``, ``chains``, ``seed``.
 
     Returns:
@@ -160,7 +160,7 @@ def campaign(
     Raises:
         InputError: there is no spec, two specs would write to one folder, the folder holds other
             results, the cluster does not answer, or the table cannot be written.
-        KeyboardInterrupt: stopped; what was done is kept, and the message says so.
+        KeyboardInterrupt: interrupted; finished results are kept, as the message says.
 
     Example:
         >>> done.counts  # of dft.many.campaign("fit.toml", output="results", jobs=1)
@@ -171,14 +171,14 @@ def campaign(
         ...     print(type(error).__name__)
         InputError
     """
-    begun = time.monotonic()
+    started = time.monotonic()
     options = {name: plain(value) for name, value in options.items() if value is not None}
     check_task(task, options)
     _check(executor, jobs, time_limit)
     out = Path(os.path.abspath(output))
     names = find_specs(specs, out)
-    given = [trust] if isinstance(trust, str | os.PathLike) else trust
-    places = tuple(os.path.abspath(place) for place in given)
+    trusted = [trust] if isinstance(trust, str | os.PathLike) else trust
+    places = tuple(os.path.abspath(place) for place in trusted)
     work = [
         Job(names[path], str(path), str(out / folder), task, options, report, time_limit, places)
         for path, folder in folders(names).items()
@@ -189,11 +189,11 @@ def campaign(
     kept = len(rows)
     _save(out, rows)
     if todo:
-        say(_how_far(rows, kept, len(work), 0.0), kept / len(work))
+        say(_progress_text(rows, kept, len(work), 0.0), kept / len(work))
         try:
             try:
                 _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
-            finally:  # a table that cannot be written ends workers while they write, too
+            finally:  # also if the table cannot be written, which stops workers while they write
                 sweep(out, work)
         except KeyboardInterrupt:
             _save(out, rows)
@@ -203,7 +203,7 @@ def campaign(
             ) from None
         _save(out, rows)
     ordered = tuple(rows[name] for name in sorted(rows))
-    return Campaign(out, task, ordered, kept, time.monotonic() - begun)
+    return Campaign(out, task, ordered, kept, time.monotonic() - started)
 
 
 def _run(
@@ -214,16 +214,16 @@ def _run(
     out: Path,
     say: Progress,
 ) -> None:
-    """Work through what is to do, and write the table from time to time."""
+    """Do the remaining work, and write the table from time to time."""
     kept, total = len(rows), len(rows) + len(todo)
     with closing(outcomes(executor, jobs, todo)) as outcome:
-        begun = saved = time.monotonic()
+        started = saved = time.monotonic()
         cost = 0.0
         for row in outcome:
             if row is not None:
                 rows[row["name"]] = row
             now = time.monotonic()
-            say(_how_far(rows, kept, total, now - begun), len(rows) / total)
+            say(_progress_text(rows, kept, total, now - started), len(rows) / total)
             if row is not None and now - saved > max(5.0, cost / _SAVING):
                 _save(out, rows)
                 saved = time.monotonic()
@@ -231,7 +231,7 @@ def _run(
 
 
 def _kept(job: Job) -> ResultRow | None:
-    """The row of a spec whose result is there, made of what is there now."""
+    """The row of a spec that has a result of its current inputs; ``None`` otherwise."""
     folder = stored(job)
     if folder is None:
         return None
@@ -255,17 +255,19 @@ def _save(out: Path, rows: Mapping[str, ResultRow]) -> None:
         ) from None
 
 
-def _how_far(rows: Mapping[str, ResultRow], kept: int, total: int, seconds: float) -> str:
-    """How far it is, and how long the rest will take at the pace so far."""
+def _progress_text(rows: Mapping[str, ResultRow], kept: int, total: int, seconds: float) -> str:
+    """Progress, and the remaining time at the current pace."""
     bad = sum(row["status"] != "ok" for row in rows.values())
     parts = [f"{len(rows)} of {total} done"]
     if bad:
         parts.append(f"{bad} failed")
-    new, left = len(rows) - kept, total - len(rows)
-    if new and left:
-        rest = seconds / new * left
-        unit, size = ("s", 1) if rest < 90 else ("min", 60) if rest < 5400 else ("h", 3600)
-        parts.append(f"about {rest / size:.0f} {unit} left")
+    new, remaining = len(rows) - kept, total - len(rows)
+    if new and remaining:
+        seconds_left = seconds / new * remaining
+        unit, size = (
+            ("s", 1) if seconds_left < 90 else ("min", 60) if seconds_left < 5400 else ("h", 3600)
+        )
+        parts.append(f"about {seconds_left / size:.0f} {unit} left")
     return ", ".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""Where tasks run: processes of this machine, a Dask cluster, or any executor."""
+"""Run tasks in processes of this machine, on a Dask cluster, or on any executor."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from diffthrust.many._campaign.task import head, helped, new_process, perform
 from diffthrust.specs._compile_key import compile_key
 
 _CONNECT = 5.0
-"""Seconds in which the scheduler of a cluster must answer."""
+"""Time within which the scheduler of a cluster must answer [s]."""
 _TICK = 1.0
-"""Seconds after which the caller hears that no row has come."""
+"""Time after which ``None`` is yielded if no row has come [s]."""
 
 
 def outcomes(
     executor: Executor | str | None, workers: int, jobs: Sequence[Job]
 ) -> Generator[ResultRow | None]:
-    """The rows of some tasks as they come, and ``None`` when none has come for a while.
+    """Yield the rows of tasks as they finish, and ``None`` while there is no news.
 
-    A task whose worker is gone is a row as well: nothing that an executor raises ends a campaign.
-    Tasks that have not begun are cancelled when the iteration is left.
+    A task whose worker died also gives a row: no exception of an executor ends a campaign. Tasks
+    that have not started are cancelled when the generator is closed.
 
     Args:
-        executor: one to use as it is, the address of a Dask scheduler, or ``None`` for processes of
-            this machine.
-        workers: how many processes.
+        executor: an executor, the address of a Dask scheduler, or ``None`` for processes of this
+            machine.
+        workers: number of processes.
         jobs: the tasks.
 
     Raises:
@@ -42,14 +42,14 @@ def outcomes(
     if executor is None:
         yield from _on_processes(workers, jobs)
     elif isinstance(executor, str):
-        with _cluster(executor) as own:
-            yield from _on_executor(own, jobs)
+        with _cluster(executor) as client:
+            yield from _on_executor(client, jobs)
     else:
         yield from _on_executor(executor, jobs)
 
 
 def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[ResultRow | None]:
-    """On processes of this machine: each stays with specs that share compiled code."""
+    """Run on processes of this machine; each gets specs that share compiled code."""
     processes = [new_process() for _ in range(workers)]
     keys = [compile_key(Path(job.spec)) if workers > 1 else "" for job in jobs]
     with closing(on_processes(jobs, keys, processes, _helped)) as each:
@@ -60,28 +60,28 @@ def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[ResultRow | No
 def _helped(process: LineProcess, job: Job) -> ResultRow:
     try:
         return helped(process, job)
-    except Exception as error:  # of a machine that cannot start another process
+    except Exception as error:  # the machine cannot start another process
         return _lost(job, error)
 
 
 def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Generator[ResultRow | None]:
-    done: queue.SimpleQueue[Future[ResultRow]] = queue.SimpleQueue()
+    finished: queue.SimpleQueue[Future[ResultRow]] = queue.SimpleQueue()
     waiting: dict[Future[ResultRow], Job] = {}
     try:
         for job in jobs:
             try:
                 future = executor.submit(perform, job)
-            except Exception as error:  # of an executor that is broken or closed
+            except Exception as error:  # the executor is broken or closed
                 yield _lost(job, error)
                 continue
-            if future.done():  # as with executors that do the work in place
+            if future.done():  # executors that work synchronously
                 yield _row(future, job)
             else:
                 waiting[future] = job
-                future.add_done_callback(done.put)
+                future.add_done_callback(finished.put)
         while waiting:
             try:
-                future = done.get(timeout=_TICK)
+                future = finished.get(timeout=_TICK)
             except queue.Empty:
                 yield None
                 continue
@@ -99,13 +99,13 @@ def _row(future: Future[ResultRow], job: Job) -> ResultRow:
 
 
 def _lost(job: Job, error: BaseException) -> ResultRow:
-    """The row of a task that gave none; its folder is left alone, for its worker may have ended."""
+    """The row of a lost task. Its folder is not touched: its worker may have finished it."""
     broken = isinstance(error, BrokenExecutor | CancelledError)
     what = "The executor lost its workers" if broken else "No worker could do it"
-    told = f": {error}" if str(error) else ""
+    detail = f": {error}" if str(error) else ""
     return {
         **head(job, "lost"),
-        "error": f"{what} ({type(error).__name__}{told}).",
+        "error": f"{what} ({type(error).__name__}{detail}).",
         "mend": "Run the campaign again: it goes on with the rest.",
     }
 

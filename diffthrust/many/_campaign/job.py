@@ -1,4 +1,4 @@
-"""One task of a campaign: which spec, what to do with it, and what its result hangs on."""
+"""One task of a campaign: its spec and options, and a fingerprint of its inputs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "diagnose": ("candidates",),
     "sample": ("method", "draws", "warmup", "walkers", "chains", "seed"),
 }
-"""What a campaign can do with a spec, and the options of each."""
+"""The tasks of a campaign, with their options."""
 
 SAMPLING = {
     "method": "emcee",
@@ -34,16 +34,16 @@ SAMPLING = {
 
 @dataclass(frozen=True)
 class Job:
-    """One spec to work on; plain data, so that it can go to any worker.
+    """One spec to work on; plain data, so that it can be sent to any worker.
 
     Args:
-        name: of the spec, for people: its path in the folder that was searched.
+        name: display name of the spec: its path in the searched folder.
         spec: its file, an absolute path.
-        folder: where the result goes, an absolute path.
+        folder: result folder, an absolute path.
         task: "fit", "diagnose" or "sample".
         options: arguments of the task.
         report: write a page beside the result.
-        time_limit: the task is stopped after so many seconds; never where ``None``.
+        time_limit: seconds after which the task is killed; ``None`` for never.
         trust: folders whose scripts specs may run, absolute paths.
     """
 
@@ -57,23 +57,23 @@ class Job:
     trust: Sequence[str] = ()
 
     def load(self) -> Spec:
-        """The spec, as it is now."""
+        """Load the current spec."""
         return load_spec(self.spec, trust=self.trust)
 
 
 def check_task(task: str, options: Mapping[str, Any]) -> None:
-    """Raise `InputError` before the work for a task or an option that cannot be meant."""
+    """Raise `InputError` for an unknown task or an invalid option."""
     if task not in OPTIONS:
         raise InputError(
             f"task: expected one of {listing(OPTIONS)}, found {task!r}.", "Correct the task."
         )
     for name in options:
         if name not in OPTIONS[task]:
-            known = OPTIONS[task]
-            near = nearest(name, known)
+            allowed = OPTIONS[task]
+            near = nearest(name, allowed)
             raise InputError(
                 f"options: the task {task!r} knows no {name!r}{'; ' + near if near else ''}.",
-                f"It takes {listing(known)}." if known else f"Leave {name} out.",
+                f"It takes {listing(allowed)}." if allowed else f"Leave {name} out.",
             )
     if task == "sample":
         from diffthrust.uncertainty._sampling.sample import check_sampling
@@ -90,11 +90,10 @@ def check_task(task: str, options: Mapping[str, Any]) -> None:
 
 
 def fingerprint(spec: Spec, job: Job) -> str:
-    """A digest of all that determines the result: equal where nothing has to be done again.
+    """A digest of everything that determines the result: if equal, the work need not be repeated.
 
-    It covers the text of the spec, the content of its logs and of the scripts that it names, the
-    task with its options, and the version of the library; not the content of modules that such a
-    script imports.
+    It covers the text of the spec, the content of its logs and scripts, the task with its options,
+    and the version of the library, but not modules imported by a script.
 
     Raises:
         InputError: a log cannot be read.
@@ -118,7 +117,7 @@ def fingerprint(spec: Spec, job: Job) -> str:
 
 
 def _files(path: Path) -> Iterator[Path]:
-    """The file, or all those of a folder, such as a bag."""
+    """The file, or all files of a folder such as a bag."""
     if path.is_dir():
         yield from sorted(file for file in path.rglob("*") if file.is_file())
     else:

@@ -1,4 +1,4 @@
-"""The specs of a campaign: found in folders, named, and each with a folder of its own."""
+"""Find the specs of a campaign in folders, and give each a name and a result folder."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ PathLike = str | os.PathLike[str]
 
 
 def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path, str]:
-    """Spec files by absolute path, each with its name: its path without what all have in common.
+    """Spec files by absolute path, each with its name: its path without the common prefix.
 
-    A folder is searched with all that is below it, hidden folders and the output left out. A TOML
-    file that has neither a ``model`` nor ``logs`` is no spec; one that cannot be read is taken as
-    one, so that it is told.
+    Folders are searched recursively, except hidden folders and the output. A TOML file with neither
+    ``model`` nor ``logs`` is not a spec; an unreadable one counts as a spec, so that it is
+    reported.
 
     Args:
         specs: a folder, a spec file, or several of them.
@@ -28,14 +28,14 @@ def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path,
     Raises:
         InputError: there is no spec, or no such folder.
     """
-    given = [specs] if isinstance(specs, str | os.PathLike) else list(specs)
-    for each in given:
+    listed = [specs] if isinstance(specs, str | os.PathLike) else list(specs)
+    for each in listed:
         if not isinstance(each, str | os.PathLike):
             raise InputError(
                 f"specs: expected folders and files, found {each!r}.",
                 "Give a folder with spec files, or their paths.",
             )
-    roots = [Path(os.path.abspath(path)) for path in given]
+    roots = [Path(os.path.abspath(path)) for path in listed]
     files: list[Path] = []
     for root in roots:
         if root.is_dir():
@@ -59,10 +59,10 @@ def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path,
 
 
 def folders(specs: dict[Path, str]) -> dict[Path, str]:
-    """The name of the folder of each spec's results.
+    """The name of the result folder of each spec.
 
-    Folders lie side by side, so that none is inside another, and no two differ by upper and lower
-    case alone: results can be copied to any file system.
+    Folders are siblings, so that none is inside another, and no two differ only in case: results
+    can be copied to any file system.
 
     Raises:
         InputError: two specs would write to one folder; both are named.
@@ -71,10 +71,10 @@ def folders(specs: dict[Path, str]) -> dict[Path, str]:
     names = {}
     for path, name in specs.items():
         folder = re.sub(r"[^\w.\-]+", "_", name.replace("/", "__")).lstrip(".") or "_"
-        other = taken.setdefault(folder.casefold(), path)
-        if other != path:
+        rival = taken.setdefault(folder.casefold(), path)
+        if rival != path:
             raise InputError(
-                f"{path} and {other}: the results of both would go to one folder, {folder!r}.",
+                f"{path} and {rival}: the results of both would go to one folder, {folder!r}.",
                 "Rename one of the two.",
             )
         names[path] = folder

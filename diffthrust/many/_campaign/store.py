@@ -1,4 +1,4 @@
-"""The folder of a spec's results: there as a whole, or not at all."""
+"""Write the result folder of a spec atomically: complete, or not at all."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ def store(
     data: Mapping[str, Any] | None = None,
     page: Callable[[Path], None] | None = None,
 ) -> None:
-    """Write the folder of a task under a temporary name beside it, then rename.
+    """Write the folder of a task under a temporary sibling name, then rename.
 
     A folder of an earlier run is replaced. A kill leaves at worst a hidden folder, which the next
     campaign removes.
 
     Args:
         job: the task.
-        row: what the table says of it.
-        mark: the `fingerprint` of what it was made of.
-        data: the result, where there is one.
-        page: writes a page for people to the path that it is given.
+        row: its row of the table.
+        mark: `fingerprint` of its inputs.
+        data: the result, if any.
+        page: function that writes a page to a path.
 
     Raises:
-        InputError: the folder cannot be written, such as on a full disk; what was there is intact.
+        InputError: the folder cannot be written, as on a full disk; the old folder is intact.
     """
     target = Path(job.folder)
     fresh = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
@@ -59,7 +59,7 @@ def store(
             os.rename(target, old)
         os.rename(fresh, target)
         shutil.rmtree(old, ignore_errors=True)
-    except (OSError, ValueError) as error:  # a ValueError of a name that is no text, too
+    except (OSError, ValueError) as error:  # ValueError: a name that is not valid text
         what = error.problem if isinstance(error, InputError) else f"{target}: {error}"
         raise InputError(
             f"The result cannot be written: {what}",
@@ -67,39 +67,39 @@ def store(
         ) from None
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-        with suppress(OSError):  # of a place that is locked by now
+        with suppress(OSError):  # the folder may be locked meanwhile
             if old.exists() and not target.exists():
                 os.rename(old, target)
 
 
 def stored(job: Job) -> dict[str, Any] | None:
-    """What the folder of a task says of it; ``None`` where there is none, or none that is whole.
+    """The stored status of a task; ``None`` if its folder is missing or incomplete.
 
     Raises:
-        InputError: it holds the result of another task or of another spec.
+        InputError: the folder holds the result of another task or another spec.
     """
     try:
         status = json.loads((Path(job.folder) / STATUS).read_text(encoding="utf-8"))
-        task, theirs = status["task"], status["row"]["spec"]
+        task, stored_spec = status["task"], status["row"]["spec"]
     except (OSError, ValueError, TypeError, KeyError):
         return None
     if task != job.task:
         raise InputError(
-            f"{job.folder}: it holds the task {task!r} of {theirs}, and this campaign would put "
-            f"{job.task!r} there.",
+            f"{job.folder}: it holds the task {task!r} of {stored_spec}, and this campaign "
+            f"would put {job.task!r} there.",
             "Name another output folder.",
         )
-    if theirs != job.spec and Path(theirs).exists():
+    if stored_spec != job.spec and Path(stored_spec).exists():
         raise InputError(
-            f"{job.folder}: it holds the result of {theirs}, and this campaign would put that of "
-            f"{job.spec} there.",
+            f"{job.folder}: it holds the result of {stored_spec}, and this campaign would put "
+            f"that of {job.spec} there.",
             "Name another output folder.",
         )
     return status
 
 
 def is_whole(job: Job, folder: Mapping[str, Any], mark: str) -> bool:
-    """Whether a folder holds the result, made of the same as now, with all its files."""
+    """Whether a folder holds a complete result of the current inputs."""
     files = [_RESULT[job.task], *([_PAGE] if job.report else [])]
     return (
         folder["row"].get("status") == "ok"
@@ -109,9 +109,9 @@ def is_whole(job: Job, folder: Mapping[str, Any], mark: str) -> bool:
 
 
 def sweep(output: Path, jobs: Iterable[Job]) -> None:
-    """Remove what workers that were killed left half-written."""
-    ours = {Path(job.folder).name for job in jobs}
+    """Remove half-written folders of killed workers."""
+    folders = {Path(job.folder).name for job in jobs}
     for entry in output.iterdir() if output.is_dir() else ():
-        left = re.fullmatch(r"\.(.+)\.[0-9a-f]{32}\.(tmp|old)", entry.name)
-        if left and left[1] in ours:
+        match = re.fullmatch(r"\.(.+)\.[0-9a-f]{32}\.(tmp|old)", entry.name)
+        if match and match[1] in folders:
             shutil.rmtree(entry, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""One task on whatever worker it comes to: the work, its row, its folder."""
+"""One task of a campaign on a worker: the work, its row and its folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from diffthrust.specs._scripts import error_in_script
 from diffthrust.specs._spec import Spec
 
 _DEATHS = 3
-"""A task whose process died so many times is given up."""
+"""A task is given up after its process died this many times."""
 _own = threading.local()
 
 
@@ -36,11 +36,11 @@ class _Result:
 
 
 def perform(job: Job) -> ResultRow:
-    """Do one task of a campaign on whatever worker this runs in, and give its row.
+    """Do one task of a campaign on the current worker, and return its row.
 
-    A worker that is a process does it itself, so that its tasks share what JAX has compiled. Where
-    the worker is one thread of several, which must not share a process, and where there is a time
-    limit, which nothing but the end of a process enforces, it is done in a process of the worker.
+    A worker that is a process does it directly, so that its tasks share compiled programs. A worker
+    that is a thread starts a process, since threads must not share one; so does any worker under a
+    time limit, since only killing a process enforces it.
     """
     if job.time_limit is None and threading.current_thread() is threading.main_thread():
         return run_job(job)
@@ -48,29 +48,29 @@ def perform(job: Job) -> ResultRow:
 
 
 def own_process() -> LineProcess:
-    """The process of this thread, made when it is first asked for."""
+    """The process of this thread, started on first use."""
     if not hasattr(_own, "process"):
         _own.process = new_process()
     return _own.process
 
 
 def new_process() -> LineProcess:
-    """A process that does tasks of campaigns."""
+    """Start a process that does tasks of campaigns."""
     return LineProcess(f"{__name__}:run_plain", quiet=True)
 
 
 def helped(process: LineProcess, job: Job) -> ResultRow:
-    """Do a task in a process, which may die, or be killed at the time limit.
+    """Do a task in a process; retry if it dies, kill it at the time limit.
 
     Raises:
         CancelledError: the process was stopped meanwhile.
     """
-    begun, why = time.perf_counter(), ""
+    started, why = time.perf_counter(), ""
     for _ in range(_DEATHS):
         try:
             return process.ask(vars(job), job.time_limit)
         except ProcessLate:
-            seconds = time.perf_counter() - begun
+            seconds = time.perf_counter() - started
             problem = f"Stopped at the time limit of {job.time_limit:g} s."
             mend = "Raise the time limit, shorten its logs (start, stop), or leave it out."
             return failed(job, "timed_out", problem, mend, seconds)
@@ -78,26 +78,26 @@ def helped(process: LineProcess, job: Job) -> ResultRow:
             why = str(how)
     problem = f"Its process died {_DEATHS} times: {why}."
     mend = "Give it more memory (fewer jobs at a time), or shorten its logs."
-    return failed(job, "lost", problem, mend, time.perf_counter() - begun)
+    return failed(job, "lost", problem, mend, time.perf_counter() - started)
 
 
 def run_job(job: Job) -> ResultRow:
-    """Do the work on one spec, here and now, and write its folder.
+    """Do the work on one spec in this process, and write its folder.
 
-    Nothing is raised: what goes wrong is the row's ``error``, with the ``mend``.
+    Never raises: any error goes into the row as ``error`` and ``mend``.
     """
-    begun, mark = time.perf_counter(), None
+    started, mark = time.perf_counter(), None
     try:
         mark = fingerprint(job.load(), job)
-        spec = job.load()  # of what the mark is of, unless the last look says otherwise
+        spec = job.load()  # read after the mark: a change in between shows in the second mark below
         result = _TASKS[job.task](spec, job)
         if fingerprint(job.load(), job) != mark:
             raise InputError(
                 "The spec, one of its logs or a script that it names was changed while it was "
-                "worked on: nobody knows which state the result is of.",
+                "worked on: it is unknown which state the result belongs to.",
                 "Run the campaign again.",
             )
-        seconds = time.perf_counter() - begun
+        seconds = time.perf_counter() - started
         row = plain(
             {**head(job, "ok"), **result.columns, "seconds": seconds, "numbers": result.numbers}
         )
@@ -108,16 +108,16 @@ def run_job(job: Job) -> ResultRow:
     except OSError as error:
         problem, mend = str(error), "Look at the disk, and run the campaign again."
     except Exception as error:
-        told = error_in_script(error) or InputError(
+        reported = error_in_script(error) or InputError(
             f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}",
             f"Please report what this prints: DIFFTHRUST_DEBUG=1 diffthrust {job.task} {job.spec}",
         )
-        problem, mend = told.problem, told.mend
-    return failed(job, "failed", problem, mend, time.perf_counter() - begun, mark)
+        problem, mend = reported.problem, reported.mend
+    return failed(job, "failed", problem, mend, time.perf_counter() - started, mark)
 
 
 def run_plain(job: Mapping[str, Any]) -> ResultRow:
-    """`run_job` of a job that has come as plain data."""
+    """`run_job` for a job given as plain data."""
     return run_job(Job(**job))
 
 
@@ -130,9 +130,9 @@ def head(job: Job, status: str) -> ResultRow:
 def failed(
     job: Job, status: str, problem: str, mend: str, seconds: float, mark: str | None = None
 ) -> ResultRow:
-    """The row of a spec without a result, also in its folder if that can be written."""
+    """The row of a spec without a result; also written to its folder if possible."""
     row = {**head(job, status), "error": visible(problem), "mend": mend, "seconds": seconds}
-    with suppress(InputError):  # the table tells it in any case
+    with suppress(InputError):  # the table has the row in any case
         store(job, row, mark)
     return row
 

@@ -22,7 +22,7 @@ _TYPICAL = 0.5
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter's coordinate: its logarithm where it is positive by nature, else its value.
+    """A parameter's coordinate: its logarithm if it is positive by nature, else its value.
 
     Args:
         name: full name of the parameter.
@@ -37,7 +37,7 @@ class Axis:
     typical: float
 
     def coordinate(self, value: Any) -> Any:
-        """The coordinate of a value, NaN where there is none."""
+        """The coordinate of a value; NaN if there is none."""
         with np.errstate(divide="ignore", invalid="ignore"):
             at = np.log(value) if self.log else np.asarray(value, float)
         return np.where(np.isfinite(at), at, np.nan)
@@ -52,25 +52,25 @@ class Axis:
 
 
 def axes_of(entries: Iterable[Entry]) -> dict[str, Axis]:
-    """The axes of all parameters that some fit estimated.
+    """The axes of all parameters estimated by at least one fit.
 
-    Of a fit, the model tells; of a row of a table, the model of its name in the catalogue. Where
-    that is not known either, the coordinate is the value.
+    The description comes from the fit's model, or for a table row from the catalogue; if neither
+    is known, the coordinate is the value.
     """
     described: dict[str, Parameter] = {}
     sizes: dict[str, list[float]] = {}
-    known: dict[tuple[str, tuple[str, ...]], Mapping[str, Parameter]] = {}
+    parameters: dict[tuple[str, tuple[str, ...]], Mapping[str, Parameter]] = {}
     for entry in entries:
         kind = (entry.model, entry.effects)
         if entry.fit is not None:
-            known[kind] = entry.fit.model.parameters
-        elif kind not in known:
-            known[kind] = _from_catalogue(*kind)
+            parameters[kind] = entry.fit.model.parameters
+        elif kind not in parameters:
+            parameters[kind] = _from_catalogue(*kind)
         for name, (value, error) in entry.estimates.items():
             if error is not None:
                 sizes.setdefault(name, []).append(abs(value))
-                if name in known[kind]:
-                    described.setdefault(name, known[kind][name])
+                if name in parameters[kind]:
+                    described.setdefault(name, parameters[kind][name])
     return {name: _axis(name, described.get(name), np.array(v)) for name, v in sizes.items()}
 
 
@@ -82,7 +82,7 @@ def _axis(name: str, p: Parameter | None, values: np.ndarray) -> Axis:
 
 
 def _from_catalogue(model: str, effects: tuple[str, ...]) -> Mapping[str, Parameter]:
-    """The parameters of a model known by name alone; none for one of the user's own."""
+    """The parameters of a model given by name; empty for a user's own model."""
     from diffthrust.models import MODELS
 
     with suppress(KeyError, InputError):

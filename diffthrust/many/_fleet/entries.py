@@ -1,4 +1,4 @@
-"""The fits of a fleet, one entry each, whatever they come from."""
+"""The fits of a fleet as entries, whatever their source."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Entry(Brief):
 
     Args:
         name: of the fit.
-        vehicle: which it belongs to.
-        time: when it was made, a number or ``None``.
+        vehicle: its vehicle.
+        time: time of the test, or ``None``.
         model: name of the model without its effects.
         effects: names of the effects that the fit has.
         columns: further columns of the table.
-        estimates: value and standard error of each parameter, ``None`` where there is none.
-        fit: the fit, or ``None`` where a table alone is known.
+        estimates: value and standard error (or ``None``) of each parameter.
+        fit: the fit, or ``None`` if only a table row is known.
     """
 
     name: str
@@ -49,30 +49,30 @@ class Entry(Brief):
     fit: Fit | None = field(default=None, repr=False)
 
     def has(self, parameter: str) -> bool:
-        """Whether the fit estimated a parameter; of a table, whether it tells an error of it."""
+        """Whether the fit estimated a parameter; for a table row, whether it has an error."""
         if self.fit is not None:
             return parameter in self.fit.free
         return self.estimates.get(parameter, (0.0, None))[1] is not None
 
     @property
     def usable(self) -> bool:
-        """Whether its estimates may be compared; a table without statuses is taken on trust."""
+        """Whether its estimates may be compared; rows without a status count as converged."""
         status = self.columns.get("fit_status") or "converged"
         return status in ("converged", "converged_at_bound", "not_identifiable")
 
 
 def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
-    """The entries, and notes of what was left out.
+    """The entries, and notes on what was left out.
 
     Raises:
-        InputError: something that holds no fits, or names and times that do not match them.
+        InputError: the source holds no fits, or names or times do not match them.
     """
     if isinstance(source, Many | Mapping | Sequence) and not isinstance(source, str):
         names, fits, vehicles, notes = _fits(source, vehicle)
         names = list(named_members(None, names))
         vehicles = _labels(vehicle, names, "vehicle") if vehicle is not None else vehicles
         times = _labels(time, names, "time") if time is not None else [None] * len(names)
-        made = [_of_fit(*one) for one in zip(names, vehicles, times, fits, strict=True)]
+        made = [_of_fit(*row) for row in zip(names, vehicles, times, fits, strict=True)]
     else:
         made, notes = _of_table(_frame(source), vehicle, time)
     if not made:
@@ -89,7 +89,7 @@ def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry],
 def _fits(
     source: Many | Mapping[str, Any] | Sequence[Any], vehicle: Labels
 ) -> tuple[list[str], list[Fit], list[str], list[str]]:
-    """Names, fits, vehicles and notes of what holds fits."""
+    """Names, fits, vehicles and notes of a source of fits."""
     notes: list[str] = []
     if isinstance(source, Many):
         failed = source.failed
@@ -132,7 +132,7 @@ def _of_fit(name: str, vehicle: Any, time: Any, fit: Fit) -> Entry:
 
 
 def _frame(source: Any) -> pd.DataFrame:
-    """The table of a campaign, of its folder or file, or one that was given."""
+    """The table of a campaign, of its folder or file, or a given table."""
     import pandas as pd
 
     if isinstance(source, Campaign):
@@ -148,7 +148,7 @@ def _frame(source: Any) -> pd.DataFrame:
     path = path / TABLE if path.is_dir() else path
     try:
         return pd.read_parquet(path)
-    except Exception as error:  # a damaged file raises whatever the reader came across
+    except Exception as error:  # a damaged file raises exceptions of any kind
         raise InputError(
             f"{path}: the table of a campaign cannot be read ({error}).",
             f"Name the folder of a campaign, or its {TABLE}.",
@@ -182,7 +182,7 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
     times = _column(frame, "time", time, names) or [None] * len(names)
     entries = []
     for name, whose, when, row in zip(names, vehicles, times, rows, strict=True):
-        effects = tuple(part.strip() for part in _text(row.get("effects")).split(",") if part)
+        effects = tuple(effect.strip() for effect in _text(row.get("effects")).split(",") if effect)
         columns = {key: row[key] for key in ("fit_status", "train_nrmse", "holdout_nrmse")
                 if key in row}  # fmt: skip
         estimates = {
@@ -204,7 +204,7 @@ def _error(value: Any) -> float | None:
 
 
 def _column(frame: Any, what: str, labels: Labels, names: Sequence[str]) -> list[Any]:
-    """What was given for each row, or else the column of that name, or else nothing."""
+    """Given labels of the rows, or else the column of that name, or else an empty list."""
     if labels is not None:
         return _labels(labels, names, what)
     if what not in frame:

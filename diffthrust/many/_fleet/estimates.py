@@ -1,4 +1,4 @@
-"""What the fits of a fleet tell of each vehicle's parameters."""
+"""Estimates of each vehicle's parameters from its fits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from diffthrust.many._fleet.statistics import dispersed, weighted_mean
 
 
 class Estimates(Protocol):
-    """What tables, figures and pooling read of a `Fleet`, whose attributes these are."""
+    """The attributes of a `Fleet` that tables, figures and pooling use."""
 
     @property
     def entries(self) -> tuple[Entry, ...]: ...
@@ -29,16 +29,16 @@ class Estimates(Protocol):
         ...
 
 
-class Known(NamedTuple):
-    """What is known of a parameter of each vehicle, in its coordinate."""
+class VehicleMeans(NamedTuple):
+    """Mean and error of a parameter for each vehicle, in its coordinate."""
 
     vehicles: tuple[str, ...]
     values: np.ndarray
     errors: np.ndarray
 
 
-def known(fleet: Estimates, parameter: str) -> Known:
-    """Each vehicle's mean over its fits; where they scatter beyond their errors, its own grows."""
+def vehicle_means(fleet: Estimates, parameter: str) -> VehicleMeans:
+    """Each vehicle's mean over its fits; its error grows if they scatter beyond their errors."""
     means = []
     for vehicle in fleet.vehicles:
         _, values, errors = fleet.series(vehicle, parameter)
@@ -46,4 +46,4 @@ def known(fleet: Estimates, parameter: str) -> Known:
             mean = weighted_mean(values, errors)
             means.append((vehicle, mean.value, mean.error * dispersed(mean)))
     names, values, errors = zip(*means, strict=True) if means else ((), (), ())
-    return Known(tuple(names), np.array(values, float), np.array(errors, float))
+    return VehicleMeans(tuple(names), np.array(values, float), np.array(errors, float))

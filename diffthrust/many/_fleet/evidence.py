@@ -1,4 +1,4 @@
-"""What the logs of each vehicle say of the pooled parameters."""
+"""Evidence of each vehicle's logs on the pooled parameters."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from diffthrust._support.names import listing
 from diffthrust.many._fleet.axis import Axis
 from diffthrust.many._fleet.entries import Entry
 from diffthrust.many._fleet.estimates import Estimates
-from diffthrust.many._fleet.exact import Exact, Normals, expanded
+from diffthrust.many._fleet.exact import Exact, Normals, expand
 from diffthrust.many._fleet.statistics import dispersed, weighted_mean
 
 
 @dataclass(frozen=True)
 class Ruler:
-    """The pooled parameters, each in units of its typical spread, from the middle of the fleet.
+    """Scales the pooled parameters: distance from the fleet's middle in typical spreads.
 
     Args:
         axes: of the parameters.
-        middle: a coordinate in the fleet's midst, by parameter.
+        middle: coordinate of the fleet's middle, by parameter.
     """
 
     axes: tuple[Axis, ...]
@@ -42,23 +42,23 @@ class Ruler:
 
 @dataclass(frozen=True)
 class VehicleEvidence:
-    """What the logs of one vehicle say, in units of the ruler.
+    """Likelihood of one vehicle's logs, in units of the ruler.
 
     Near its fit the logarithm of the likelihood is ``-(z - values) @ information @ (z - values) /
-    2``; directions of which the logs say nothing have no information.
+    2``; directions that the logs do not determine have zero information.
 
     Args:
         vehicle: its name.
-        values: where the parabola has its top, ``(p,)``.
+        values: maximum of the quadratic log likelihood, ``(p,)``.
         information: ``(p, p)``, with zeros for parameters that the vehicle does not have.
-        known: which parameters its model has, ``(p,)``.
-        exact: the whole likelihood, which takes the parabola's place, or ``None``.
+        present: which parameters its model has, ``(p,)``.
+        exact: the exact likelihood, which replaces the quadratic one, or ``None``.
     """
 
     vehicle: str
     values: np.ndarray
     information: np.ndarray
-    known: np.ndarray
+    present: np.ndarray
     exact: Exact | None = None
 
 
@@ -70,10 +70,13 @@ class Guess(NamedTuple):
     spread: np.ndarray
 
 
-def guessed(evidence: Sequence[VehicleEvidence]) -> Guess:
-    """Where the search for the law begins: moments, with errors no finer than 0.1."""
-    values = np.stack([one.values for one in evidence])
-    information = np.stack([np.diagonal(one.information) for one in evidence])
+def first_guess(evidence: Sequence[VehicleEvidence]) -> Guess:
+    """First guess of the law by weighted moments.
+
+    The variance 0.1^2 is added to every error, so that no single precise vehicle dominates.
+    """
+    values = np.stack([vehicle.values for vehicle in evidence])
+    information = np.stack([np.diagonal(vehicle.information) for vehicle in evidence])
     variance = 1.0 / np.maximum(information, 1e-12)
     weight = 1.0 / (variance + 0.01)
     total = np.sum(weight, axis=0)
@@ -83,13 +86,13 @@ def guessed(evidence: Sequence[VehicleEvidence]) -> Guess:
     return Guess(mean, np.sqrt(1.0 / np.sum(1.0 / (variance + spread**2), axis=0)), spread)
 
 
-def gathered(
+def gather_evidence(
     fleet: Estimates, ruler: Ruler, logs: Mapping[str, Any]
 ) -> tuple[list[VehicleEvidence], list[str]]:
     """The evidence of each vehicle that has any of the parameters, and notes.
 
     Raises:
-        InputError: logs of a vehicle that has not one fit, or that are not those of its fit.
+        InputError: a vehicle with logs has no single fit, or its logs are not those of its fit.
     """
     unknown = [name for name in logs if name not in fleet.vehicles]
     if unknown:
@@ -100,26 +103,26 @@ def gathered(
     out, tabular, uncertain = [], False, []
     for vehicle in fleet.vehicles:
         fits = _fits_of(fleet, vehicle, vehicle in logs)
-        known = np.array([any(e.has(a.name) for e in fits) for a in ruler.axes], bool)
-        if vehicle in logs and not known.any():
+        present = np.array([any(e.has(a.name) for e in fits) for a in ruler.axes], bool)
+        if vehicle in logs and not present.any():
             raise InputError(
                 f"logs: '{vehicle}' has no fit with any of the pooled parameters.",
                 "Leave it out of logs.",
             )
-        if not known.any():
+        if not present.any():
             continue
         values, information = _together([_parabola(entry, ruler) for entry in fits])
-        out.append(VehicleEvidence(vehicle, values, information, known))
+        out.append(VehicleEvidence(vehicle, values, information, present))
         if vehicle in logs:
             continue
         tabular |= any(entry.fit is None for entry in fits)
-        if np.any(np.diagonal(information)[known] <= 0):
+        if np.any(np.diagonal(information)[present] <= 0):
             uncertain.append(vehicle)
-    begin = guessed(out)
-    for i, one in enumerate(out):
-        if one.vehicle in logs:
-            fits = _fits_of(fleet, one.vehicle, True)
-            out[i] = _whole(one, fits, ruler, logs[one.vehicle], begin)
+    begin = first_guess(out)
+    for i, item in enumerate(out):
+        if item.vehicle in logs:
+            fits = _fits_of(fleet, item.vehicle, True)
+            out[i] = _with_exact_likelihood(item, fits, ruler, logs[item.vehicle], begin)
     notes = []
     if tabular:
         notes.append(
@@ -128,22 +131,22 @@ def gathered(
         )
     if uncertain:
         notes.append(
-            f"{listing(uncertain)}: parameters without a standard error come from the fleet alone, "
-            "and the others are those at the value that the fit held them at. Give logs={...} to "
-            "take what these logs do say of them."
+            f"{listing(uncertain)}: parameters without a standard error come from the fleet only, "
+            "and the other parameters are conditional on the value at which the fit held them. "
+            "Give logs={...} to use what these logs do say of them."
         )
     return out, notes
 
 
 def _fits_of(fleet: Estimates, vehicle: str, exact: bool) -> list[Entry]:
-    """The fits of a vehicle; a whole likelihood needs none that has converged."""
+    """The fits of a vehicle; for an exact likelihood they need not have converged."""
     return [e for e in fleet.entries if e.vehicle == vehicle and (e.usable or exact)]
 
 
-def _whole(
+def _with_exact_likelihood(
     parabola: VehicleEvidence, entries: Sequence[Entry], ruler: Ruler, logs: Any, begin: Guess
 ) -> VehicleEvidence:
-    """The same evidence with the whole likelihood in the place of the parabola at the fit."""
+    """Replace the quadratic likelihood at the fit by the exact likelihood."""
     fits = [entry.fit for entry in entries if entry.fit is not None]
     if len(fits) != 1 or len(entries) != 1:
         raise InputError(
@@ -156,7 +159,7 @@ def _whole(
         parabola.information + np.diag(precision),
         parabola.information @ parabola.values + precision * begin.mean,
     )
-    exact = expanded(
+    exact = expand(
         fits[0],
         logs,
         [ruler.axes[i] for i in which],
@@ -174,7 +177,7 @@ def _whole(
 
 
 def _parabola(entry: Entry, ruler: Ruler) -> tuple[np.ndarray, np.ndarray]:
-    """Top and information of one fit, other parameters and initial states averaged over."""
+    """Maximum and information of one fit, marginal over other parameters and initial states."""
     p = len(ruler.axes)
     values, slopes, errors = np.zeros(p), np.ones(p), np.full(p, np.nan)
     for i, axis in enumerate(ruler.axes):
@@ -184,32 +187,34 @@ def _parabola(entry: Entry, ruler: Ruler) -> tuple[np.ndarray, np.ndarray]:
             values[i] = (at - ruler.middle[i]) / axis.typical
             slopes[i] = float(axis.slope(value)) * axis.typical
             errors[i] = error
-    known = np.flatnonzero(np.isfinite(errors))
-    covariance = np.diag(errors[known] ** 2)
+    valid = np.flatnonzero(np.isfinite(errors))
+    covariance = np.diag(errors[valid] ** 2)
     if entry.fit is not None:
-        place = [entry.fit.free.index(ruler.axes[i].name) for i in known]
+        place = [entry.fit.free.index(ruler.axes[i].name) for i in valid]
         covariance = entry.fit.covariance[np.ix_(place, place)]
     information = np.zeros((p, p))
-    if known.size:
-        scaled = covariance / np.outer(slopes[known], slopes[known])
-        information[np.ix_(known, known)] = np.linalg.inv(0.5 * (scaled + scaled.T))
+    if valid.size:
+        scaled = covariance / np.outer(slopes[valid], slopes[valid])
+        information[np.ix_(valid, valid)] = np.linalg.inv(0.5 * (scaled + scaled.T))
     return values, information
 
 
-def _together(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """The product of parabolas.
+def _together(parabolas: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """The product of quadratic likelihoods.
 
-    Where fits scatter beyond their errors, as those of a vehicle that drifts do, each parameter's
-    error grows as that of `known` does.
+    If fits scatter beyond their errors, as for a vehicle that drifts, errors grow as in
+    `vehicle_means`.
     """
-    information = np.sum([weight for _, weight in parts], axis=0)
-    pull = np.sum([weight @ values for values, weight in parts], axis=0)
+    information = np.sum([weight for _, weight in parabolas], axis=0)
+    pull = np.sum([weight @ values for values, weight in parabolas], axis=0)
     values = np.linalg.pinv(information, hermitian=True) @ pull
     grown = np.ones(values.size)
     for i in range(values.size):
-        known = [(value[i], _marginal_error(weight, i)) for value, weight in parts if weight[i, i]]
-        if known:
-            grown[i] = dispersed(weighted_mean(*np.array(known).T))
+        pairs = [
+            (value[i], _marginal_error(weight, i)) for value, weight in parabolas if weight[i, i]
+        ]
+        if pairs:
+            grown[i] = dispersed(weighted_mean(*np.array(pairs).T))
     return values, information / np.outer(grown, grown)
 
 

@@ -1,4 +1,4 @@
-"""The whole likelihood of a vehicle's logs, and the parabola that is like it within the fleet."""
+"""The exact likelihood of a vehicle's logs, and its quadratic approximation within the fleet."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from diffthrust.uncertainty._sampling.nuts import Box, smooth
 from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
 
 _STEPS = 50
-"""Most Newton steps towards the place where the parabola is laid."""
+"""Most Newton steps towards the point of expansion."""
 
 
 class Normals(NamedTuple):
@@ -36,18 +36,18 @@ class Exact:
     Pooled parameters are in units of the fleet's ruler: coordinate = shift + scale * z.
 
     Args:
-        posterior: the likelihood, times the priors of what is not pooled.
+        posterior: the likelihood, times the priors of unpooled parameters.
         pooled: columns of the pooled parameters among its coordinates, ``(q,)``.
-        rest: the other columns: parameters that are not pooled, initial states, noise, ``(r,)``.
-        shift: coordinates of the pooled ones at z = 0.
+        unpooled: other columns: unpooled parameters, initial states, noise, ``(r,)``.
+        shift: coordinates of the pooled parameters at z = 0.
         scale: coordinates per unit of z.
-        top: where a parabola like the likelihood has its top: pooled (z), then rest, ``(q + r,)``.
-        covariance: that of the parabola, in the same order.
+        top: maximum of the quadratic approximation: pooled (z), then unpooled, ``(q + r,)``.
+        covariance: of the quadratic approximation, in the same order.
     """
 
     posterior: Posterior
     pooled: np.ndarray
-    rest: np.ndarray
+    unpooled: np.ndarray
     shift: np.ndarray
     scale: np.ndarray
     top: np.ndarray
@@ -55,8 +55,8 @@ class Exact:
 
     @property
     def order(self) -> np.ndarray:
-        """Columns of the pooled parameters, then of the rest."""
-        return np.concatenate([self.pooled, self.rest])
+        """Columns of the pooled parameters, then of the unpooled ones."""
+        return np.concatenate([self.pooled, self.unpooled])
 
     @property
     def numbers(self) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def _slope(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
     return jax.value_and_grad(likelihood, argnums=3)(shape, dim, numbers, x)
 
 
-def expanded(
+def expand(
     fit: Fit,
     logs: Any,
     axes: Sequence[Axis],
@@ -83,49 +83,49 @@ def expanded(
     towards: np.ndarray,
     law: Normals,
 ) -> Exact:
-    """The likelihood of a fit's logs, with the parabola where it and a guess of the law are best.
+    """The likelihood of a fit's logs, expanded at the maximum of likelihood times a guessed law.
 
-    At the fit itself a parabola would say little: that of a vehicle with poor logs may lie where
-    a parameter has run to zero.
+    An expansion at the fit itself would be of little use: with poor logs, a parameter may have run
+    to zero there.
 
     Args:
         fit: the fit.
         logs: its training logs.
-        axes: the pooled parameters that it has.
+        axes: its pooled parameters.
         middle: their coordinates at z = 0.
-        towards: where the search begins, in z.
+        towards: start of the search, in z.
         law: of the fleet, in z.
 
     Raises:
-        InputError: logs that are not those of the fit.
+        InputError: the logs are not those of the fit.
     """
     names = [axis.name for axis in axes]
-    # alone, such a fit has no posterior, and a vanished parameter none either; in a fleet it has
+    # On its own, a fit that is not identifiable has no proper posterior; within a fleet it has one.
     near = {n: fit.parameters[n].value for n in names}
     posterior = posterior_of(
         replace(fit, status=Status.CONVERGED, guess={**fit.guess, **near}), logs
     )
     labels = list(posterior.labels)
     pooled = np.array([labels.index(name) for name in names], int)
-    rest = np.setdiff1d(np.arange(posterior.dim), pooled)
+    unpooled = np.setdiff1d(np.arange(posterior.dim), pooled)
     described = [posterior.problem.named[name] for name in names]
     low, high = posterior.low.copy(), posterior.high.copy()
     for column, axis, p in zip(pooled, axes, described, strict=True):
-        if axis.log:  # the fit's own are so many decades around a start, which is now the fit
+        if axis.log:  # the fit's bounds are decades around its start, which is now the fit itself
             with np.errstate(divide="ignore"):
                 low[column], high[column] = np.log(p.limits)
     posterior = replace(posterior, low=low, high=high)
     per = np.array([1.0 if axis.log else 1.0 / p.scale
                     for axis, p in zip(axes, described, strict=True)])  # fmt: skip
     typical = np.array([axis.typical for axis in axes])
-    size = np.concatenate([per * typical, np.ones(rest.size)])
-    begin = np.concatenate([towards, posterior.centre[rest]])
-    bare = Exact(posterior, pooled, rest, per * middle, per * typical, begin, np.diag(size))
-    return _laid(bare, size, law)
+    size = np.concatenate([per * typical, np.ones(unpooled.size)])
+    begin = np.concatenate([towards, posterior.centre[unpooled]])
+    bare = Exact(posterior, pooled, unpooled, per * middle, per * typical, begin, np.diag(size))
+    return _with_parabola(bare, size, law)
 
 
-def _laid(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
-    """The same with the parabola laid where likelihood and law together are best (Newton)."""
+def _with_parabola(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
+    """Expand at the maximum of likelihood times law, found by damped Newton steps."""
     q, shape, numbers = bare.pooled.size, bare.posterior.shape, bare.numbers
     precision = np.zeros(size.size)
     precision[:q] = 1.0 / law.spread**2
@@ -141,8 +141,8 @@ def _laid(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
     def covariance(x: np.ndarray) -> np.ndarray:
         base = bare.posterior.base.copy()
         base[bare.posterior.moved] = x[: bare.posterior.moved.size]
-        there = replace(bare.posterior, base=base, centre=x)
-        return there.covariance[np.ix_(bare.order, bare.order)] / np.outer(size, size)
+        shifted = replace(bare.posterior, base=base, centre=x)
+        return shifted.covariance[np.ix_(bare.order, bare.order)] / np.outer(size, size)
 
     y = bare.top.copy()
     value, slope, x = at(y)
@@ -153,13 +153,13 @@ def _laid(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
         share, here = 1.0, value - 0.5 * float(np.sum(precision * (y - mean) ** 2))
         while share > 1e-4:
             trial = y + share * step
-            found, inclined, there = at(trial)
-            if found - 0.5 * float(np.sum(precision * (trial - mean) ** 2)) >= here:
-                y, value, slope, x = trial, found, inclined, there
+            updated, inclined, shifted = at(trial)
+            if updated - 0.5 * float(np.sum(precision * (trial - mean) ** 2)) >= here:
+                y, value, slope, x = trial, updated, inclined, shifted
                 break
             share *= 0.5
         if share <= 1e-4 or float(total @ step) < 1e-6:
             break
-    own = covariance(x)
-    own = 0.5 * (own + own.T)
-    return replace(bare, top=y + own @ slope, covariance=own)
+    result = covariance(x)
+    result = 0.5 * (result + result.T)
+    return replace(bare, top=y + result @ slope, covariance=result)

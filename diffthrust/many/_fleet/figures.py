@@ -11,7 +11,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
 from diffthrust._support.words import spelt
 from diffthrust.many._fleet.axis import Axis
-from diffthrust.many._fleet.estimates import Estimates, known
+from diffthrust.many._fleet.estimates import Estimates, vehicle_means
 from diffthrust.many._fleet.statistics import between, weighted_mean
 from diffthrust.many._fleet.views import trend
 from diffthrust.uncertainty._prediction.figures import bracketed
@@ -36,12 +36,14 @@ def spread_figure(fleet: Estimates, outliers: Any) -> Figure:
         InputError: no parameter has estimates of two vehicles.
     """
     far = set(outliers[outliers["outlier"]][["vehicle", "parameter"]].itertuples(index=False))
-    shared = [axis for name, axis in fleet.axes.items() if len(known(fleet, name).vehicles) > 1]
+    shared = [
+        axis for name, axis in fleet.axes.items() if len(vehicle_means(fleet, name).vehicles) > 1
+    ]
     if not shared:
         raise InputError("No parameter has estimates of two vehicles.", "There is no spread.")
     figure, panels = _panels(shared, 0.9 + 0.24 * len(fleet.vehicles))
     for axes, axis in zip(panels, shared, strict=True):
-        each = known(fleet, axis.name)
+        each = vehicle_means(fleet, axis.name)
         place = {name: i for i, name in enumerate(fleet.vehicles)}
         sd = between(each.values, each.errors)
         mean = weighted_mean(each.values, np.hypot(each.errors, sd)).value
@@ -150,7 +152,7 @@ def pooled_figure(
     width = _SIGMAS if level == 0.95 else _quantile(level)
     figure, panels = _panels(list(shown), 0.9 + 0.34 * len(vehicles))
     for axes, axis in zip(panels, shown, strict=True):
-        alone = known(fleet, axis.name)
+        alone = vehicle_means(fleet, axis.name)
         middle = float(np.median(axis.coordinate(posterior[f"{axis.name}.mean"].values)))
         _law(axes, axis, middle, float(np.median(posterior[f"{axis.name}.between"].values)))
         table: Any = pooled[pooled["parameter"] == axis.name]

@@ -1,4 +1,4 @@
-"""A fleet: what all fits of its vehicles say together."""
+"""A fleet: all fits of its vehicles, analysed together."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.axis import Axis, axes_of
 from diffthrust.many._fleet.entries import ERROR, Entry, Labels, entries_of
-from diffthrust.many._fleet.times import times_of
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
     from diffthrust.many._fleet.pooled import Pooled
+
 
 _FALSE_ALARMS = 0.05
 """Probability that a fleet in which nothing drifts, or no vehicle differs, raises any alarm."""
@@ -33,15 +33,15 @@ _FALSE_ALARMS = 0.05
 class Fleet(Result):
     """All fits of a fleet; made by `fleet`.
 
-    Parameters are compared in the coordinate of a fit: by their logarithm where they are positive
-    by nature, else by their value. Of a vehicle with several fits, the mean weighted by their
-    errors stands for it; where they scatter by more than their errors, its error grows by as much.
+    Parameters are compared in the coordinate of a fit: by their logarithm if they are positive by
+    nature, else by their value. A vehicle with several fits is represented by their weighted mean;
+    if they scatter beyond their errors, its error grows accordingly.
 
     Args:
-        entries: one for each fit, those of failed fits included.
-        axes: the coordinate of each parameter that some fit estimated.
-        time_unit: of the time stamps; "day" where they were dates.
-        notes: what the user should know besides.
+        entries: one for each fit, including failed fits.
+        axes: the coordinate of each estimated parameter.
+        time_unit: unit of the times; "day" for dates.
+        notes: remarks for the user.
 
     Example:
         >>> fleet.vehicles, fleet.times
@@ -61,12 +61,12 @@ class Fleet(Result):
 
     @property
     def vehicles(self) -> tuple[str, ...]:
-        """Names of the vehicles, in the order in which they came."""
+        """Names of the vehicles, in order of appearance."""
         return tuple(dict.fromkeys(entry.vehicle for entry in self.entries))
 
     @cached_property
     def times(self) -> np.ndarray:
-        """When each fit was made, ``(n,)``: dates as days since the first; NaN where not known."""
+        """Time of each fit, ``(n,)``: dates as days since the first; NaN if unknown."""
         return times_of([entry.time for entry in self.entries])[0]
 
     @cached_property
@@ -97,14 +97,14 @@ class Fleet(Result):
         return times, values, errors
 
     def spread(self) -> pd.DataFrame:
-        """How far each parameter differs between vehicles.
+        """Spread of each parameter between vehicles.
 
         Returns:
             A row for each parameter that two vehicles have: ``median`` and ``robust_sd`` (1.4826
-            median absolute deviations) of the vehicles' estimates; ``between_sd``, what is left of
-            their spread beyond the errors of the fits (Paule & Mandel 1982); ``share``, the share
-            of the spread beyond those errors, I^2 (Higgins & Thompson 2002); Cochran's ``q`` with
-            its ``dof`` and ``p_value``, by which the vehicles are alike but for those errors.
+            median absolute deviations) of the vehicles' estimates; ``between_sd``, their
+            spread beyond the errors of the fits (Paule & Mandel 1982); ``share``, the share of the
+            spread beyond those errors, I^2 (Higgins & Thompson 2002); Cochran's ``q`` with its
+            ``dof`` and ``p_value`` for vehicles that differ only by those errors.
         """
         from diffthrust.many._fleet.views import spread_table
 
@@ -114,14 +114,14 @@ class Fleet(Result):
         """How parameters change over time within a vehicle.
 
         Args:
-            false_alarms: probability that any of these trends is told where there is none (Holm
-                1979, over all rows).
+            false_alarms: probability of reporting any trend if there is none (Holm 1979, over all
+                rows).
 
         Returns:
             A row for each vehicle and parameter with fits at two times or more: the ``slope`` in
             ``unit`` with its standard error, ``relative`` to the parameter's mean; ``dispersion``,
-            by how much the fits scatter about the line beyond their errors (the slope's error has
-            grown by it); ``p_value``, and whether it ``drifts``.
+            factor by which scatter about the line exceeds the errors (the slope's error includes
+            it); ``p_value``, and whether it ``drifts``.
 
         Raises:
             InputError: no times were given.
@@ -134,16 +134,16 @@ class Fleet(Result):
 
         if np.isnan(self.times).any():
             raise InputError(
-                "The fits have no times, without which nothing drifts.",
+                "The fits have no times, which a drift needs.",
                 "Give dft.many.fleet(..., time=[...]), or a table with a column 'time'.",
             )
         return drift_table(self, _share("false_alarms", false_alarms))
 
     def effects(self) -> pd.DataFrame:
-        """Which effects were found where.
+        """Effects found on each vehicle.
 
         Returns:
-            A row for each vehicle: how many ``fits`` it has, and for each effect the share of them
+            A row for each vehicle: its number of ``fits``, and for each effect the share of fits
             that have it.
 
         Example:
@@ -159,15 +159,15 @@ class Fleet(Result):
         return effects_table(self)
 
     def outliers(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
-        """Which vehicles are far from all others.
+        """Vehicles that differ from all others.
 
-        The distance of a vehicle from the mean of the others, over the standard deviation that it
-        should have: its own error, the others' spread, and the error of their mean. Under a
-        Gaussian fleet it follows Student's law with two degrees of freedom fewer than vehicles
-        (Higgins, Thompson & Spiegelhalter 2009). Two outliers on one side hide each other in part.
+        The distance of a vehicle from the mean of the others is divided by its expected standard
+        deviation: its error, the others' spread, and the error of their mean. In a Gaussian fleet
+        the ratio follows Student's t with two degrees of freedom fewer than vehicles (Higgins,
+        Thompson & Spiegelhalter 2009). Two outliers on the same side partly mask each other.
 
         Args:
-            false_alarms: probability that any vehicle is told in a fleet without outliers (Holm
+            false_alarms: probability of reporting any vehicle in a fleet without outliers (Holm
                 1979, over all rows).
 
         Returns:
@@ -195,30 +195,30 @@ class Fleet(Result):
         level: float = 0.95,
         progress: ProgressOption = None,
     ) -> Pooled:
-        """Estimate all vehicles at once: one with little data borrows from the others.
+        """Estimate all vehicles jointly: a vehicle with little data borrows from the others.
 
         Each vehicle's parameters are drawn from a Gaussian law of the fleet in the fit's
         coordinates, whose mean and standard deviations are estimated with them. The prior of the
         mean is flat. That of each standard deviation is half a Student-t law of 4 degrees of
         freedom (Gelman 2006), with a scale of 0.5 in a logarithm (vehicles that differ by a factor
-        of 1.6), else of half the parameter's size. Sampled along the gradient (NUTS), in
-        coordinates that are centred for vehicles with much data and not for those with little
+        of 1.6), else of half the parameter's size. Sampled by NUTS, in
+        coordinates centred for vehicles with much data and non-centred for those with little
         (Betancourt & Girolami 2013; Papaspiliopoulos, Roberts & Sköld 2007).
 
-        A vehicle enters by estimate and covariance of its fit, or, named in ``logs``, by its exact
-        likelihood, with its own initial states and noise: better where a fit is far from
-        Gaussian, and the only way where parameters cannot be told apart (status
-        ``not_identifiable``, where the covariance says nothing of them).
+        A vehicle enters by estimate and covariance of its fit, or, if named in ``logs``, by its
+        exact likelihood with separate initial states and noise: better if the likelihood is far
+        from Gaussian, and the only way if parameters are not identifiable (status
+        ``not_identifiable``), since the covariance then lacks them.
 
         Args:
-            parameters: which to pool; by default all that three vehicles have.
-            logs: the training logs of vehicles, by name, that enter by their exact likelihood;
-                their fits need not have converged.
-            correlated: parameters may vary together from vehicle to vehicle (prior: Lewandowski,
-                Kurowicka & Joe 2009, shape 2); else they vary each by itself.
-            draws: of each chain, after the warmup.
-            warmup: steps before.
-            chains: of NUTS.
+            parameters: parameters to pool; by default all that three vehicles have.
+            logs: training logs, by vehicle, of those that enter by their exact likelihood; their
+                fits need not have converged.
+            correlated: parameters may be correlated between vehicles (prior: Lewandowski,
+                Kurowicka & Joe 2009, shape 2); otherwise they are independent.
+            draws: per chain, after the warmup.
+            warmup: warmup steps per chain.
+            chains: number of NUTS chains.
             seed: equal seeds give equal draws.
             level: probability of the intervals.
             progress: True for a bar, or a function of a message and the share done.
@@ -227,8 +227,8 @@ class Fleet(Result):
             A `Pooled`: ``.table``, ``.population``, ``.predict_new()``, ``.convergence``.
 
         Raises:
-            InputError: fewer than three vehicles, a parameter that too few have, logs of another
-                fit, a parameter with a prior of its own, or arguments out of range.
+            InputError: there are fewer than three vehicles, too few have a parameter, logs belong
+                to another fit, a parameter already has a prior, or an argument is out of range.
 
         Example:
             >>> pooled = fleet.pool(["ct"])
@@ -252,21 +252,21 @@ class Fleet(Result):
 
     @showing
     def plot_spread(self) -> Figure:
-        """Each parameter of each vehicle with its 95 % interval, and the fleet behind."""
+        """Plot each parameter of each vehicle with its 95 % interval, and the fleet's spread."""
         from diffthrust.many._fleet.figures import spread_figure
 
         return spread_figure(self, self.outliers())
 
     @showing
     def plot_drift(self) -> Figure:
-        """Each parameter over time, a line for each vehicle; those that drift stand out."""
+        """Plot each parameter over time, a line for each vehicle; drifting ones are highlighted."""
         from diffthrust.many._fleet.figures import drift_figure
 
         return drift_figure(self, self.drift())
 
     @showing
     def plot_effects(self) -> Figure:
-        """Which effects were found where.
+        """Plot the effects found on each vehicle.
 
         Example:
             >>> fleet.effects().shape
@@ -287,24 +287,24 @@ class Fleet(Result):
 
 
 def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
-    """All fits of a fleet together.
+    """Collect all fits of a fleet.
 
     Args:
-        source: what holds the fits: `many.Many`; a dictionary from vehicle to its fit or fits; a
-            list of fits; a table with ``name``, and for each parameter a column and one with
-            ``_std_error`` behind its name; a `Campaign`, its folder or its ``campaign.parquet``.
-        vehicle: whose each fit is: a list, a dictionary by the names of fits, or a function of
-            the name. By default a table's column ``vehicle``, the first folder of a campaign's
-            spec, the name of a member.
-        time: when each was made: a list, dictionary or function of numbers or dates (ISO 8601). By
-            default a table's column ``time``, where there is one.
+        source: the fits: a `many.Many`; a dictionary from vehicle to its fit or fits; a list of
+            fits; a table with ``name``, and for each parameter a column and one with the suffix
+            ``_std_error``; a `Campaign`, its folder or its ``campaign.parquet``.
+        vehicle: the vehicle of each fit: a list, a dictionary by the names of fits, or a function
+            of the name. By default a table's column ``vehicle``, the first folder of a campaign's
+            spec, or the name of a member.
+        time: the time of each fit: a list, dictionary or function of numbers or dates (ISO 8601).
+            By default a table's column ``time``, if any.
 
     Returns:
         A `Fleet`.
 
     Raises:
-        InputError: no fits, a file that cannot be read, fits of several models, or names and times
-            that do not match the fits.
+        InputError: there are no fits, a file cannot be read, fits have different models, or names
+            or times do not match the fits.
 
     Example:
         >>> fleet = dft.many.fleet(
@@ -314,9 +314,9 @@ def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
         ('auv0', 'auv1', 'auv2')
     """
     entries, notes = entries_of(source, vehicle, time)
-    left = [entry.name for entry in entries if not entry.usable]
-    if left:
-        notes.append(f"Not converged, and left out of all but the table: {', '.join(left)}.")
+    unusable = [entry.name for entry in entries if not entry.usable]
+    if unusable:
+        notes.append(f"Not converged, and left out of all but the table: {', '.join(unusable)}.")
     unit = times_of([entry.time for entry in entries])[1]
     return Fleet(tuple(entries), axes_of(entries), unit, tuple(notes))
 
@@ -325,3 +325,32 @@ def _share(what: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, float) or not 0 < value < 1:
         raise InputError(f"{what}: expected a number in (0, 1), found {value!r}.", "Correct it.")
     return value
+
+
+def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
+    """Times as numbers, and their unit; dates become days since the first.
+
+    Raises:
+        InputError: a time is neither a number nor a date.
+    """
+    import pandas as pd
+
+    if all(time is None for time in times):
+        return np.full(len(times), np.nan), "unit of time"
+    if all(isinstance(time, int | float | np.number) for time in times):
+        numbers, unit = np.array(times, float), "unit of time"
+    else:
+        try:
+            dates = pd.to_datetime(pd.Series(list(times)), utc=True, format="ISO8601")
+        except (ValueError, TypeError) as error:
+            raise InputError(
+                f"time: expected numbers or dates, found what is neither ({error}).",
+                "Write dates as 2026-05-01 or 2026-05-01T12:00.",
+            ) from None
+        numbers, unit = ((dates - dates.min()) / pd.Timedelta(days=1)).to_numpy(float), "day"
+    if not np.isfinite(numbers).all():
+        raise InputError(
+            f"time: that of fit {int(np.argmin(np.isfinite(numbers))) + 1} is missing.",
+            "Give a time for each fit, or for none.",
+        )
+    return numbers, unit

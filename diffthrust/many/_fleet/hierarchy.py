@@ -1,4 +1,4 @@
-"""The density of a fleet: each vehicle's likelihood under a law that all vehicles share."""
+"""The density of a fleet: likelihoods of the vehicles under a common population law."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import cho_solve, solve_triangular
 
-from diffthrust.many._fleet.evidence import VehicleEvidence, guessed
+from diffthrust.many._fleet.evidence import VehicleEvidence, first_guess
 from diffthrust.many._fleet.exact import Exact, likelihood
 from diffthrust.uncertainty._sampling.density import DensityShape
 
 _TAIL = 4.0
 """Degrees of freedom of the half Student-t prior of a standard deviation."""
 _CORRELATION_SHAPE = 2.0
-"""Of the prior of correlations (LKJ): one is flat over correlation matrices, more favours none."""
+"""Shape of the LKJ prior of correlations: 1 is flat, larger values favour weak correlations."""
 
 
 class ExactKind(NamedTuple):
@@ -25,7 +25,7 @@ class ExactKind(NamedTuple):
 
     shape: DensityShape
     pooled: int
-    rest: int
+    unpooled: int
     vehicles: int
 
 
@@ -33,17 +33,18 @@ class Hierarchy(NamedTuple):
     """The joint density of a fleet's law and its vehicles' parameters, as a target of NUTS.
 
     The coordinates are those of the law (mean, logarithm of the standard deviations, correlations),
-    then of each vehicle's parameters, then of what else an exact likelihood depends on. A vehicle's
-    coordinates are whitened by what its own parabola and the law say together: centred for a
-    vehicle with much data, not centred for one with little (Papaspiliopoulos, Roberts & Sköld
-    2007). Under parabolas alone they are exactly independent and standard normal, so that the law
-    has no funnel; an exact likelihood enters by its ratio to the parabola.
+    then each vehicle's parameters, then further coordinates of exact likelihoods. A vehicle's
+    coordinates are whitened by the product of its quadratic likelihood and the law: in effect
+    centred for a vehicle with much data, non-centred for one with little (Papaspiliopoulos, Roberts
+    & Sköld 2007). With quadratic likelihoods only, they are exactly independent and standard
+    normal, which removes the funnel between the spread and the vehicles' parameters; an exact
+    likelihood enters by its ratio to the quadratic one.
 
     Args:
         parameters: number of pooled parameters.
         vehicles: number of vehicles.
         correlated: the law has correlations.
-        kinds: of exact likelihoods.
+        kinds: the kinds of exact likelihoods.
     """
 
     parameters: int
@@ -60,8 +61,8 @@ class Hierarchy(NamedTuple):
     @property
     def dim(self) -> int:
         """Number of all coordinates."""
-        rest = sum(kind.rest * kind.vehicles for kind in self.kinds)
-        return self.law + self.vehicles * self.parameters + rest
+        unpooled = sum(kind.unpooled * kind.vehicles for kind in self.kinds)
+        return self.law + self.vehicles * self.parameters + unpooled
 
     def density(self, data: Any, v: Any) -> Any:
         """See `diffthrust.uncertainty._sampling.nuts.Target`."""
@@ -71,14 +72,14 @@ class Hierarchy(NamedTuple):
         theta, fitting, _ = _vehicles(data, mean, root, eta)
         total = prior + jnp.sum(fitting) - 0.5 * jnp.sum(eta**2)
         for kind, group in zip(self.kinds, data["exact"], strict=True):
-            size = kind.rest * kind.vehicles
-            others = v[at : at + size].reshape(kind.vehicles, kind.rest)
+            size = kind.unpooled * kind.vehicles
+            unpooled = v[at : at + size].reshape(kind.vehicles, kind.unpooled)
             at += size
-            total += jnp.sum(_exact(kind, group, theta, others))
+            total += jnp.sum(_exact(kind, group, theta, unpooled))
         return total
 
     def kept(self, data: Any, v: Any) -> Any:
-        """The law's mean and standard deviations, the vehicles, and the law's weight in each."""
+        """Mean and spread of the law, the vehicles' parameters, and the law's weight."""
         mean, root, _ = self._law(data, v)
         end = self.law + self.vehicles * self.parameters
         eta = v[self.law : end].reshape(self.vehicles, self.parameters)
@@ -114,25 +115,26 @@ def _correlation(p: int, y: Any) -> tuple[Any, Any]:
     """
     root, prior, at = [[jnp.asarray(1.0)] + [jnp.asarray(0.0)] * (p - 1)], jnp.asarray(0.0), 0
     for i in range(1, p):
-        row, left = [], jnp.asarray(1.0)
+        row, remaining = [], jnp.asarray(1.0)
         for j in range(i):
             partial = jnp.tanh(y[at])
-            row.append(partial * jnp.sqrt(left))
-            left = left * (1.0 - partial**2)
+            row.append(partial * jnp.sqrt(remaining))
+            remaining = remaining * (1.0 - partial**2)
             prior += (_CORRELATION_SHAPE + 0.5 * (p - 2 - j)) * jnp.log1p(-(partial**2))
             at += 1
-        root.append([*row, jnp.sqrt(left)] + [jnp.asarray(0.0)] * (p - 1 - i))
+        root.append([*row, jnp.sqrt(remaining)] + [jnp.asarray(0.0)] * (p - 1 - i))
     return jnp.stack([jnp.stack(row) for row in root]), prior
 
 
 def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]:
-    """Parameters of each vehicle, the parabola's log density averaged over them, the law's weight.
+    """Parameters of each vehicle, their marginal log density, and the law's weight.
 
-    In terms of the law's root, so that nothing divides by a standard deviation that goes to zero.
+    Written with the root of the law's covariance, not its inverse: a standard deviation may go to
+    zero.
     """
     eye = jnp.eye(mean.shape[0])
 
-    def one(value: Any, information: Any, eta: Any) -> Any:
+    def condition(value: Any, information: Any, eta: Any) -> Any:
         chol = jnp.linalg.cholesky(eye + root.T @ information @ root)
         away = value - mean
         pull = root.T @ (information @ away)
@@ -142,43 +144,43 @@ def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]
         weight = eye - root @ cho_solve((chol, True), root.T @ information)
         return theta, -0.5 * misfit - jnp.sum(jnp.log(jnp.diagonal(chol))), jnp.diagonal(weight)
 
-    return jax.vmap(one)(data["values"], data["information"], eta)
+    return jax.vmap(condition)(data["values"], data["information"], eta)
 
 
-def _exact(kind: ExactKind, group: Any, theta: Any, others: Any) -> Any:
-    """Log of likelihood over parabola for each vehicle of a kind, ``(vehicles,)``."""
-    dim = kind.pooled + kind.rest
+def _exact(kind: ExactKind, group: Any, theta: Any, etas: Any) -> Any:
+    """Log ratio of exact to quadratic likelihood for each vehicle of a kind, ``(vehicles,)``."""
+    dim = kind.pooled + kind.unpooled
 
-    def one(vehicle: Any) -> Any:
+    def log_ratio(vehicle: Any) -> Any:
         numbers, eta = vehicle
         z = theta[numbers["row"]][numbers["which"]]
         away = z - numbers["top"]
-        rest = numbers["rest_top"] + numbers["rest_slope"] @ away + numbers["rest_root"] @ eta
+        unpooled = numbers["rest_top"] + numbers["rest_slope"] @ away + numbers["rest_root"] @ eta
         x = jnp.zeros(dim).at[numbers["pooled"]].set(numbers["shift"] + numbers["scale"] * z)
-        exact = likelihood(kind.shape, dim, numbers["numbers"], x.at[numbers["rest"]].set(rest))
+        exact = likelihood(kind.shape, dim, numbers["numbers"], x.at[numbers["rest"]].set(unpooled))
         return exact + 0.5 * away @ numbers["information"] @ away
 
     if kind.vehicles == 1:  # a loop of one turn would keep the compiler from fusing
-        return one(jax.tree.map(lambda a: a[0], (group, others)))[None]
-    return jax.lax.map(one, (group, others))
+        return log_ratio(jax.tree.map(lambda a: a[0], (group, etas)))[None]
+    return jax.lax.map(log_ratio, (group, etas))
 
 
-def arranged(
+def arrange(
     evidence: Sequence[VehicleEvidence], correlated: bool
 ) -> tuple[Hierarchy, dict[str, Any]]:
-    """The density of a fleet, and its numbers."""
+    """Build the density of a fleet, and its arrays."""
     groups: dict[tuple[DensityShape, int, int], list[Any]] = {}
-    for row, one in enumerate(evidence):
-        if one.exact is not None:
-            e = one.exact
-            groups.setdefault((e.posterior.shape, e.pooled.size, e.rest.size), []).append(
-                _numbers(row, one, e)
+    for row, vehicle in enumerate(evidence):
+        if vehicle.exact is not None:
+            e = vehicle.exact
+            groups.setdefault((e.posterior.shape, e.pooled.size, e.unpooled.size), []).append(
+                _numbers(row, vehicle, e)
             )
     kinds = tuple(ExactKind(*key, len(group)) for key, group in groups.items())
-    begin = guessed(evidence)
+    begin = first_guess(evidence)
     data = {
-        "values": np.stack([one.values for one in evidence]),
-        "information": np.stack([one.information for one in evidence]),
+        "values": np.stack([vehicle.values for vehicle in evidence]),
+        "information": np.stack([vehicle.information for vehicle in evidence]),
         "mean": begin.mean,
         "mean_width": begin.mean_error,
         "log_spread": np.log(begin.spread),
@@ -187,24 +189,27 @@ def arranged(
     return Hierarchy(begin.mean.size, len(evidence), correlated, kinds), data
 
 
-def _numbers(row: int, one: VehicleEvidence, e: Exact) -> dict[str, Any]:
-    """The numbers of an exact likelihood; the rest follows the pooled ones by the parabola."""
+def _numbers(row: int, vehicle: VehicleEvidence, e: Exact) -> dict[str, Any]:
+    """The arrays of an exact likelihood.
+
+    Unpooled coordinates are whitened conditionally on the pooled ones, by the quadratic likelihood.
+    """
     q = e.pooled.size
     inverse = np.linalg.inv(e.covariance[:q, :q])
     slope = e.covariance[q:, :q] @ inverse
-    left = e.covariance[q:, q:] - slope @ e.covariance[:q, q:]
+    conditional = e.covariance[q:, q:] - slope @ e.covariance[:q, q:]
     numbers = {
         "row": np.asarray(row),
-        "which": np.flatnonzero(one.known),
+        "which": np.flatnonzero(vehicle.present),
         "top": e.top[:q],
         "information": inverse,
         "pooled": e.pooled,
-        "rest": e.rest,
+        "rest": e.unpooled,
         "shift": e.shift,
         "scale": e.scale,
         "rest_top": e.top[q:],
         "rest_slope": slope,
-        "rest_root": np.linalg.cholesky(left) if e.rest.size else left,
+        "rest_root": np.linalg.cholesky(conditional) if e.unpooled.size else conditional,
         "numbers": e.numbers,
     }
     return jax.tree.map(jnp.asarray, numbers)

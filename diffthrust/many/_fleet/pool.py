@@ -1,4 +1,4 @@
-"""Partial pooling of a fleet, sampled along the gradient."""
+"""Partial pooling of a fleet, sampled by NUTS."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress
 from diffthrust.many._fleet.estimates import Estimates
-from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence, gathered
+from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence, gather_evidence
 from diffthrust.many._fleet.pooled import Pooled
 from diffthrust.uncertainty._sampling.sample import check_sampling
 
 _FEWEST = 3
-"""Vehicles without which nothing can be said of how vehicles differ."""
+"""Fewest vehicles from which their spread can be estimated."""
 
 
 def pool_vehicles(
@@ -33,19 +33,19 @@ def pool_vehicles(
     progress: Progress,
 ) -> Pooled:
     """See `Fleet.pool`."""
-    from diffthrust.many._fleet.hierarchy import arranged
+    from diffthrust.many._fleet.hierarchy import arrange
     from diffthrust.uncertainty._sampling import nuts  # slow to import, as BlackJAX is
 
     check_sampling("nuts", draws, warmup, chains, seed, None, None)
     nuts.available("Pooling", "use the separate fits")
     names, notes = _chosen(fleet, parameters)
     ruler = _ruler(fleet, names)
-    evidence, more = gathered(fleet, ruler, logs)
+    evidence, more = gather_evidence(fleet, ruler, logs)
     for i, name in enumerate(names):
-        lacking = [one.vehicle for one in evidence if not one.known[i]]
+        lacking = [vehicle.vehicle for vehicle in evidence if not vehicle.present[i]]
         if lacking:
             notes.append(f"{name}: {listing(lacking)} did not estimate it and are left out of it.")
-    target, data = arranged(evidence, correlated)
+    target, data = arrange(evidence, correlated)
     walked = nuts.sample_target(
         target,
         data,
@@ -63,7 +63,7 @@ def pool_vehicles(
 
 
 def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], list[str]]:
-    """The parameters to pool, and a note of those that too few vehicles have."""
+    """The parameters to pool, and a note on those that too few vehicles have."""
     counts = {
         name: sum(fleet.series(vehicle, name)[1].size > 0 for vehicle in fleet.vehicles)
         for name in fleet.axes
@@ -121,7 +121,7 @@ def _posterior(
     from diffthrust.uncertainty._sampling.arviz import arviz
 
     draw, series = ("chain", "draw"), {}
-    vehicles = [one.vehicle for one in evidence]
+    vehicles = [vehicle.vehicle for vehicle in evidence]
     theta, mean = ruler.values(kept["theta"]), ruler.values(kept["mean"])
     for i, axis in enumerate(ruler.axes):
         spread = axis.typical * kept["spread"][..., i]

@@ -1,4 +1,4 @@
-"""What pooling gives: the vehicles, the law that they share, and a prior for the next one."""
+"""Result of pooling: vehicles, the population law, and a prior for a new vehicle."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.figures import showing
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
-from diffthrust.many._fleet.estimates import Estimates, known
+from diffthrust.many._fleet.estimates import Estimates, vehicle_means
 from diffthrust.models._base.parameter import Normal
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
 
@@ -27,18 +27,18 @@ _ONE_SD = 0.682689492137
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pooled(Result):
-    """A fleet whose vehicles were estimated together; made by `Fleet.pool`.
+    """A fleet whose vehicles were estimated jointly; made by `Fleet.pool`.
 
     Args:
         fleet: the fleet.
         ruler: the pooled parameters and their coordinates.
-        evidence: what the logs of each vehicle say.
+        evidence: the likelihood of each vehicle.
         post: all draws as ArviZ data: ``alpha`` by ``vehicle``, ``alpha.mean`` the fleet's median,
-            ``alpha.between`` the standard deviation between vehicles (of a "log" parameter that of
-            its logarithm).
+            ``alpha.between`` the standard deviation between vehicles (for a "log" parameter, of its
+            logarithm).
         weight: share of the fleet in each estimate, ``(vehicles, parameters)``.
         level: probability of the intervals.
-        notes: what the user should know besides.
+        notes: remarks for the user.
 
     Example:
         >>> pooled = fleet.pool(["ct"])
@@ -59,42 +59,41 @@ class Pooled(Result):
 
     @cached_property
     def convergence(self) -> Convergence:
-        """Whether the draws can be believed; look at its ``status`` first."""
+        """Convergence of the draws; check its ``status`` first."""
         return convergence(self.post)
 
     @property
     def exact(self) -> tuple[str, ...]:
         """Vehicles whose logs entered by their exact likelihood."""
-        return tuple(one.vehicle for one in self.evidence if one.exact is not None)
+        return tuple(vehicle.vehicle for vehicle in self.evidence if vehicle.exact is not None)
 
     @cached_property
     def table(self) -> pd.DataFrame:
         """A row for each vehicle and parameter that it has.
 
-        Columns: ``separate`` and ``separate_std_error`` by the vehicle's own fits (NaN where they
-        have none); ``median``,
-        ``sd``, ``low`` and ``high`` of the pooled estimate; ``shrinkage``, the weight of the fleet
-        in it (0: the vehicle alone, 1: the fleet alone); ``likelihood``, by which the logs
-        entered.
+        Columns: ``separate`` and ``separate_std_error`` from the vehicle's own fits (NaN if none);
+        ``median``, ``sd``, ``low`` and ``high`` of the pooled estimate; ``shrinkage``, the weight
+        of the fleet in it (0: only the vehicle, 1: only the fleet); ``likelihood``, the kind of
+        likelihood used.
         """
         import pandas as pd
 
         rows = []
         for i, axis in enumerate(self.ruler.axes):
-            alone = known(self.fleet, axis.name)
-            for j, one in enumerate(self.evidence):
-                if not one.known[i]:
+            alone = vehicle_means(self.fleet, axis.name)
+            for j, vehicle in enumerate(self.evidence):
+                if not vehicle.present[i]:
                     continue
-                fitted, error = self._fitted(one.vehicle, axis.name), np.nan
-                if one.vehicle in alone.vehicles:
-                    at = alone.vehicles.index(one.vehicle)
+                fitted, error = self._fitted(vehicle.vehicle, axis.name), np.nan
+                if vehicle.vehicle in alone.vehicles:
+                    at = alone.vehicles.index(vehicle.vehicle)
                     fitted = float(axis.value(alone.values[at]))
                     error = alone.errors[at] * float(axis.slope(fitted))
                 drawn = self.post.posterior[axis.name].values[..., j]
                 low, median, high = _quantiles(drawn, self.level)
                 rows.append(
                     {
-                        "vehicle": one.vehicle,
+                        "vehicle": vehicle.vehicle,
                         "parameter": axis.name,
                         "unit": axis.unit,
                         "separate": fitted,
@@ -104,13 +103,13 @@ class Pooled(Result):
                         "low": low,
                         "high": high,
                         "shrinkage": float(self.weight[j, i]),
-                        "likelihood": "exact" if one.exact is not None else "quadratic",
+                        "likelihood": "exact" if vehicle.exact is not None else "quadratic",
                     }
                 )
         return pd.DataFrame(rows)
 
     def _fitted(self, vehicle: str, parameter: str) -> float:
-        """The value of a vehicle's fit, also without a standard error; NaN of several fits."""
+        """The value of a vehicle's fit, even without a standard error; NaN with several fits."""
         fits = [e.estimates for e in self.fleet.entries if e.vehicle == vehicle and e.usable]
         return fits[0][parameter][0] if len(fits) == 1 and parameter in fits[0] else np.nan
 
@@ -118,8 +117,8 @@ class Pooled(Result):
     def population(self) -> pd.DataFrame:
         """A row for each parameter: the fleet's median and how far vehicles lie from it.
 
-        ``between_sd``, ``between_low`` and ``between_high`` are in the parameter's unit; of a "log"
-        parameter they are those of its logarithm times the median.
+        ``between_sd``, ``between_low`` and ``between_high`` are in the parameter's unit; for a
+        "log" parameter, those of its logarithm times the median.
         """
         import pandas as pd
 
@@ -134,7 +133,7 @@ class Pooled(Result):
                 {
                     "parameter": axis.name,
                     "unit": axis.unit,
-                    "vehicles": sum(bool(one.known[len(rows)]) for one in self.evidence),
+                    "vehicles": sum(bool(vehicle.present[len(rows)]) for vehicle in self.evidence),
                     "median": median,
                     "low": low,
                     "high": high,
@@ -146,9 +145,9 @@ class Pooled(Result):
         return pd.DataFrame(rows)
 
     def new_vehicle(self, *, seed: int = 0) -> dict[str, np.ndarray]:
-        """Parameters of vehicles that the fleet might get next: one of each draw of its law.
+        """Parameters of new vehicles of the fleet, one for each draw of its law.
 
-        Parameters vary together where the law has correlations; see `Fleet.pool`.
+        Parameters are correlated if the law is; see `Fleet.pool`.
 
         Returns:
             Values by parameter, ``(draws,)``.
@@ -165,9 +164,9 @@ class Pooled(Result):
             for what in ("mean", "between")
         )
         correlation = np.broadcast_to(np.eye(p), (len(means), p, p)).copy()
-        for i, one in enumerate(self.ruler.axes):
-            for j, other in enumerate(self.ruler.axes[:i]):
-                name = f"correlation.{other.name}.{one.name}"
+        for i, row in enumerate(self.ruler.axes):
+            for j, column in enumerate(self.ruler.axes[:i]):
+                name = f"correlation.{column.name}.{row.name}"
                 if name in posterior:
                     correlation[:, i, j] = correlation[:, j, i] = posterior[name].values.ravel()
         root = np.linalg.cholesky(correlation + 1e-12 * np.eye(p))
@@ -179,11 +178,11 @@ class Pooled(Result):
         }
 
     def predict_new(self, *, seed: int = 0) -> dict[str, Normal]:
-        """A prior for each parameter of a vehicle that the fleet has not seen.
+        """A prior for each parameter of a new vehicle.
 
         Its mean is the median over `new_vehicle`, its standard deviation half the width of the
-        central 68 %: moments would follow the far tail of the standard deviation between few
-        vehicles.
+        central 68 %. Moments are not used: with few vehicles, the standard deviation between them
+        has a heavy tail that would dominate.
 
         Example:
             >>> pooled = fleet.pool(["ct"])
@@ -198,7 +197,7 @@ class Pooled(Result):
 
     @showing
     def plot(self) -> Figure:
-        """Each vehicle by itself and pooled, with intervals."""
+        """Plot each vehicle's separate and pooled estimates with intervals."""
         from diffthrust.many._fleet.figures import pooled_figure
 
         return pooled_figure(

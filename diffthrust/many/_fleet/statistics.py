@@ -1,4 +1,4 @@
-"""Estimates with standard errors: pooled, held against each other, and tested many at a time."""
+"""Statistics of estimates with standard errors: weighted means, spread, multiple tests."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def weighted_mean(values: np.ndarray, errors: np.ndarray) -> Mean:
 
 
 def dispersed(mean: Mean) -> float:
-    """By how much errors are too small for the scatter: at least one (the ratio of Birge 1932)."""
+    """Factor by which scatter exceeds the errors, at least one (the Birge ratio, 1932)."""
     return math.sqrt(max(1.0, mean.q / mean.dof)) if mean.dof else 1.0
 
 
 def between(values: np.ndarray, errors: np.ndarray) -> float:
-    """Standard deviation of what the errors do not explain; zero where they explain all.
+    """Standard deviation beyond the errors; zero if they explain the scatter.
 
     The value at which Q with the weights 1 / (error^2 + sd^2) equals its degrees of freedom (Paule
     & Mandel 1982).
@@ -47,20 +47,20 @@ def between(values: np.ndarray, errors: np.ndarray) -> float:
         return 0.0
 
     def excess(variance: float) -> float:
-        found = weighted_mean(values, np.sqrt(errors**2 + variance))
-        return found.q - found.dof
+        mean = weighted_mean(values, np.sqrt(errors**2 + variance))
+        return mean.q - mean.dof
 
     high = float(np.ptp(values)) ** 2
     if excess(0.0) <= 0:
         return 0.0
     while excess(high) > 0:
         high *= 2.0
-    found: Any = brentq(excess, 0.0, high, xtol=1e-14 * high)
-    return math.sqrt(found)
+    root: Any = brentq(excess, 0.0, high, xtol=1e-14 * high)
+    return math.sqrt(root)
 
 
 def holm(p_values: np.ndarray, level: float) -> np.ndarray:
-    """Which tests reject, such that any false one among all has at most this probability.
+    """Tests that reject, with the family-wise error rate at most ``level``.
 
     Source: Holm 1979. NaN never rejects and does not count as a test.
     """

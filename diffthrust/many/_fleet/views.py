@@ -1,4 +1,4 @@
-"""Spread between vehicles, drift within them, effects and outliers: as tables."""
+"""Tables of spread between vehicles, drift within them, effects and outliers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from diffthrust.many._fleet.estimates import Estimates, known
+from diffthrust.many._fleet.estimates import Estimates, vehicle_means
 from diffthrust.many._fleet.statistics import between, holm, weighted_mean
 
 if TYPE_CHECKING:
@@ -23,21 +23,21 @@ def spread_table(fleet: Estimates) -> pd.DataFrame:
 
     rows = []
     for name, axis in fleet.axes.items():
-        own = known(fleet, name)
-        if len(own.vehicles) < 2:
+        means = vehicle_means(fleet, name)
+        if len(means.vehicles) < 2:
             continue
-        mean = weighted_mean(own.values, own.errors)
-        values = axis.value(own.values)
+        mean = weighted_mean(means.values, means.errors)
+        values = axis.value(means.values)
         median = float(np.median(values))
         slope = float(axis.slope(np.asarray(median)))
         rows.append(
             {
                 "parameter": name,
                 "unit": axis.unit,
-                "vehicles": len(own.vehicles),
+                "vehicles": len(means.vehicles),
                 "median": median,
                 "robust_sd": _MAD * float(np.median(np.abs(values - median))),
-                "between_sd": between(own.values, own.errors) * slope,
+                "between_sd": between(means.values, means.errors) * slope,
                 "share": max(0.0, 1.0 - mean.dof / mean.q) if mean.q > 0 else 0.0,
                 "q": mean.q,
                 "dof": mean.dof,
@@ -60,10 +60,10 @@ class Trend(NamedTuple):
 
 
 def trend(times: np.ndarray, values: np.ndarray, errors: np.ndarray) -> Trend | None:
-    """A straight line through estimates, weighted by their errors; ``None`` of less than two times.
+    """A weighted straight line through estimates; ``None`` with fewer than two times.
 
-    Where they scatter about the line by more than their errors, the slope's error grows by as much,
-    and Student's law takes the place of the Gaussian one.
+    If the scatter about the line exceeds the errors, the slope's error grows accordingly, and the
+    test uses Student's t instead of a Gaussian.
     """
     from scipy.stats import norm
     from scipy.stats import t as student
@@ -75,9 +75,9 @@ def trend(times: np.ndarray, values: np.ndarray, errors: np.ndarray) -> Trend | 
     level = float(np.sum(weight * values) / np.sum(weight))
     length = float(np.sum(weight * (times - middle) ** 2))
     slope = float(np.sum(weight * (times - middle) * values) / length)
-    rest = values - level - slope * (times - middle)
+    residuals = values - level - slope * (times - middle)
     dof = values.size - 2
-    ratio = float(np.sum(weight * rest**2)) / dof if dof else 0.0
+    ratio = float(np.sum(weight * residuals**2)) / dof if dof else 0.0
     dispersion = float(np.sqrt(max(1.0, ratio)))
     error = dispersion / np.sqrt(length)
     law: Any = student(dof) if dispersion > 1.0 else norm
@@ -135,24 +135,24 @@ def outlier_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
 
     rows = []
     for name, axis in fleet.axes.items():
-        own = known(fleet, name)
-        for i, vehicle in enumerate(own.vehicles):
-            if len(own.vehicles) < 4:
+        means = vehicle_means(fleet, name)
+        for i, vehicle in enumerate(means.vehicles):
+            if len(means.vehicles) < 4:
                 break
-            values, errors = np.delete(own.values, i), np.delete(own.errors, i)
+            values, errors = np.delete(means.values, i), np.delete(means.errors, i)
             sd = between(values, errors)
-            rest = weighted_mean(values, np.hypot(errors, sd))
-            away = float(np.sqrt(own.errors[i] ** 2 + sd**2 + rest.error**2))
-            distance = (own.values[i] - rest.value) / away
+            peers = weighted_mean(values, np.hypot(errors, sd))
+            away = float(np.sqrt(means.errors[i] ** 2 + sd**2 + peers.error**2))
+            distance = (means.values[i] - peers.value) / away
             rows.append(
                 {
                     "vehicle": vehicle,
                     "parameter": name,
                     "unit": axis.unit,
-                    "value": float(axis.value(own.values[i])),
-                    "others": float(axis.value(rest.value)),
+                    "value": float(axis.value(means.values[i])),
+                    "others": float(axis.value(peers.value)),
                     "distance": float(distance),
-                    "p_value": 2.0 * float(student.sf(abs(distance), rest.dof)),
+                    "p_value": 2.0 * float(student.sf(abs(distance), peers.dof)),
                 }
             )
     columns = ["vehicle", "parameter", "unit", "value", "others", "distance", "p_value"]

@@ -1,4 +1,4 @@
-"""The predictive band of one channel, from what the draws of the parameters predict."""
+"""The predictive band of one channel, from predictions by draws of the parameters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.uncertainty._prediction.draws import Draws
 
 _HALVINGS = 32
-"""The ends of a band with noise are found by halving, to this many binary digits."""
+"""The ends of a band with noise are found by bisection, to this many binary digits."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,17 +27,17 @@ class Band(Brief):
     """The predictive band of one channel, ``(T,)`` each, in ``unit``.
 
     Args:
-        measured: the samples; NaN where there is none. Angles are brought to the turn of the band.
+        measured: the samples; NaN if missing. Angles are shifted to the turn of the band.
         median: of the predictions by the draws, without noise.
         low: lower end for the prediction without noise.
         high: upper end.
-        noisy_low: lower end for what the sensor will show.
+        noisy_low: lower end for the sensor's reading.
         noisy_high: upper end.
         coverage: share of the samples inside the band with noise (without, where ``noise=False``).
         samples: number of measured samples.
         unit: of all but the coverage.
-        per: how many of ``shown_unit`` make one of ``unit``.
-        shown_unit: the unit for people, in which the log was written.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit, in which the log was written.
     """
 
     measured: np.ndarray
@@ -54,7 +54,7 @@ class Band(Brief):
 
     @property
     def shown(self) -> Band:
-        """The same in the unit for people."""
+        """The same in the display unit."""
         names = ("measured", "median", "low", "high", "noisy_low", "noisy_high")
         series = {name: self.per * getattr(self, name) for name in names}
         return replace(self, **series, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
@@ -69,17 +69,17 @@ def band_of(
     level: float,
     noise: bool,
 ) -> Band:
-    """The band of one channel, and the share of what was measured inside.
+    """The band of one channel, and its coverage of the measurements.
 
     Args:
         drawn: draws of the parameters and the noise.
         log: the log.
         channel: the channel.
-        mean: what the draws predict without noise, ``(n, T)``.
-        shown: what they predict with random forces and noise, ``(n, T)``; where ``None``, noise is
-            added to ``mean`` in closed form.
+        mean: predictions by draw without noise, ``(n, T)``.
+        shown: predictions with random forces and noise, ``(n, T)``; if ``None``, noise is added to
+            ``mean`` in closed form.
         level: probability of the band.
-        noise: count the coverage of the band with noise.
+        noise: whether the coverage refers to the band with noise.
 
     Raises:
         InputError: no draw gives a finite prediction.
@@ -89,8 +89,8 @@ def band_of(
         mean = np.abs(mean)
         shown = None if shown is None else np.abs(shown)
     fine = np.all(np.isfinite(mean), axis=1)
-    whole = fine if shown is None else np.all(np.isfinite(shown), axis=1)
-    if not (fine.any() and whole.any()):
+    fine_shown = fine if shown is None else np.all(np.isfinite(shown), axis=1)
+    if not (fine.any() and fine_shown.any()):
         raise InputError(
             f"{log.name}: no draw of the parameters gives a finite {channel}.",
             "Look at the posterior; raise substeps.",
@@ -100,7 +100,7 @@ def band_of(
     sigma = drawn.noise.get(channel)
     noisy_low, noisy_high = low, high
     if shown is not None:
-        noisy_low, noisy_high = np.quantile(shown[whole], [tails[0], tails[2]], axis=0)
+        noisy_low, noisy_high = np.quantile(shown[fine_shown], [tails[0], tails[2]], axis=0)
     elif sigma is not None:
         law = LOSSES[drawn.loss]
         ends = [mixed_quantile(law, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
@@ -109,19 +109,22 @@ def band_of(
     if channel in drawn.model.angles:
         turns = np.round((measured - median) / (2 * np.pi))
         measured = measured - 2 * np.pi * turns
-    seen = np.isfinite(measured)
+    valid = np.isfinite(measured)
     inside = (measured >= noisy_low) & (measured <= noisy_high)
     if not noise:
         inside = (measured >= low) & (measured <= high)
-    share = float(np.mean(inside[seen])) if seen.any() else float("nan")
+    share = float(np.mean(inside[valid])) if valid.any() else float("nan")
     ends = (low, high, noisy_low, noisy_high)
     size = ShownUnits((log.written,)).size(channel, 1.0, unit)
-    return Band(measured, median, *ends, share, int(seen.sum()), unit, *size)
+    return Band(measured, median, *ends, share, int(valid.sum()), unit, *size)
 
 
 @program(1)
 def mixed_quantile(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
-    """A quantile of what is measured: the noise of every draw about its prediction, mixed.
+    """A quantile of the measurement: the mixture of the noise of all draws.
+
+    Bisection on the mixture's distribution function replaces drawing noise, whose quantiles would
+    scatter.
 
     Args:
         law: of the noise.

@@ -1,4 +1,4 @@
-"""One number or curve that follows from the parameters, with its interval."""
+"""A number or curve derived from the parameters, with its interval."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from diffthrust._support.results import Brief
 
 @dataclass(frozen=True, repr=False)
 class DerivedQuantity(Brief):
-    """A number or a curve that follows from the parameters, with its interval.
+    """A number or curve derived from the parameters, with its interval.
 
     Args:
         name: of the quantity.
@@ -21,13 +21,13 @@ class DerivedQuantity(Brief):
         low: lower end of the interval, point by point.
         high: upper end.
         draws: the values by draw, ``(n,)`` or ``(n, m)``.
-        grid: what a curve is over, ``(m,)``; ``None`` for a number.
-        grid_name: what the grid is.
+        grid: abscissa of a curve, ``(m,)``; ``None`` for a number.
+        grid_name: name of the abscissa.
         grid_unit: its unit.
-        per: how many of ``shown_unit`` make one of ``unit``.
-        shown_unit: the unit for people, in which the logs were written; ``unit`` where it is empty.
-        shown_grid: the grid for people, ``(m,)``; ``None`` where it is the same.
-        shown_grid_unit: its unit.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit, in which the logs were written; ``unit`` if empty.
+        shown_grid: the abscissa in its display unit, ``(m,)``; ``None`` if the same.
+        shown_grid_unit: display unit of the abscissa.
     """
 
     name: str
@@ -46,7 +46,7 @@ class DerivedQuantity(Brief):
 
     @property
     def shown(self) -> DerivedQuantity:
-        """The same in the units for people."""
+        """The same in the display units."""
         names = ("median", "low", "high", "draws")
         values = {name: self.per * getattr(self, name) for name in names}
         unit = {"unit": self.shown_unit or self.unit, "per": 1.0, "shown_unit": ""}
@@ -56,7 +56,7 @@ class DerivedQuantity(Brief):
         return replace(self, **values, **unit)
 
     def to_json(self) -> dict[str, Any]:
-        """Median and interval as plain data, infinite times as ``null``; and as for people."""
+        """Median and interval as plain data, infinite times as ``null``; also in display units."""
         return {**self._plain(), "written": self.shown._plain()}
 
     def _plain(self) -> dict[str, Any]:
@@ -69,8 +69,8 @@ class DerivedQuantity(Brief):
 def summarised(
     name: str, unit: str, values: np.ndarray, level: float, *grid: Any
 ) -> DerivedQuantity:
-    """The quantity whose values by draw are ``(n,)`` or ``(n, m)``; then over a grid."""
-    # a response that never comes counts as infinitely late, which cannot be interpolated
+    """Summarise values by draw, ``(n,)``, or ``(n, m)`` over a grid."""
+    # A missing response counts as infinitely late, which cannot be interpolated.
     method: Any = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
     ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
     median, low, high = np.quantile(values, ends, axis=0, method=method)

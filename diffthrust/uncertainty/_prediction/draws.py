@@ -18,7 +18,7 @@ from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
 
 _ROUNDS = 200
-"""Draws of a covariance that fall outside the bounds are drawn anew at most so many times."""
+"""Most rounds of redrawing draws of a covariance that lie outside the bounds."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,8 +33,8 @@ class Draws(Brief):
         kind: "posterior" or "covariance".
         likelihood: "simulation" or "innovations".
         loss: "gaussian" or "student_t".
-        fit: the fit, where one was given.
-        notes: what the user should know besides.
+        fit: the fit, if given.
+        notes: remarks for the user.
     """
 
     model: Model
@@ -54,21 +54,21 @@ class Draws(Brief):
 def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0.95) -> Draws:
     """At most ``count`` draws of the parameters.
 
-    Of a posterior, draws picked at random (all of them where it has fewer). Of a fit, draws of the
-    Gaussian of its covariance in the coordinates of the fit (logarithms of parameters that are
-    positive by nature), those outside the bounds drawn anew; parameters without a standard error
-    stay where they are, and a note says so.
+    For a posterior, draws are picked at random (or all, if it has fewer). For a fit, they come from
+    the Gaussian of its covariance in the coordinates of the fit (logarithms of parameters that are
+    positive by nature), redrawn if outside the bounds; parameters without a standard error keep
+    their values, with a note.
 
     Args:
-        source: a `Fit`, or what `sample` gives.
-        model: a model or a fit; may be ``None`` where the source is a fit.
+        source: a `Fit`, or the result of `sample`.
+        model: a model or a fit; may be ``None`` if the source is a fit.
         count: number of draws.
         seed: of the draws.
-        level: probability of the intervals that are to be made of them; only checked.
+        level: probability of the later intervals; only checked.
 
     Raises:
-        InputError: an empty posterior, a failed fit, parameters of another model, or arguments out
-            of range.
+        InputError: the posterior is empty, the fit failed, parameters belong to another model, or
+            an argument is out of range.
     """
     for what, value, least in (("draws", count, 2), ("seed", seed, 0)):
         try:
@@ -103,8 +103,8 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
     if fit.status is Status.SIMULATION_FAILED:
         raise InputError("The fit failed, so that there is nothing to draw from.", fit.message)
     _same(model, [n for n in fit.parameters], "The fit")
-    known = [i for i in range(len(fit.free)) if np.isfinite(fit.covariance[i, i])]
-    names = [fit.free[i] for i in known]
+    determined = [i for i in range(len(fit.free)) if np.isfinite(fit.covariance[i, i])]
+    names = [fit.free[i] for i in determined]
     if not names:
         raise InputError(
             "No parameter of the fit has a standard error, so that there is nothing to draw.",
@@ -124,7 +124,7 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
     best = np.array([fit.parameters[n].value for n in names])
     logs = np.array([p.transform == "log" for p in described])
     slope = np.where(logs, best, 1.0)
-    covariance = fit.covariance[np.ix_(known, known)] / np.outer(slope, slope)
+    covariance = fit.covariance[np.ix_(determined, determined)] / np.outer(slope, slope)
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     low, high = np.array([p.limits for p in described]).T
@@ -161,7 +161,7 @@ def _of_posterior(
     posterior = posterior_data(source)
     scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
     drawn = [n for n in scalars if n in model.parameters]
-    _same(model, [n for n in scalars if not n.startswith("noise.")], "The posterior", part=True)
+    _same(model, [n for n in scalars if not n.startswith("noise.")], "The posterior", subset=True)
     silent = [] if fit is None else [n for n in fit.model.parameters if n not in fit.free]
     absent = [
         n for n, p in model.parameters.items() if not p.fixed and n not in drawn and n not in silent
@@ -178,8 +178,8 @@ def _of_posterior(
     picked = np.sort(rng.choice(total, min(count, total), replace=False))
 
     def flat(name: str, **at: Any) -> np.ndarray:
-        one = posterior[name].sel(**at) if at else posterior[name]
-        return np.asarray(one.transpose("chain", "draw").values, float).reshape(-1)[picked]
+        variable = posterior[name].sel(**at) if at else posterior[name]
+        return np.asarray(variable.transpose("chain", "draw").values, float).reshape(-1)[picked]
 
     values = {
         n: flat(n) if n in drawn else np.full(picked.size, _value(n, model, fit))
@@ -214,10 +214,10 @@ def _of_posterior(
 
 
 def posterior_data(source: Any) -> Any:
-    """The posterior's data set of what `sample` gives.
+    """The posterior's data set in the result of `sample`.
 
     Raises:
-        InputError: something else, or one without draws.
+        InputError: it is not a posterior, or has no draws.
     """
     posterior = getattr(source, "posterior", None)
     if posterior is None or not hasattr(posterior, "data_vars"):
@@ -241,10 +241,10 @@ def _value(name: str, model: Model, fit: Fit | None) -> float:
     return estimate.value if estimate else model.parameters[name].value
 
 
-def _same(model: Model, names: list[str], what: str, part: bool = False) -> None:
-    """Raise `InputError` where parameters are of another model."""
+def _same(model: Model, names: list[str], what: str, subset: bool = False) -> None:
+    """Raise `InputError` if the parameters belong to another model."""
     unknown = [n for n in names if n not in model.parameters]
-    missing = [] if part else [n for n in model.parameters if n not in names]
+    missing = [] if subset else [n for n in model.parameters if n not in names]
     if unknown or missing:
         raise InputError(
             f"{what} is of another model: it has the parameters {listing(names)}, "

@@ -1,4 +1,4 @@
-"""The predictive band of an unseen log, and how much of what was measured lies inside."""
+"""The predictive band of a log, and its coverage of the measurements."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from diffthrust._support.tables import Renderable
 
 _SHORT = 0.05
-"""A band covers too little where the share inside falls short of its level by more than this."""
+"""A band covers too little if the share inside is below its level by more than this."""
 
 
 @dataclass(frozen=True, repr=False)
 class Prediction(Result):
-    """What a fit or a posterior expects of a log, held against what was measured.
+    """Prediction of a log by a fit or a posterior, compared with the measurements.
 
     Args:
         log: name of the log.
@@ -41,10 +41,10 @@ class Prediction(Result):
         level: probability of the bands.
         channels: a `Band` for each measured channel.
         draws: number of parameter draws.
-        kind: "posterior" or "covariance": where the draws are from.
-        noise: the coverage counts the band with noise.
+        kind: "posterior" or "covariance": source of the draws.
+        noise: the coverage refers to the band with noise.
         random_forces: the band with noise includes the random forces of an "innovations" fit.
-        notes: what the user should know besides.
+        notes: remarks for the user.
 
     Example:
         >>> band = dft.predict(fit, fit, unseen, draws=50)
@@ -74,7 +74,7 @@ class Prediction(Result):
 
     @property
     def sentence(self) -> str:
-        """The coverage in words, and what a coverage that is too low means."""
+        """The coverage in words, and the meaning of a low coverage."""
         held = ", ".join(f"{percent(share)} of {name}" for name, share in self.coverage.items())
         text = f"{self.log}: the {percent(self.level)} band holds {held}."
         if not self.noise:
@@ -128,7 +128,7 @@ class Prediction(Result):
 
     @showing
     def plot(self) -> Figure:
-        """Measured points, median and both bands, channel by channel."""
+        """Plot measured points, median and both bands, by channel."""
         from diffthrust.uncertainty._prediction.figures import prediction_figure
 
         return prediction_figure(self.log, self.time, self.channels, self.level, self.random_forces)
@@ -147,37 +147,36 @@ def predict(
     substeps: int | None = None,
     progress: ProgressOption = None,
 ) -> Prediction:
-    """The band in which a log's measurements are expected, and the share that lies inside.
+    """The predictive band of a log's measurements, and its coverage.
 
-    The log is simulated with draws of the parameters. The band of the prediction without noise is
-    what these draws leave open. The band with noise adds the measurement noise, as large as it was
-    on the training logs. Measured states start from their first measurement, give or take its
-    noise.
+    The log is simulated with draws of the parameters. The band without noise reflects only their
+    uncertainty. The band with noise adds measurement noise of the level on the training logs.
+    Measured states start from their first measurement, plus or minus its noise.
 
-    Of a fit with ``likelihood="innovations"`` the band with noise includes the random forces and
-    the lasting sensor errors that it estimated: the innovations form is simulated forward with
-    errors that are drawn. The band without noise includes none of these. Gains and memories have no
-    error in a fit and stay at their values; a posterior draws them too. The band of any other fit
-    allows for no random force: under turbulence it is too narrow, and its coverage says so.
+    For a fit with ``likelihood="innovations"`` the band with noise includes the estimated random
+    forces and lasting sensor errors: the innovations form is simulated forward with drawn errors.
+    The band without noise includes none of these. Gains and memories have no error in a fit and
+    keep their values; a posterior draws them too. The band of any other fit contains no random
+    forces: under turbulence it is too narrow, as its coverage shows.
 
     Args:
-        source: a `Fit`, or a posterior that `sample` gives.
-        model: the fit or the model that was sampled; with a fit as the source it may be left out:
+        source: a `Fit`, or a posterior from `sample`.
+        model: the sampled fit or model; may be omitted if the source is a fit:
             ``dft.predict(fit, log)``.
-        log: the log, best one that took no part in the fit.
-        level: probability of the bands: equal tails, at each sample by itself.
-        draws: number of parameter draws; the ends of the bands are uncertain by their number.
+        log: the log, preferably one not used in the fit.
+        level: probability of the bands: equal tails, pointwise.
+        draws: number of parameter draws; it limits the precision of the bands' ends.
         seed: of the draws.
-        noise: count the coverage of the band with noise, or of the one without.
-        substeps: integrator steps per sample; chosen where ``None``.
+        noise: whether the coverage refers to the band with noise.
+        substeps: integrator steps per sample; chosen automatically if ``None``.
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         A `Prediction`; see ``.sentence``, ``.coverage`` and ``.plot()``.
 
     Raises:
-        InputError: an empty posterior, parameters of another model, or a log that the model cannot
-            be simulated with or that measures nothing that it puts out.
+        InputError: the posterior is empty, parameters belong to another model, or the log cannot be
+            simulated or measures no output of the model.
 
     Example:
         >>> band = dft.predict(post, fit, unseen, draws=50)
@@ -195,8 +194,8 @@ def predict(
         raise InputError(
             f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
         )
-    tell = teller(progress)
-    tell("drawing parameters", 0.0)
+    report = teller(progress)
+    report("drawing parameters", 0.0)
     drawn, log = draws_of(source, model, count=draws, seed=seed, level=level), log.counted
     channels = [name for name in drawn.model.outputs if name in log.measured]
     if not channels:
@@ -210,13 +209,13 @@ def predict(
         middle = {n: float(np.median(v)) for n, v in drawn.values.items()}
         substeps = choose_substeps(drawn.model.replace(middle), log)
     rng = np.random.default_rng([seed, 1])
-    tell("simulating the draws", 0.2)
+    report("simulating the draws", 0.2)
     means = mean_runs(drawn, log, channels, substeps, rng)
-    tell("simulating their noise", 0.6)
+    report("simulating their noise", 0.6)
     random = LIKELIHOODS[drawn.likelihood].corrects
     shown = random_runs(drawn, log, channels, substeps, rng) if random else {}
     bands = {c: band_of(drawn, log, c, means[c], shown.get(c), level, noise) for c in channels}
-    tell("done", 1.0)
+    report("done", 1.0)
     return Prediction(
         log=log.name,
         time=log.time,
@@ -233,9 +232,9 @@ def predict(
 def _with_noise(
     drawn: Draws, log: Log, channels: list[str], wanted: bool
 ) -> tuple[Draws, list[str]]:
-    """The draws with a noise level for each channel that has one, and a word on those without."""
+    """Add noise levels stated in the log, with a note on channels without a known level."""
     levels = {c: log.noise_in(c, drawn.model.outputs[c]) for c in channels if c not in drawn.noise}
-    known = {c: np.full(len(drawn), s) for c, s in levels.items() if s is not None}
+    stated = {c: np.full(len(drawn), s) for c, s in levels.items() if s is not None}
     lacking = [c for c, s in levels.items() if s is None]
     if lacking and wanted and len(lacking) == len(channels):
         raise InputError(
@@ -247,5 +246,5 @@ def _with_noise(
         for c in lacking
         if wanted
     ]
-    fields = {**vars(drawn), "noise": {**drawn.noise, **known}}
+    fields = {**vars(drawn), "noise": {**drawn.noise, **stated}}
     return Draws(**fields), notes

@@ -1,4 +1,4 @@
-"""Derived quantities with intervals, by the same draws of the parameters."""
+"""Derived quantities with intervals, from common draws of the parameters."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Quantities(Result, Mapping[str, DerivedQuantity]):
-    """Derived quantities by name, all of the same draws.
+    """Derived quantities by name, all from the same draws.
 
     Args:
         by_name: the quantities.
         level: probability of the intervals: equal tails, point by point.
-        kind: "posterior" or "covariance": where the draws are from.
-        notes: what the user should know besides.
+        kind: "posterior" or "covariance": source of the draws.
+        notes: remarks for the user.
 
     Example:
         >>> found = dft.uncertainty.quantities(fit, pitch=0.101, area=0.0527)
@@ -72,7 +72,7 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
 
     @showing
     def plot(self) -> Figure:
-        """The curves with their bands, one panel each.
+        """Plot the curves with their bands, one panel each.
 
         Raises:
             InputError: there is no curve.
@@ -126,8 +126,8 @@ def quantities(
         commands: constant values of the model's input, in its unit.
         steps: sizes of steps of the input.
         amplitudes: of the propeller's speed [rad/s].
-        response: the output that is looked at; "thrust" by default, or else the first one. Effects
-            on what its sensor reports are left out.
+        response: the output; by default "thrust", or else the first one. Effects of its sensor are
+            left out.
         inputs: constant values of other inputs, such as ``{"supply_voltage": 24.0}``.
         functions: by name, from parameter values by full name to a number or an array.
         units: units of the functions' values.
@@ -139,7 +139,7 @@ def quantities(
         A mapping from name to `DerivedQuantity`, with ``.report()`` and ``.plot()``.
 
     Raises:
-        InputError: an empty posterior, a quantity that the model does not have, or nothing asked.
+        InputError: the posterior is empty, the model has no such quantity, or none is requested.
 
     Source: Yoerger, Cooke & Slotine 1990, sections II B (efficiency, volume), II C (steady thrust),
     III and figure 6 (steps), IV (break frequency).
@@ -166,13 +166,13 @@ def quantities(
         )
     if pitch is None and not curves and not functions:
         raise InputError(
-            "quantities: nothing is asked for.",
+            "quantities: no quantity is requested.",
             "Give pitch and area, commands, steps, amplitudes or functions.",
         )
     by_name: dict[str, DerivedQuantity] = {}
     notes = list(drawn.notes)
     share = level
-    told = ShownUnits((drawn.fit.written,) if drawn.fit else ())
+    shown = ShownUnits((drawn.fit.written,) if drawn.fit else ())
 
     def add(name: str, unit: str, values: Any, *grid: Any) -> None:
         if name in by_name:
@@ -187,12 +187,12 @@ def quantities(
         for name, values in duct_quantities(thruster, pitch, area, density).items():
             add(name, physical_units(drawn.model)[name], values)
     if "commands" in curves or "steps" in curves:
-        _add_responses(drawn, curves, response, inputs or {}, told, add, notes)
+        _add_responses(drawn, curves, response, inputs or {}, shown, add, notes)
     if "amplitudes" in curves:
         thruster = torque_driven("quantities", drawn.model, drawn.values)
         swing = curves["amplitudes"]
         pace = thruster.sine_load[:, None] * np.abs(swing)
-        size, unit = told.size("speed", 1.0, "rad/s")
+        size, unit = shown.size("speed", 1.0, "rad/s")
         grid = (swing, "speed amplitude", "rad/s", 1.0, "", size * swing, unit)
         add("break_frequency", "rad/s", pace, *grid)
         shafted = [e.name for e in drawn.model.effects if {"load", "shaft"} & set(e.ports)]
@@ -213,7 +213,7 @@ def _add_responses(
     curves: Mapping[str, np.ndarray],
     response: str | None,
     inputs: Mapping[str, float],
-    told: ShownUnits,
+    shown: ShownUnits,
     add: Callable[..., None],
     notes: list[str],
 ) -> None:
@@ -226,13 +226,13 @@ def _add_responses(
     unit, count = model.inputs.get(drive, ""), commands.size
     if count:
         values = answers.steady[:, :count]
-        grid = told.values(drive, commands, unit), told.unit(drive, unit)
-        size = told.size(output, 1.0, model.outputs[output])
+        grid = shown.values(drive, commands, unit), shown.unit(drive, unit)
+        size = shown.size(output, 1.0, model.outputs[output])
         over = commands, drive, unit, *size, *grid
         add(f"steady_{output}", model.outputs[output], values, *over)
     if steps.size:
-        size, shown = told.size(drive, 1.0, unit)
-        over = steps, f"step of {drive}", unit, 1.0, "", size * steps, shown
+        size, shown_unit = shown.size(drive, 1.0, unit)
+        over = steps, f"step of {drive}", unit, 1.0, "", size * steps, shown_unit
         add("step_time", "s", answers.time[:, count:], *over)
     if not np.all(np.isfinite(answers.time[:, count:])):
         notes.append("step_time is infinite (inf) where a step moves nothing, as in a deadband.")

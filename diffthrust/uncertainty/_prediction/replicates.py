@@ -1,4 +1,4 @@
-"""One log simulated with many draws of the parameters, in one compiled program."""
+"""Simulate one log with many draws of the parameters, in one compiled program."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from diffthrust.simulation._trajectory import Grid, Key, march, read_out, trajec
 from diffthrust.uncertainty._prediction.draws import Draws
 
 _BATCH = 8
-"""So many simulations run side by side; more leave the processor's cache."""
+"""Simulations per batch; more do not fit the processor's cache."""
 
 
 def mean_runs(
@@ -35,10 +35,10 @@ def mean_runs(
 ) -> dict[str, np.ndarray]:
     """The outputs of a log by draw, without noise: ``(n, T)`` each.
 
-    Measured states start from their first measurement, which is off by a draw of its noise.
+    Measured states start from their first measurement plus a draw of its noise.
     """
-    whole, original = bridged(log)
-    model, grid, time, inputs = _arranged(draws.model, whole, substeps)
+    complete, original = bridged(log)
+    model, grid, time, inputs = _arranged(draws.model, complete, substeps)
     start = _starts(draws, log, rng)
     outputs = _runs(Key(model), grid, tuple(channels), _held(draws.values), time, inputs, start)
     return {name: np.asarray(value)[:, original] for name, value in outputs.items()}
@@ -47,26 +47,26 @@ def mean_runs(
 def random_runs(
     draws: Draws, log: Log, channels: Sequence[str], substeps: int, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """What an "innovations" fit expects to be measured: ``(n, T)`` by channel that it knows.
+    """Measurements predicted by an "innovations" fit: ``(n, T)`` by channel with known noise.
 
     The innovations form is simulated forward: errors are drawn, and correct the states by the
-    estimated gains, as the errors of a recorded log would. So random forces act, and sensor errors
-    last, as they did in the training logs (Ljung 1999, section 7.3).
+    estimated gains, as the errors of a recorded log would. This reproduces random forces and
+    lasting sensor errors as in the training logs (Ljung 1999, section 7.3).
     """
-    whole, original = bridged(log)
-    model, grid, time, inputs = _arranged(draws.model, whole, substeps)
-    known = tuple(c for c in model.outputs if c in draws.noise)
+    complete, original = bridged(log)
+    model, grid, time, inputs = _arranged(draws.model, complete, substeps)
+    channels_known = tuple(c for c in model.outputs if c in draws.noise)
     remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
-    observer = observer_of(model, whole, known, remembering)
+    observer = observer_of(model, complete, channels_known, remembering)
     nuisance = {
         n: draws.nuisance.get(n, np.full(len(draws), p.value if is_memory(n) else 0.0))
-        for n, p in observer.parameters(whole.duration, whole.step).items()
+        for n, p in observer.parameters(complete.duration, complete.step).items()
     }
-    shape = (len(draws), len(known), time.size)
+    shape = (len(draws), len(channels_known), time.size)
     law = LOSSES[draws.loss].draws(rng, shape)
-    sigma = np.stack([draws.noise[c] for c in known], axis=1)
+    sigma = np.stack([draws.noise[c] for c in channels_known], axis=1)
     fit = draws.fit
-    clip = [fit.limits.get(c, np.inf) if fit and fit.limits else np.inf for c in known]
+    clip = [fit.limits.get(c, np.inf) if fit and fit.limits else np.inf for c in channels_known]
     limits = Limits(
         jnp.asarray(np.array(clip, float)), jnp.asarray(np.array(fit.reach if fit else 1.0, float))
     )
@@ -79,10 +79,10 @@ def random_runs(
         inputs,
         _starts(draws, log, rng),
         jnp.asarray(sigma[:, :, None] * law),
-        jnp.asarray(np.array([c in log.unsigned for c in known], bool)),
+        jnp.asarray(np.array([c in log.unsigned for c in channels_known], bool)),
         limits,
     )
-    return {c: np.asarray(shown[c])[:, original] for c in known if c in channels}
+    return {c: np.asarray(shown[c])[:, original] for c in channels_known if c in channels}
 
 
 def _arranged(model: Model, log: Log, substeps: int) -> tuple[Model, Grid, Any, dict[str, Any]]:
@@ -92,7 +92,7 @@ def _arranged(model: Model, log: Log, substeps: int) -> tuple[Model, Grid, Any, 
 
 
 def _starts(draws: Draws, log: Log, rng: np.random.Generator) -> dict[str, Any]:
-    """First measurements with their noise; a sensor without a sign gets none: it may be at rest."""
+    """First measurements with noise; none for an unsigned sensor, which may be at rest."""
     begin = {}
     for name, value in measured_start(draws.model, log).items():
         sigma = draws.noise.get(name, np.zeros(len(draws)))
@@ -109,19 +109,19 @@ def _held(values: Mapping[str, np.ndarray]) -> dict[str, Any]:
 def _runs(
     key: Key, grid: Grid, channels: tuple[str, ...], values: Any, time: Any, inputs: Any, start: Any
 ) -> Any:
-    def one(each: Any) -> Any:
+    def run(each: Any) -> Any:
         model = key.model.bind(each[0])
         outputs, _ = trajectory(model, grid, time, inputs, each[1], {})
         return {c: outputs[c] for c in channels}
 
-    return jax.lax.map(one, (values, start), batch_size=_BATCH)
+    return jax.lax.map(run, (values, start), batch_size=_BATCH)
 
 
 class _Driven(Correction):
-    """An observer run forward: what stands for the measurements are the errors themselves."""
+    """An observer run forward: the drawn errors are passed in place of measurements."""
 
     def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
-        """The error that was drawn."""
+        """The drawn error."""
         return jnp.where(jnp.isnan(measured), 0.0, measured)
 
 
@@ -138,7 +138,7 @@ def _random(
     unsigned: Any,
     limits: Limits,
 ) -> Any:
-    def one(each: Any) -> Any:
+    def run(each: Any) -> Any:
         values, begin, error = each
         model = key.model.bind(values)
         run = _Driven(observer, model, values, time, error, unsigned, limits)
@@ -156,11 +156,11 @@ def _random(
             out[c] = after[c] + _coloured(error[i], gain, kept, run.limit[i])
         return out
 
-    return jax.lax.map(one, (values, start, errors), batch_size=_BATCH)
+    return jax.lax.map(run, (values, start, errors), batch_size=_BATCH)
 
 
 def _coloured(errors: Any, gain: Any, kept: Any, limit: Any) -> Any:
-    """A sensor's lasting error with what is new in each sample, from the latter."""
+    """A sensor's autocorrelated error, from its innovations."""
 
     def body(colour: Any, x: Any) -> tuple[Any, Any]:
         e, keep = x

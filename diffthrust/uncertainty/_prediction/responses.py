@@ -1,8 +1,8 @@
-"""Responses of a model to a sudden constant input: the steady output, and how soon it is near.
+"""Step responses of a model: steady output and response time.
 
-The model itself is simulated, so that its effects count. Each size of step has a time base of its
-own, some sixteen response times long, found with the middle of the draws; only numbers change
-between sizes, durations and draws, so one compilation serves all.
+The model is simulated with its effects. Each step size has a separate time base, some sixteen
+response times long, found with the median draw; sizes, durations and draws are only numbers, so one
+compilation serves all.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from diffthrust.uncertainty._prediction.draws import Draws
 _SAMPLES = 800
 """Samples of one response."""
 _LONG = 16.0
-"""A response is followed for so many times the time to 63 % of it."""
+"""Length of a response in multiples of its time to 63 %."""
 _SETTLED = 1e-3
-"""It has settled where its last fifth moves by no more than this share of it."""
+"""A response has settled if its last fifth varies by at most this share of it."""
 _TRIALS = 40
-"""Durations that are tried before a model counts as one that does not settle."""
+"""Most durations tried before a model counts as not settling."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Responses:
 
     Args:
         steady: the output at the end.
-        time: time after the step [s] at which the output has gone 1 - 1/e of its way; infinite
-            where it does not move.
-        unsettled: share of the draws that still moved at the end, at the worst size.
+        time: time after the step [s] at which the output has covered 1 - 1/e of its change;
+            infinite if it does not move.
+        unsettled: share of draws not settled at the end, at the worst size.
     """
 
     steady: np.ndarray
@@ -57,12 +57,12 @@ def responses(
     Args:
         draws: draws of the parameters.
         sizes: constant values of the model's input after the step, ``(m,)``; zero before it.
-        output: the output that is looked at, as it is and not as its sensor reports it.
+        output: the output, without effects of its sensor.
         inputs: constant values of other inputs that the model or its effects read.
 
     Raises:
-        InputError: a model with several inputs, an output it does not have, an input that is
-            missing, or a response that does not settle.
+        InputError: the model has several inputs, no such output, an input is missing, or a
+            response does not settle.
     """
     model = bare(draws.model)
     drive = _drive(model, inputs)
@@ -73,18 +73,18 @@ def responses(
         )
     grid = Grid(tuple((n, "zero") for n in sorted({drive, *inputs})))
     key = Key(model)
-    others = {n: jnp.asarray(float(v)) for n, v in inputs.items()}
+    constants = {n: jnp.asarray(float(v)) for n, v in inputs.items()}
 
     def run(values: Mapping[str, float], ends: np.ndarray) -> tuple[np.ndarray, ...]:
         at = {n: jnp.asarray(float(v)) for n, v in values.items()}
-        parts = step_responses(
-            key, grid, (drive, output), at, jnp.asarray(ends), jnp.asarray(sizes), others
+        results = step_responses(
+            key, grid, (drive, output), at, jnp.asarray(ends), jnp.asarray(sizes), constants
         )
-        return tuple(np.asarray(part) for part in parts)
+        return tuple(np.asarray(column) for column in results)
 
     ends = _durations(model, run, {n: float(np.median(v)) for n, v in draws.values.items()}, sizes)
     rows = [run({n: v[i] for n, v in draws.values.items()}, ends) for i in range(len(draws))]
-    steady, time, moving = (np.stack(part) for part in zip(*rows, strict=True))
+    steady, time, moving = (np.stack(column) for column in zip(*rows, strict=True))
     unsettled = ~(moving <= 3 * _SETTLED)
     return Responses(steady, time, float(unsettled.mean(axis=0).max()))
 
@@ -95,7 +95,7 @@ def _drive(model: Model, inputs: Mapping[str, float]) -> str:
         raise InputError(
             f"quantities: step responses need a model with states and one input; '{model}' has "
             f"the inputs {listing(model.inputs)}.",
-            "Give constant values of the others, inputs={'name': value}, or leave them out.",
+            "Give constant values of the other inputs, inputs={'name': value}, or leave them out.",
         )
     needed = [n for e in model.effects for n in e.needs if n not in inputs and n != free[0]]
     if needed:
@@ -103,19 +103,19 @@ def _drive(model: Model, inputs: Mapping[str, float]) -> str:
             f"quantities: the effects of '{model}' read {listing(needed)}, which has no value.",
             f"Give one: inputs={{'{needed[0]}': ...}}.",
         )
-    known = {**model.inputs, **model.optional_inputs}
-    known |= {n: "" for e in model.effects for n in e.needs}
-    unknown = [n for n in inputs if n not in known]
+    available = {**model.inputs, **model.optional_inputs}
+    available |= {n: "" for e in model.effects for n in e.needs}
+    unknown = [n for n in inputs if n not in available]
     if unknown:
         raise InputError(
-            f"quantities: '{model}' has no input {listing(unknown)}; it has {listing(known)}.",
+            f"quantities: '{model}' has no input {listing(unknown)}; it has {listing(available)}.",
             "Correct the names under inputs.",
         )
     return free[0]
 
 
 def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) -> np.ndarray:
-    """How long each size of step is to be followed [s], ``(m,)``."""
+    """Duration of the response to each step size [s], ``(m,)``."""
     slowest = model.time_scales[1]
     ends = np.full(sizes.size, slowest if np.isfinite(slowest) else 10.0)
     least, ready = np.zeros(sizes.size), np.zeros(sizes.size, bool)
@@ -123,7 +123,7 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
         steady, time, moving = run(values, ends)
         wanted = ends.copy()
         for j in range(sizes.size):
-            if not np.isfinite(steady[j]):  # the step of the integrator is too long
+            if not np.isfinite(steady[j]):  # the integrator's step is too long
                 wanted[j] = ends[j] / 8
             elif not np.isfinite(time[j]) and moving[j] == 0:  # nothing moves
                 ready[j] = True
@@ -144,15 +144,15 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
 
 @program(3)
 def step_responses(
-    key: Key, grid: Grid, names: tuple[str, str], values: Any, ends: Any, sizes: Any, others: Any
+    key: Key, grid: Grid, names: tuple[str, str], values: Any, ends: Any, sizes: Any, constants: Any
 ) -> Any:
     drive, output = names
     model = key.model.bind(values)
 
-    def one(end: Any, size: Any) -> Any:
+    def respond(end: Any, size: Any) -> Any:
         time = end * (jnp.arange(-1.0, _SAMPLES - 1.0) / (_SAMPLES - 2.0))
         after = jnp.arange(_SAMPLES) >= 1
-        series = {n: jnp.full(_SAMPLES, v) for n, v in others.items()}
+        series = {n: jnp.full(_SAMPLES, v) for n, v in constants.items()}
         series[drive] = jnp.where(after, size, 0.0)
         outputs, _ = trajectory(model, grid, time, series, {}, {})
         y = outputs[output]
@@ -163,16 +163,16 @@ def step_responses(
         share = jnp.where(still, 0.0, (jnp.max(tail) - jnp.min(tail)) / jnp.abs(way))
         return last, jnp.where(still, jnp.inf, _near(time, (last - y) / way)), share
 
-    return jax.vmap(one)(ends, sizes)
+    return jax.vmap(respond)(ends, sizes)
 
 
-def _near(time: Any, left: Any) -> Any:
-    """When the share that is left falls below 1/e; between samples it falls exponentially."""
-    below = (left <= jnp.exp(-1.0)) & (jnp.arange(left.size) >= 2)
+def _near(time: Any, remaining: Any) -> Any:
+    """Time at which the remaining share falls below 1/e, interpolated exponentially."""
+    below = (remaining <= jnp.exp(-1.0)) & (jnp.arange(remaining.size) >= 2)
     k = jnp.argmax(below)
-    a, b = left[k - 1], left[k]
+    a, b = remaining[k - 1], remaining[k]
     positive = (a > 0) & (b > 0)
     top, bottom = jnp.where(positive, a, 1.0), jnp.where(positive, b, 0.5)
     curved = (jnp.log(top) + 1.0) / (jnp.log(top) - jnp.log(bottom))
-    part = jnp.where(positive, curved, (a - jnp.exp(-1.0)) / (a - b))
-    return jnp.where(jnp.any(below), time[k - 1] + part * (time[k] - time[k - 1]), jnp.inf)
+    fraction = jnp.where(positive, curved, (a - jnp.exp(-1.0)) / (a - b))
+    return jnp.where(jnp.any(below), time[k - 1] + fraction * (time[k] - time[k - 1]), jnp.inf)

@@ -1,4 +1,4 @@
-"""Posterior draws as ArviZ data: the one module that knows ArviZ."""
+"""Posterior draws as ArviZ data; the only module that imports ArviZ."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from diffthrust.uncertainty._sampling.posterior import Posterior
 
 
 def arviz() -> Any:
-    """ArviZ, imported late: it takes more than a second, and tells once a day of a new version."""
+    """Import ArviZ late: it takes over a second, and warns of a new version once a day."""
     with warnings.catch_warnings():
         warnings.filterwarnings(
             "ignore", message=r"\s*ArviZ is undergoing a major refactor", category=FutureWarning
@@ -29,10 +29,10 @@ def arviz() -> Any:
 
 
 def write_posterior(post: Any, path: Path | str) -> None:
-    """Write a posterior as ArviZ does (``post.to_netcdf``), whole or not at all.
+    """Write a posterior as netCDF (``post.to_netcdf``), atomically.
 
     Raises:
-        InputError: a file that does not end in ``.nc``, or cannot be written.
+        InputError: the name does not end in ``.nc``, or the file cannot be written.
     """
     path = Path(path)
     ending(path, ".nc")
@@ -51,7 +51,7 @@ def write_posterior(post: Any, path: Path | str) -> None:
 
 
 def read_posterior(path: Path) -> Any:
-    """A posterior out of the netCDF file of ArviZ.
+    """Read a posterior from a netCDF file of ArviZ.
 
     Raises:
         InputError: there is no such file, or it holds no posterior.
@@ -63,7 +63,7 @@ def read_posterior(path: Path) -> Any:
             post = arviz().from_netcdf(str(path))
         if not post.posterior.data_vars:
             raise ValueError("its posterior is empty")
-    except Exception as error:  # of the libraries below: they have a dozen kinds
+    except Exception as error:  # the libraries below raise a dozen kinds
         raise InputError(
             f"{path}: expected a posterior in a netCDF file of ArviZ, found a file that is cut "
             f"off, damaged or of another kind ({error}).",
@@ -77,12 +77,12 @@ def read_posterior(path: Path) -> Any:
 
 
 def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any]) -> Any:
-    """Draws, the sampler's figures and what was measured, as `arviz.InferenceData`.
+    """Draws, statistics of the sampler and measurements, as `arviz.InferenceData`.
 
-    Variables of the posterior: parameters by full name in their own units, those of the noise as
-    ``noise.*``; initial states as ``initial.<state>`` by ``log``; noise levels that were not known
-    as ``sigma`` by ``channel``. Each tells its ``unit``. Measured channels are
-    ``channel[log name]``, each over a time of its own.
+    Variables of the posterior: parameters by full name in their units, those of the noise as
+    ``noise.*``; initial states as ``initial.<state>`` by ``log``; unknown noise levels as ``sigma``
+    by ``channel``. Each has an attribute ``unit``. Measured channels are ``channel[log name]``,
+    each over a separate time.
     """
     import xarray as xr
 
@@ -92,8 +92,8 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
     variables: dict[str, Any] = {}
     written = ShownUnits(log.written for log in problem.logs)
     for name, values in posterior.values(chains.points).items():
-        told = shown_unit(problem.named[name], problem.model, written)
-        attrs_of = {"unit": problem.named[name].unit, "per": told.value, "shown_unit": told.unit}
+        shown = shown_unit(problem.named[name], problem.model, written)
+        attrs_of = {"unit": problem.named[name].unit, "per": shown.value, "shown_unit": shown.unit}
         variables[name] = (draw, values, attrs_of)
     for state, values in posterior.initial(chains.points).items():
         variables[f"initial.{state}"] = ((*draw, "log"), values, {"unit": units[state]})
@@ -119,16 +119,16 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
 
 
 def shown_in(variable: Any) -> Size:
-    """How many of which unit, for people, make one of a variable's unit."""
+    """The display unit of a variable, and its number per unit of the variable."""
     unit = str(variable.attrs.get("unit", ""))
     return Size(float(variable.attrs.get("per", 1.0)), str(variable.attrs.get("shown_unit", unit)))
 
 
 def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
-    """Draws of the noise levels that are not known, ``(chains, draws, channels)``.
+    """Draws of unknown noise levels, ``(chains, draws, channels)``.
 
-    For the Gaussian law, whose level was integrated out, from its exact conditional: given all
-    else, N rms^2 / sigma^2 is chi-square distributed with N degrees of freedom.
+    For the Gaussian law, whose level was integrated out, they come from the exact conditional:
+    given all else, N rms^2 / sigma^2 is chi-square distributed with N degrees of freedom.
     """
     rng = np.random.default_rng([seed, 1])
     counts = np.asarray(posterior.problem.numbers.counts)
@@ -142,7 +142,7 @@ def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
 
 
 def log_names(names: list[str]) -> list[str]:
-    """Names of the logs, numbered where several are called the same, and without slashes."""
+    """Names of the logs without slashes; duplicates are numbered."""
     names = [name.replace("/", "|") for name in names]
     return [
         f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name

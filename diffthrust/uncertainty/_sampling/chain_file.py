@@ -1,4 +1,4 @@
-"""The file of a chain: whole at every moment, resumed exactly, and never another problem's."""
+"""The file of a chain: always complete, resumed exactly, and tied to its problem."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from diffthrust._support.files import is_full
 from diffthrust.uncertainty._sampling.identity import same_problem
 
 BLOCK = 64
-"""Steps that have a checksum of their own, and from whose end a run can go on."""
+"""Steps per checksum; a run can resume from the end of each block."""
 Mark = tuple[np.ndarray, np.ndarray]
 """Accepted proposals of each walker, and the state of the generator, `packed`."""
 _MARKS = ("accepted", "random_states")
 _SCHEMA = 2
 _OWN = "diffthrust"
-"""The group in which the file says whose chain it is; the chain itself is in emcee's ``mcmc``."""
+"""Group with the identity of the problem; the chain itself is in emcee's group ``mcmc``."""
 
 
 @dataclass(frozen=True)
 class Stored:
-    """A chain as far as it went.
+    """A chain and the state needed to resume it.
 
     Args:
         chain: coordinates by step and walker, ``(n, W, d)``, those of the warmup first.
@@ -55,7 +55,7 @@ class Stored:
     marks: tuple[Mark, ...] = ()
 
     def beginning(self, blocks: int) -> Stored:
-        """The chain as it was after so many blocks."""
+        """The chain after the given number of blocks."""
         steps = blocks * BLOCK
         accepted, state = self.marks[blocks - 1]
         *words, place, has, spare = state
@@ -73,7 +73,8 @@ class Stored:
 def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...]) -> bytes:
     """The bytes of the file: equal for equal chains, in the layout of `emcee.backends.HDFBackend`.
 
-    The file is made anew in memory each time, so that nothing in it tells how often it was saved.
+    The file is rebuilt in memory each time: its bytes then do not depend on how often it was saved,
+    and a resumed run gives the same file as an uninterrupted one.
     """
     steps, walkers, dim = stored.chain.shape
     with h5py.File("memory", "w", driver="core", backing_store=False) as f:
@@ -81,24 +82,24 @@ def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...])
         g.attrs["version"] = emcee.__version__
         g.attrs["nwalkers"], g.attrs["ndim"] = walkers, dim
         g.attrs["has_blobs"], g.attrs["iteration"] = True, steps
-        for i, part in enumerate(stored.random_state):
-            g.attrs[f"random_state_{i}"] = part
+        for i, value in enumerate(stored.random_state):
+            g.attrs[f"random_state_{i}"] = value
         g.create_dataset("accepted", data=stored.accepted)
         g.create_dataset("chain", data=stored.chain, maxshape=(None, walkers, dim))
         g.create_dataset("log_prob", data=stored.log_prob, maxshape=(None, walkers))
         kind = np.dtype((np.float64, stored.levels.shape[2:]))
         blobs = g.create_dataset("blobs", (steps, walkers), maxshape=(None, walkers), dtype=kind)
         blobs[...] = stored.levels
-        ours = f.create_group(_OWN)
+        own_group = f.create_group(_OWN)
         text = json.dumps(who, sort_keys=True)
-        ours.attrs["schema"] = _SCHEMA
-        ours.attrs["coordinates"] = list(labels)
-        ours.create_dataset("problem", data=text)  # an attribute could not hold a large model
-        ours.create_dataset("centre", data=stored.centre)
-        ours.create_dataset("root", data=stored.root)
+        own_group.attrs["schema"] = _SCHEMA
+        own_group.attrs["coordinates"] = list(labels)
+        own_group.create_dataset("problem", data=text)  # an attribute could not hold a large model
+        own_group.create_dataset("centre", data=stored.centre)
+        own_group.create_dataset("root", data=stored.root)
         for i, name in enumerate(_MARKS if stored.marks else ()):
-            ours.create_dataset(name, data=np.array([mark[i] for mark in stored.marks]))
-        ours.create_dataset("checksums", data=_checksums(stored, text))
+            own_group.create_dataset(name, data=np.array([mark[i] for mark in stored.marks]))
+        own_group.create_dataset("checksums", data=_checksums(stored, text))
         f.flush()
         return f.id.get_file_image()
 
@@ -109,7 +110,7 @@ def packed(state: tuple[Any, ...]) -> np.ndarray:
 
 
 def _checksums(stored: Stored, problem: str) -> np.ndarray:
-    """SHA-256 of what the chain began with, of each block, and of its end, ``(blocks + 2, 32)``."""
+    """SHA-256 of the header, of each block, and of the end, ``(blocks + 2, 32)``."""
     text = np.frombuffer(problem.encode(), np.uint8)
     sums = [_sum(stored.centre, stored.root, text)]
     ends = [*stored.marks, (stored.accepted, packed(stored.random_state))]
@@ -119,19 +120,19 @@ def _checksums(stored: Stored, problem: str) -> np.ndarray:
     return np.array(sums)
 
 
-def _sum(*parts: np.ndarray) -> np.ndarray:
+def _sum(*arrays: np.ndarray) -> np.ndarray:
     digest = hashlib.sha256()
-    for part in parts:
-        digest.update(f"{part.shape}".encode())
-        digest.update(np.ascontiguousarray(part, float).tobytes())
+    for array in arrays:
+        digest.update(f"{array.shape}".encode())
+        digest.update(np.ascontiguousarray(array, float).tobytes())
     return np.frombuffer(digest.digest(), np.uint8)
 
 
 def write(path: Path, data: bytes) -> None:
-    """Replace a file by a whole new one, which is on the disk before the old one goes.
+    """Replace a file atomically: the new file is on the disk before the old one is replaced.
 
     Raises:
-        InputError: a full disk or a folder that cannot be written to; the old file is untouched.
+        InputError: the disk is full or the folder not writable; the old file is untouched.
     """
     target = Path(os.path.realpath(path))
     temporary = _temporary(target)
@@ -142,7 +143,7 @@ def write(path: Path, data: bytes) -> None:
                 f.flush()
                 os.fsync(f.fileno())
             os.replace(temporary, target)
-        except BaseException:  # an interrupt, too
+        except BaseException:  # including an interrupt
             with suppress(OSError):
                 temporary.unlink()
             raise
@@ -164,30 +165,30 @@ def write(path: Path, data: bytes) -> None:
 
 
 def _settle(folder: Path) -> None:
-    """The folder's entry on the disk as well, where the system allows it."""
+    """Flush the folder's entry to the disk as well, if the system allows it."""
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:
         return
     try:
         os.fsync(handle)
-    except OSError:  # some file systems have no such thing for folders
+    except OSError:  # some file systems cannot flush folders
         pass
     finally:
         os.close(handle)
 
 
 def _temporary(target: Path) -> Path:
-    # always the same name: what a killed run left behind is overwritten by the one that resumes
+    # A fixed name: a resumed run overwrites what a killed run left behind.
     return target.with_name(f".{target.name}.tmp")
 
 
 def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
-    """The chain in a file, or ``None`` where there is no file yet.
+    """The chain in a file, or ``None`` if there is no file yet.
 
     Raises:
-        InputError: a file that is no chain, is damaged, or belongs to another problem; a folder
-            that cannot be written to. Nothing is changed.
+        InputError: the file is not a chain, is damaged, or belongs to another problem; or the
+            folder is not writable. Nothing is changed.
     """
     target = Path(os.path.realpath(path))
     if not target.exists() or target.is_dir():
@@ -195,17 +196,17 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
         return None
     try:
         with h5py.File(target, "r") as opened:
-            f: Any = opened  # a group, a dataset and a type in one, for all that h5py declares
+            f: Any = opened  # h5py declares items as group, dataset or type
             if _OWN not in f or "mcmc" not in f:
                 raise InputError(
                     f"{path}: an HDF5 file, but no chain of this library.",
                     "Name a file that does not exist yet, or that of the run to resume.",
                 )
-            g, ours = f["mcmc"], f[_OWN]
-            text = ours["problem"][()].decode()
+            g, own_group = f["mcmc"], f[_OWN]
+            text = own_group["problem"][()].decode()
             a = g.attrs
             state = tuple(a[f"random_state_{i}"] for i in range(5))
-            marks = [ours[n][...] for n in _MARKS if n in ours]
+            marks = [own_group[n][...] for n in _MARKS if n in own_group]
             stored = Stored(
                 chain=g["chain"][...],
                 log_prob=g["log_prob"][...],
@@ -218,11 +219,11 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
                     int(state[3]),
                     float(state[4]),
                 ),
-                centre=ours["centre"][...],
-                root=ours["root"][...],
+                centre=own_group["centre"][...],
+                root=own_group["root"][...],
                 marks=tuple(zip(*marks, strict=True)),
             )
-            told, labels = ours["checksums"][...], tuple(ours.attrs["coordinates"])
+            checksums, labels = own_group["checksums"][...], tuple(own_group.attrs["coordinates"])
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
@@ -231,21 +232,21 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
             f"kind ({error}).",
             "Name a file that does not exist yet; this one was left as it is.",
         ) from None
-    _check_sums(path, stored, text, told, labels)
+    _check_sums(path, stored, text, checksums, labels)
     same_problem(path, json.loads(text), who)
     _try(path, target)
     return stored
 
 
 def _check_sums(
-    path: Path, stored: Stored, text: str, told: np.ndarray, labels: tuple[str, ...]
+    path: Path, stored: Stored, text: str, expected: np.ndarray, labels: tuple[str, ...]
 ) -> None:
-    """Raise `InputError` for a chain that is not as it was written; its beginning is kept."""
-    found = _checksums(stored, text)
-    if np.array_equal(found, told):
+    """Raise `InputError` for a damaged chain; the sound blocks are saved to another file."""
+    computed = _checksums(stored, text)
+    if np.array_equal(computed, expected):
         return
-    rows = min(len(found), len(told) if told.shape[1:] == found.shape[1:] else 0)
-    same = (found[:rows] == told[:rows]).all(axis=1)
+    rows = min(len(computed), len(expected) if expected.shape[1:] == computed.shape[1:] else 0)
+    same = (computed[:rows] == expected[:rows]).all(axis=1)
     sound = min(int(np.argmin([*same, False])) - 1, len(stored.marks))  # blocks after the first sum
     problem = f"{path}: the chain is damaged: what is read is not what was written"
     if sound < 1:
@@ -263,7 +264,7 @@ def _check_sums(
 
 
 def _try(path: Path, target: Path) -> None:
-    """Raise `InputError` before the work where nothing could be saved after it."""
+    """Raise `InputError` before the work starts if the file could not be saved."""
     try:
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")

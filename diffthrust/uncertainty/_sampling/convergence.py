@@ -1,4 +1,4 @@
-"""Whether the chains of a posterior can be believed, in figures and in words."""
+"""Convergence diagnostics of a posterior's chains."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from diffthrust.uncertainty._prediction.draws import posterior_data
 _R_HAT = 1.01
 """Chains with a larger R-hat have not mixed (Vehtari et al. 2021, section 4)."""
 _SAMPLES = 400.0
-"""Effective samples that quantiles and their errors need (the same)."""
+"""Effective samples needed for quantiles and their errors (same source)."""
 _DIVERGENCES = 0.001
-"""Share of divergent draws beyond which NUTS has left out a part of the posterior."""
+"""Above this share of divergent draws, NUTS has missed a region of the posterior."""
 
 
 class Mixing(Enum):
@@ -50,7 +50,7 @@ class Convergence:
         ess_bulk: effective samples for means.
         ess_tail: effective samples for the ends of 90 % intervals.
         autocorrelation: integrated autocorrelation time, in draws.
-        divergences: draws at which NUTS lost the path; zero for emcee.
+        divergences: draws at which the NUTS trajectory diverged; zero for emcee.
         draws: draws of all chains.
 
     Example:
@@ -73,18 +73,18 @@ def convergence(post: Any) -> Convergence:
     """Judge the chains of a posterior.
 
     Rank-normalised split R-hat and the effective samples of bulk and tails (Vehtari et al. 2021),
-    the integrated autocorrelation time (Goodman & Weare 2010, as emcee has it), and divergences.
-    Chains of a posterior that does not exist agree as well as others: where `sample` found that a
-    flat prior has no end, the status is "improper" whatever the chains say.
+    the integrated autocorrelation time (Goodman & Weare 2010, as in emcee), and divergences. Chains
+    of an improper posterior may agree like any others: if `sample` found an improper posterior, the
+    status is "improper" whatever the chains show.
 
     Args:
-        post: what `sample` returns, or other ArviZ data with a posterior.
+        post: the result of `sample`, or other ArviZ data with a posterior.
 
     Returns:
-        A `Convergence`. Look at ``status`` first.
+        A `Convergence`. Check ``status`` first.
 
     Raises:
-        InputError: something without a posterior.
+        InputError: there is no posterior.
 
     Example:
         >>> told = dft.uncertainty.convergence(post)
@@ -106,13 +106,13 @@ def convergence(post: Any) -> Convergence:
     tail = _flat(az.ess(posterior, method="tail"))
     memory = {}
     for name, values in _series(posterior).items():
-        with np.errstate(invalid="ignore", divide="ignore"):  # of chains that never moved
+        with np.errstate(invalid="ignore", divide="ignore"):  # chains that never moved
             memory[name] = float(integrated_time(values.T, tol=0, quiet=True, has_walkers=True)[0])
     stats = getattr(post, "sample_stats", None)
     lost = int(stats["diverging"].sum()) if stats is not None and "diverging" in stats else 0
     total = posterior.sizes["chain"] * posterior.sizes["draw"]
-    other = " or sample with method='nuts'" if post.attrs.get("method") == "emcee" else ""
-    status, message = _judged(r_hat, bulk, tail, lost, total, other)
+    alternative = " or sample with method='nuts'" if post.attrs.get("method") == "emcee" else ""
+    status, message = _judged(r_hat, bulk, tail, lost, total, alternative)
     if improper := str(posterior.attrs.get("improper", "")):
         status, message = Mixing.IMPROPER, improper
     return Convergence(status, message, r_hat, bulk, tail, memory, lost, total)
@@ -124,7 +124,7 @@ def _judged(
     tail: Mapping[str, float],
     lost: int,
     total: int,
-    other: str,
+    alternative: str,
 ) -> tuple[Mixing, str]:
     stuck = [name for name, value in r_hat.items() if not math.isfinite(value)]
     if stuck:
@@ -138,7 +138,7 @@ def _judged(
         times = min(max(math.ceil(_SAMPLES / least), 4), 10)
         return Mixing.NOT_MIXED, (
             f"R-hat of {worst} {r_hat[worst]:.3f} (allowed {_R_HAT}): the chains have not found "
-            f"the same distribution. Draw {times} times as many with a longer warmup{other}."
+            f"the same distribution. Draw {times} times as many with a longer warmup{alternative}."
         )
     if least < _SAMPLES:
         scarce = min(bulk, key=lambda name: min(bulk[name], tail[name]))
@@ -160,26 +160,28 @@ def _judged(
 
 
 def _several(posterior: Any) -> Any:
-    """A lone chain as its two halves, which must agree like chains."""
+    """Split a single chain into halves, which must agree like chains."""
     if posterior.sizes["chain"] > 1:
         return posterior
     half = posterior.sizes["draw"] // 2
     import xarray as xr
 
-    parts = [posterior.isel(draw=slice(0, half)), posterior.isel(draw=slice(half, 2 * half))]
-    level = [part.assign_coords(chain=[i], draw=range(half)) for i, part in enumerate(parts)]
+    halves = [posterior.isel(draw=slice(0, half)), posterior.isel(draw=slice(half, 2 * half))]
+    level = [
+        half_chain.assign_coords(chain=[i], draw=range(half)) for i, half_chain in enumerate(halves)
+    ]
     return xr.concat(level, dim="chain")
 
 
 def _series(data: Any) -> dict[str, np.ndarray]:
-    """Each scalar of a data set over its chains: ``(chains, draws)`` by name."""
+    """Each scalar of a data set by name, ``(chains, draws)``."""
     out = {}
     for name, variable in data.data_vars.items():
         values = variable.transpose("chain", "draw", ...).values
-        rest = [dim for dim in variable.dims if dim not in ("chain", "draw")]
+        dims = [dim for dim in variable.dims if dim not in ("chain", "draw")]
         for place in np.ndindex(values.shape[2:]):
-            at = ", ".join(str(variable[d].values[i]) for d, i in zip(rest, place, strict=True))
-            out[f"{name}[{at}]" if rest else str(name)] = values[(..., *place)]
+            at = ", ".join(str(variable[d].values[i]) for d, i in zip(dims, place, strict=True))
+            out[f"{name}[{at}]" if dims else str(name)] = values[(..., *place)]
     return out
 
 

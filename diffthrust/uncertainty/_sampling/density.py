@@ -16,7 +16,7 @@ from diffthrust.estimation._problem import Layout
 
 
 class DensityShape(NamedTuple):
-    """What fixes the compiled code: the layout, and the channels whose noise level is sampled."""
+    """The static part of the program: layout, and channels whose noise level is sampled."""
 
     layout: Layout
     sampled: tuple[int, ...]
@@ -26,9 +26,9 @@ def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
     """Logarithm of the posterior density at coordinates ``x``, ``(d,)``, without constants.
 
     Returns:
-        The density, minus infinity outside of the bounds and where the simulation fails; and the
-        noise level by channel, ``(C,)``: where it is not known, of the Gaussian law, the root mean
-        square of the residuals.
+        The density, minus infinity outside the bounds or if the simulation fails; and the noise
+        level by channel, ``(C,)``: for an unknown level of the Gaussian law, the root mean square
+        of the residuals.
     """
     layout, count = shape.layout, data["moved"].shape[0]
     z = data["base"].at[data["moved"]].set(x[:count])
@@ -42,20 +42,24 @@ def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
     rests = []
     for index, pairs in enumerate(zip(numbers.batches, starts, strict=True)):
 
-        def one(pair: Any, index: int = index) -> Any:
+        def residuals_of(pair: Any, index: int = index) -> Any:
             return residuals(layout, index, numbers, pair[0], shared, pair[1])
 
-        if pairs[0].time.shape[0] == 1:  # a loop of one turn would keep the compiler from fusing
-            rests.append(one(jax.tree.map(lambda a: a[0], pairs))[None])
+        if (
+            pairs[0].time.shape[0] == 1
+        ):  # a loop of one iteration would keep the compiler from fusing
+            rests.append(residuals_of(jax.tree.map(lambda a: a[0], pairs))[None])
         else:
-            rests.append(jax.lax.map(one, pairs))
+            rests.append(jax.lax.map(residuals_of, pairs))
     cost, sigma = layout.cost(numbers, rests)
     values = named_values(layout, numbers, shared)
     for name, (mean, std) in numbers.prior.items():
         cost += 0.5 * ((values[name] - mean) / std) ** 2
         if layout.transforms[layout.free.index(name)] == "log":
-            cost -= jnp.log(values[name])  # a density in the value, seen from its logarithm
-    # the likelihood works with the level of what is new in each sample
+            cost -= jnp.log(
+                values[name]
+            )  # Jacobian: the prior is a density in the value, the coordinate its logarithm
+    # The likelihood uses the level of the innovations; convert it to that of the noise.
     sigma = sigma / layout.likelihood.noise.levels(layout.channels, numbers, values)
     inside = jnp.all((x >= data["low"]) & (x <= data["high"]))
     return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma
@@ -63,6 +67,6 @@ def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
 
 @program(1)
 def log_densities(shape: DensityShape, numbers: tuple[Any, Any]) -> tuple[Any, Any]:
-    """`log_density` of many points ``(W, d)``, compiled once for each number of them."""
+    """`log_density` of many points ``(W, d)``, compiled once for each number of points."""
     data, points = numbers
     return jax.vmap(partial(log_density, shape, data))(points)

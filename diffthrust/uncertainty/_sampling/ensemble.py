@@ -1,4 +1,4 @@
-"""Sampling by an ensemble of walkers (emcee), started and steered by the fit's covariance."""
+"""Sampling by an ensemble of walkers (emcee), started by the fit's covariance."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from diffthrust.uncertainty._sampling.moves import MOST_INDEPENDENT, learned, mo
 from diffthrust.uncertainty._sampling.posterior import LANES, Posterior
 
 _WIDER = 1.3
-"""Walkers begin wider than the posterior should be, so that R-hat can tell whether they mixed."""
+"""Walkers start wider than the posterior, so that R-hat can detect missing mixing."""
 SAVE_EVERY = 5.0
-"""Seconds between savings of the file."""
+"""Seconds between saves of the file, ..."""
 SAVE_SHARE = 20.0
-"""And at least so many times what a saving takes."""
+"""... and at least this multiple of the duration of a save."""
 
 
 @dataclass(frozen=True)
 class Chains:
-    """What a sampler returns.
+    """The result of a sampler.
 
     Args:
         points: coordinates after the warmup, ``(chains, draws, d)``.
         log_prob: log densities, ``(chains, draws)``.
         levels: noise levels, ``(chains, draws, C)``.
-        stats: further figures of the sampler by name, ``(chains, draws)`` each.
-        attrs: figures of the whole run.
+        stats: further statistics of the sampler by name, ``(chains, draws)`` each.
+        attrs: statistics of the run.
     """
 
     points: np.ndarray
@@ -48,12 +48,19 @@ class Chains:
 
 
 def default_walkers(dim: int) -> int:
-    """At least twice as many walkers as coordinates, and enough to fill the vector registers."""
+    """At least twice as many walkers as coordinates, and enough to fill the vector registers.
+
+    emcee evaluates half of the walkers at a time, hence two times `LANES`.
+    """
     return max(2 * LANES, 2 * (dim + 1))
 
 
 def lanes_of(walkers: int) -> int:
-    """Points per evaluation such that half and all of the walkers leave few places empty."""
+    """Points per evaluation, such that few lanes are empty.
+
+    emcee calls the density with half of the walkers in most moves and with all of them in others.
+    Both numbers are split into portions of one size: a program for each would be compiled twice.
+    """
     half = walkers // 2
     return math.ceil(half / math.ceil(half / LANES))
 
@@ -70,14 +77,14 @@ def run_ensemble(
 ) -> Chains:
     """Sample a posterior.
 
-    With a ``file`` the run is saved every few seconds, and one that was killed goes on from its
-    last saving: the steps, and the file in the end, are those of a run that nothing stopped.
+    With a ``file`` the run is saved every few seconds, and a killed run resumes from its last save:
+    steps and final file are identical to those of an uninterrupted run.
 
     Raises:
-        InputError: a file of another problem or one that cannot be written, or a density that is
-            not finite around the fit.
+        InputError: the file belongs to another problem or cannot be written, or the density is not
+            finite around the fit.
     """
-    tell = teller(progress)
+    report = teller(progress)
     lanes, total = lanes_of(walkers), warmup + draws
     who = problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
     stored = chain_file.read(file, who) if file else None
@@ -108,21 +115,21 @@ def run_ensemble(
                 backend=backend,
                 blobs_dtype=float,
             )
-            sampler.log_prob_fn = density  # emcee's wrapper prints the way to an interrupt
+            sampler.log_prob_fn = density  # emcee's wrapper would print a traceback on an interrupt
             start = _last(backend)
             if start is None:
                 start = emcee.State(
                     _walkers(posterior, stored.root, walkers, seed),
                     random_state=stored.random_state,
                 )
-            # walkers near each other's plane are no mistake of the user's
+            # emcee's check rejects nearly coplanar walkers, which narrow posteriors produce.
             for _ in sampler.sample(
                 start, iterations=until - backend.iteration, skip_initial_state_check=True
             ):
                 at = backend.iteration
                 saving.mark()
                 if at % 20 == 0:
-                    tell("warmup" if at < warmup else "drawing", at / total)
+                    report("warmup" if at < warmup else "drawing", at / total)
                 saving.now_and_then()
     except KeyboardInterrupt:
         saving.finish()
@@ -133,11 +140,11 @@ def run_ensemble(
 
 @dataclass
 class _Saving:
-    """The saving of a chain that grows: every few seconds, and what is new when the run ends.
+    """Saves a growing chain every few seconds, and when the run ends.
 
     Args:
-        file: where to; nothing is saved where ``None``.
-        who: whose chain it is.
+        file: the file; ``None`` for no saving.
+        who: identity of the problem.
         labels: names of the coordinates.
         stored: the chain as it was when the run began.
         backend: emcee's record of the chain.
@@ -156,13 +163,13 @@ class _Saving:
         self.marks = [*self.stored.marks]
 
     def mark(self) -> None:
-        """Remember the end of a block."""
+        """Record the generator's state at the end of a block, from which a run can resume."""
         if self.backend.iteration == (len(self.marks) + 1) * BLOCK:
             state = packed(self.backend.random_state)
             self.marks.append((self.backend.accepted.copy(), state))
 
     def now_and_then(self) -> None:
-        """Save where the last time is long enough ago."""
+        """Save if the last save is long enough ago."""
         now = time.monotonic()
         if self.file and now - self.saved >= max(SAVE_EVERY, SAVE_SHARE * self.took):
             self._save(self.file)
@@ -196,17 +203,17 @@ def _adapted(
     warmup: int,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Centre, root and share of the independent proposals, from the first half of the warmup."""
-    part = slice(warmup // 4, warmup // 2)
-    centre, root = learned(backend.chain[part], stored.centre, stored.root)
-    late = slice(max(part.start, part.stop - 8), part.stop)
+    """Adapt the independence proposals to the second quarter of the warmup."""
+    quarter = slice(warmup // 4, warmup // 2)
+    centre, root = learned(backend.chain[quarter], stored.centre, stored.root)
+    late = slice(max(quarter.start, quarter.stop - 8), quarter.stop)
     points = backend.chain[late].reshape(-1, centre.size)
     log_prob = backend.log_prob[late].ravel()
     return centre, root, suited(density, points, log_prob, centre, root, seed)
 
 
 def _chains(backend: Any, warmup: int, draws: int) -> Chains:
-    """What came after the warmup, thinned."""
+    """The chain after the warmup, thinned."""
     kept = slice(warmup, warmup + draws)
     chain, walkers = backend.chain[kept], backend.chain.shape[1]
     levels = backend.blobs[kept].reshape(draws, walkers, -1)
@@ -224,7 +231,7 @@ def _chains(backend: Any, warmup: int, draws: int) -> Chains:
 
 
 def _thinning(chain: np.ndarray) -> int:
-    """Steps that are so alike that leaving them out loses next to nothing."""
+    """Thinning: half the autocorrelation time, which loses almost no information."""
     if chain.shape[0] < 100:
         return 1
     memory = np.min(emcee.autocorr.integrated_time(chain, tol=0, quiet=True))
@@ -232,7 +239,7 @@ def _thinning(chain: np.ndarray) -> int:
 
 
 def _begin(posterior: Posterior, walkers: int, seed: int) -> Stored:
-    """A chain without a step."""
+    """An empty chain."""
     channels = len(posterior.problem.layout.channels)
     state: Any = np.random.RandomState(seed).get_state()
     return Stored(
@@ -247,14 +254,14 @@ def _begin(posterior: Posterior, walkers: int, seed: int) -> Stored:
 
 
 def _walkers(posterior: Posterior, root: np.ndarray, walkers: int, seed: int) -> np.ndarray:
-    """Where the walkers begin: around the fit, within the bounds, where the density is finite."""
+    """Start points: around the fit, within the bounds, with a finite density."""
     rng = np.random.default_rng(seed)
     low, high = posterior.low, posterior.high
     drawn = np.empty((0, posterior.dim))
     width = _WIDER
     for _ in range(20):
         x = posterior.centre + width * rng.standard_normal((walkers, posterior.dim)) @ root.T
-        x = np.where(x < low, 2 * low - x, x)  # a parameter at its bound keeps to the inside
+        x = np.where(x < low, 2 * low - x, x)  # reflect at the bounds
         x = np.where(x > high, 2 * high - x, x)
         density, _ = posterior.batch(x, lanes_of(walkers))
         drawn = np.concatenate([drawn, x[np.isfinite(density)]])
@@ -269,9 +276,9 @@ def _walkers(posterior: Posterior, root: np.ndarray, walkers: int, seed: int) ->
 
 
 def _same_density(file: Path, posterior: Posterior, stored: Stored, lanes: int) -> None:
-    """Raise `InputError` where the last walkers of a file have another density now.
+    """Raise `InputError` if the last walkers of a file have another density now.
 
-    Equations may have changed under the same names, which no description tells.
+    Equations may have changed under the same names, which the identity does not show.
     """
     now, _ = posterior.batch(stored.chain[-1], lanes)
     if not np.allclose(now, stored.log_prob[-1], rtol=1e-6, atol=1e-6):

@@ -1,4 +1,4 @@
-"""Whose chain a file holds: what makes it that of one problem, told in words."""
+"""Identity of the problem that a chain file belongs to, in readable form."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from diffthrust.uncertainty._sampling.posterior import Posterior
 
 
 def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]:
-    """What makes a chain that of one problem, in words: model, parameters, data, settings."""
+    """Everything that identifies a problem, in readable form: model, parameters, data, settings."""
     problem, fit = posterior.problem, posterior.fit
     layout, numbers = problem.layout, problem.numbers
     structure = re.sub(r" at 0x[0-9a-f]+", "", repr(problem.model.structure))
@@ -24,18 +24,18 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
     for name, p in problem.named.items():
         held = f"fixed at {p.value!r}" if p.fixed or name not in layout.free else "free"
         parameters[name] = f"{held}, {p.transform}, within {p.range_text()}, prior {p.prior}"
-    data, begun = {}, hashlib.sha256()
+    data, restarts = {}, hashlib.sha256()
     for batch, indices in zip(numbers.batches, problem.order, strict=True):
-        _digest(begun, {name: restart.value for name, restart in batch.restarts.items()})
+        _digest(restarts, {name: restart.value for name, restart in batch.restarts.items()})
         lasting = {n: (r.series, r.unsigned) for n, r in batch.restarts.items()}
-        rest = {**vars(batch), "restarts": lasting}
+        arrays = {**vars(batch), "restarts": lasting}
         for row, index in enumerate(indices):
             digest = hashlib.sha256()
-            _digest(digest, jax.tree.map(lambda a, row=row: a[row], rest))
+            _digest(digest, jax.tree.map(lambda a, row=row: a[row], arrays))
             data[f"log {index + 1}"] = digest.hexdigest()
     for i, channel in enumerate(layout.channels):
-        known = float(numbers.noise[i]) if layout.known_noise[i] else None
-        data[f"noise of {channel}"] = "estimated" if known is None else repr(known)
+        level = float(numbers.noise[i]) if layout.known_noise[i] else None
+        data[f"noise of {channel}"] = "estimated" if level is None else repr(level)
     facts = {
         **settings,
         "likelihood": fit.likelihood,
@@ -43,7 +43,7 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
         "lasting noise": layout.likelihood.noise.lasts,
         "substeps": [grid.substeps for grid in layout.grids],
         "horizon": fit.horizon,
-        "restarts": begun.hexdigest()[:12] if fit.horizon is not None else None,
+        "restarts": restarts.hexdigest()[:12] if fit.horizon is not None else None,
         "coordinates": posterior.labels,
         "scales": [f"{s:.9g}" for s in np.asarray(numbers.scales)],
         "limits of errors": [f"{s:.9g}" for s in np.asarray(numbers.clip)],
@@ -63,21 +63,21 @@ def _digest(digest: Any, tree: Any) -> None:
         digest.update(array.tobytes())
 
 
-def same_problem(path: Path, theirs: Any, ours: Mapping[str, Mapping[str, str]]) -> None:
-    """Raise `InputError` where a file holds another problem's chain; it names what differs."""
-    if theirs == ours:
+def same_problem(path: Path, stored: Any, current: Mapping[str, Mapping[str, str]]) -> None:
+    """Raise `InputError` if a file holds the chain of another problem; names the differences."""
+    if stored == current:
         return
     differing = []
-    for part in ("model", "parameters", "data", "settings"):
-        a, b = theirs.get(part, {}), ours[part]
+    for section in ("model", "parameters", "data", "settings"):
+        a, b = stored.get(section, {}), current[section]
         names = [name for name in {**a, **b} if a.get(name) != b.get(name)]
-        if part == "model" and names:
+        if section == "model" and names:
             differing.append(f"model: {', '.join(a)} in the file, {', '.join(b)} now")
-        elif part == "data" and names:
+        elif section == "data" and names:
             differing.append(f"data: {', '.join(names)}")
         elif names:
             differing += [
-                f"{part}, {n}: {a.get(n, 'absent')} in the file, {b.get(n, 'absent')} now"
+                f"{section}, {n}: {a.get(n, 'absent')} in the file, {b.get(n, 'absent')} now"
                 for n in names
             ]
     raise InputError(

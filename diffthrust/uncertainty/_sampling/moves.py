@@ -1,4 +1,4 @@
-"""How the walkers of an ensemble move: by the fit's covariance, and by each other."""
+"""Proposals of the ensemble: independent ones by the fit's covariance, and moves by walkers."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ import emcee
 import numpy as np
 
 _TAILS = 5.0
-"""Degrees of freedom of the independent proposals: tails heavier than those of most posteriors."""
+"""Degrees of freedom of independent proposals: heavier tails than most posteriors."""
 MOST_INDEPENDENT = 0.7
-"""Share of the independent proposals, where enough of them are accepted."""
+"""Share of independent proposals if enough are accepted."""
 _ENOUGH = 0.3
-"""The share of them that is enough."""
+"""Acceptance rate that is enough."""
 
 
 def independent_proposals(
     centre: np.ndarray, root: np.ndarray
 ) -> Callable[[np.ndarray, Any], tuple[np.ndarray, np.ndarray]]:
-    """Proposals that do not depend on where a walker is: multivariate t about the fit.
+    """Independence proposals: multivariate t about the fit.
 
-    Where the posterior is near the fit's Gaussian most are accepted, and each is a new draw; the
-    tails bound the ratio of the densities, so that no walker waits for ever (Mengersen & Tweedie
-    1996).
+    If the posterior is close to the fit's Gaussian, most are accepted, and each is an independent
+    draw; the heavy tails bound the ratio of the densities, so that no walker gets stuck (Mengersen
+    & Tweedie 1996).
 
     Returns:
-        The proposal and the logarithm of q(old) / q(new), as `emcee.moves.MHMove` wants them.
+        The proposal and the logarithm of q(old) / q(new), as for `emcee.moves.MHMove`.
     """
     dim = centre.size
-    # once: a call of LAPACK may wait for its threads longer than the work takes
+    # Invert once: a LAPACK call may wait for its threads longer than the work takes.
     inverse = np.linalg.inv(root)
 
     def log_q(x: np.ndarray) -> np.ndarray:
@@ -46,7 +46,7 @@ def independent_proposals(
 
 
 def moves(centre: np.ndarray, root: np.ndarray, share: float) -> list[tuple[Any, float]]:
-    """Independent proposals, and moves by the other walkers for posteriors of another form."""
+    """Independence proposals, and moves by other walkers for non-Gaussian posteriors."""
     return [
         (emcee.moves.MHMove(independent_proposals(centre, root), ndim=centre.size), share),
         (emcee.moves.DEMove(), (1 - share) * 2 / 3),
@@ -62,9 +62,9 @@ def suited(
     root: np.ndarray,
     seed: int,
 ) -> float:
-    """The share of independent proposals: less where few of them would be accepted.
+    """The share of independence proposals: lower if few would be accepted.
 
-    Judged by one proposal from each of the points, ``(n, d)``, with a generator of its own.
+    Estimated by one proposal from each of the points, ``(n, d)``, with a separate generator.
     """
     propose = independent_proposals(centre, root)
     new, factors = propose(points, np.random.RandomState(seed))
@@ -75,11 +75,12 @@ def suited(
 def learned(
     chain: np.ndarray, centre: np.ndarray, root: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and covariance of the proposals from a part of the warmup, ``(n, W, d)``.
+    """Centre and covariance of the proposals from a segment of the warmup, ``(n, W, d)``.
 
-    Beside a bound, or where the posterior is bent, they fit better than those of the fit, which are
-    kept where the part is short. What is learned depends on the chain alone, and nothing is learned
-    once the draws begin: the draws are those of one fixed mixture of moves.
+    Near a bound, or for a curved posterior, they fit better than those of the fit, which are kept
+    if the segment is short. The result depends only on the chain, so that a resumed run repeats it,
+    and adaptation ends with the warmup: draws come from one fixed mixture of moves, which keeps the
+    stationary distribution exact.
     """
     dim = centre.size
     points = chain.reshape(-1, dim)
@@ -87,5 +88,5 @@ def learned(
         return centre, root
     try:
         return points.mean(axis=0), np.linalg.cholesky(np.atleast_2d(np.cov(points.T)))
-    except np.linalg.LinAlgError:  # walkers that have not moved
+    except np.linalg.LinAlgError:  # the walkers have not moved
         return centre, root

@@ -1,4 +1,4 @@
-"""Sampling along the gradient (NUTS, by BlackJAX), for posteriors of many parameters."""
+"""Sampling by NUTS (BlackJAX), for posteriors of many parameters."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import Posterior
 
 _BLOCK = 50
-"""Draws between two words of progress; all blocks share one compilation."""
+"""Draws between progress reports; all blocks share one compilation."""
 _INSIDE = 0.3
-"""Chains keep so many standard errors from a bound where they begin: at it lies infinity."""
+"""Least distance of the start from a bound, in standard errors: the bound maps to infinity."""
 
 
 class Box(NamedTuple):
-    """Which sides of each coordinate are bounded; fixes the compiled code."""
+    """Which sides of each coordinate are bounded; static in the program."""
 
     low: tuple[bool, ...]
     high: tuple[bool, ...]
@@ -36,8 +36,8 @@ def to_coordinates(box: Box, data: Any, v: Any) -> tuple[Any, Any]:
     """Coordinates of a whitened, unbounded point ``(d,)``, and log |d(coordinates)/d(point)|.
 
     A coordinate with two bounds is a logistic function of an unbounded one, with one bound an
-    exponential. In the unbounded ones the fit's covariance is the unit matrix, which is where the
-    adaptation of NUTS begins.
+    exponential: NUTS cannot handle bounds. The fit's covariance is the unit matrix in the unbounded
+    coordinates, which is where the adaptation of NUTS starts.
     """
     u = data["origin"] + data["root"] @ v
     below, above = jnp.array(box.low), jnp.array(box.high)
@@ -55,23 +55,24 @@ def to_coordinates(box: Box, data: Any, v: Any) -> tuple[Any, Any]:
 
 
 def from_coordinates(box: Box, low: np.ndarray, high: np.ndarray, x: np.ndarray) -> Any:
-    """The unbounded coordinates of some within the bounds, and d(coordinate)/d(unbounded)."""
+    """Unbounded coordinates of a point within the bounds, and d(coordinate)/d(unbounded)."""
     below, above = np.array(box.low), np.array(box.high)
     u, slope = x.copy(), np.ones_like(x)
-    both, left, right = below & above, below & ~above, above & ~below
+    both, lower, upper = below & above, below & ~above, above & ~below
     share = (x[both] - low[both]) / (high[both] - low[both])
     u[both] = np.log(share) - np.log1p(-share)
     slope[both] = (high[both] - low[both]) * share * (1.0 - share)
-    u[left], slope[left] = np.log(x[left] - low[left]), x[left] - low[left]
-    u[right], slope[right] = np.log(high[right] - x[right]), high[right] - x[right]
+    u[lower], slope[lower] = np.log(x[lower] - low[lower]), x[lower] - low[lower]
+    u[upper], slope[upper] = np.log(high[upper] - x[upper]), high[upper] - x[upper]
     return u, slope
 
 
 def _smooth(shape: DensityShape, box: Box, data: Any, v: Any) -> Any:
-    """Log density of a whitened, unbounded point, with its derivative by one forward-mode pass.
+    """Log density of a whitened, unbounded point, with a custom derivative in forward mode.
 
-    Reverse mode through the loop over a log would take a hundred times as long. The rule returns
-    the whole gradient times the tangent, so that callers who ask for a gradient in reverse get it.
+    BlackJAX differentiates in reverse mode, which takes a hundred times as long through the loop
+    over a log. The custom rule computes the full gradient in one forward pass and multiplies it by
+    the tangent, a linear function that reverse mode transposes at no cost.
     """
     x, grown = to_coordinates(box, data, v)
     return log_density(shape, data, x)[0] + grown
@@ -97,9 +98,9 @@ smooth.defjvp(_smooth_jvp)
 
 
 class Target(Protocol):
-    """What is sampled: hashable, for it fixes the compiled code.
+    """A density to sample; hashable, as it is static in the program.
 
-    Its points should be near independent standard normal variables: there the adaptation begins.
+    Its points should be approximately independent standard normal: there the adaptation starts.
     """
 
     def density(self, data: Any, v: Any) -> Any:
@@ -107,7 +108,7 @@ class Target(Protocol):
         ...
 
     def kept(self, data: Any, v: Any) -> Any:
-        """What is kept of a point: any arrays."""
+        """The arrays to keep of a point."""
         ...
 
 
@@ -126,21 +127,21 @@ class _Unbounded(NamedTuple):
 
 @contextmanager
 def _mixing() -> Iterator[None]:
-    """BlackJAX mixes types and ranks freely: in force whatever the caller's settings."""
+    """Relax JAX's promotion rules for BlackJAX, which mixes types and ranks freely."""
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         yield
 
 
 @program(1)
 def warm_up(static: tuple[Target, int], numbers: Any) -> Any:
-    """Step and metric of each chain, and where it stands after the warmup."""
+    """Step size and metric of each chain, and its state after the warmup."""
     import blackjax
     from blackjax.adaptation.base import get_filter_adapt_info_fn
 
     (target, steps), (data, starts, keys) = static, numbers
     density = partial(target.density, data)
 
-    def one(start: Any, key: Any) -> Any:
+    def chain(start: Any, key: Any) -> Any:
         (state, parameters), _ = warmup.run(key, start, num_steps=steps)
         return state, parameters["step_size"], parameters["inverse_mass_matrix"]
 
@@ -148,7 +149,7 @@ def warm_up(static: tuple[Target, int], numbers: Any) -> Any:
         warmup: Any = blackjax.window_adaptation(
             blackjax.nuts, density, adaptation_info_fn=get_filter_adapt_info_fn()
         )
-        return jax.vmap(one)(starts, jax.random.wrap_key_data(keys))
+        return jax.vmap(chain)(starts, jax.random.wrap_key_data(keys))
 
 
 @program(1)
@@ -160,7 +161,7 @@ def draw_block(target: Target, numbers: Any) -> Any:
     density = partial(target.density, data)
     kernel = blackjax.nuts.build_kernel()
 
-    def one(state: Any, step: Any, mass: Any, keys: Any) -> Any:
+    def chain(state: Any, step: Any, mass: Any, keys: Any) -> Any:
         def turn(state: Any, key: Any) -> Any:
             state, info = kernel(key, state, density, step, mass)
             stats = (info.is_divergent, info.acceptance_rate, info.num_integration_steps)
@@ -169,11 +170,11 @@ def draw_block(target: Target, numbers: Any) -> Any:
         return jax.lax.scan(turn, state, keys)
 
     with _mixing():
-        return jax.vmap(one)(state, step, mass, jax.random.wrap_key_data(keys))
+        return jax.vmap(chain)(state, step, mass, jax.random.wrap_key_data(keys))
 
 
 class Walked(NamedTuple):
-    """Draws of a target, each ``(chains, draws, ...)``: what was kept, log densities, figures."""
+    """Draws of a target, each ``(chains, draws, ...)``: kept arrays, log densities, statistics."""
 
     kept: Any
     log_prob: np.ndarray
@@ -193,27 +194,27 @@ def sample_target(
 ) -> Walked:
     """Sample a target by NUTS, from standard normal starts.
 
-    Chains run side by side in the lanes of the vector registers: four take hardly longer than one.
+    Chains run in the lanes of the vector registers: four take hardly longer than one.
 
     Args:
-        target: what is sampled, with its numbers in ``data``.
+        target: the density, with its numbers in ``data``.
         data: a pytree of arrays.
         dim: number of its coordinates.
         draws: draws of each chain after the warmup.
-        warmup: steps in which step and metric adapt.
+        warmup: steps in which step size and metric adapt.
         chains: number of chains.
         seed: equal seeds give equal draws.
         progress: called with a message and the share done.
     """
-    tell = teller(progress)
+    report = teller(progress)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
     starts = jax.random.normal(begin, (chains, dim))
-    tell("warmup", 0.0)
+    report("warmup", 0.0)
     keys = jax.random.key_data(jax.random.split(adapt, chains))
     state, step, mass = run_program(warm_up, (target, warmup), (data, starts, keys), rows=chains)
     parts = []
     for block in range(-(-draws // _BLOCK)):
-        tell("drawing", (warmup + block * _BLOCK) / (warmup + draws))
+        report("drawing", (warmup + block * _BLOCK) / (warmup + draws))
         keys = jax.random.split(jax.random.fold_in(on, block), (chains, _BLOCK))
         numbers = (data, state, step, mass, jax.random.key_data(keys))
         state, block_draws = run_program(draw_block, target, numbers, rows=chains)
@@ -268,7 +269,7 @@ def run_nuts(
 
 
 def available(what: str = "method='nuts'", instead: str = "sample with method='emcee'") -> None:
-    """Raise `InputError` where BlackJAX is not installed, naming what needs it and another way."""
+    """Raise `InputError` if BlackJAX is not installed, naming an alternative."""
     try:
         import blackjax  # noqa: F401
     except ImportError:

@@ -1,4 +1,4 @@
-"""The posterior of a fit: what is sampled, where it begins, and whether there is one."""
+"""The posterior of a fit: sampled coordinates, start, and checks that it exists."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from diffthrust.uncertainty._sampling.density import DensityShape, log_densities
 from diffthrust.uncertainty._sandwich import VANISHED
 
 LANES = 16
-"""Points evaluated at a time: the loop over the log runs through so many in vector registers."""
+"""Points evaluated at a time, in the lanes of the vector registers."""
 _FAR = 8.0
 """A prior whose mean is more than this many standard deviations from the fit excludes it."""
 
@@ -35,22 +35,22 @@ class Posterior:
     """The posterior of a fit: likelihood of its logs times the priors of its parameters.
 
     The coordinates are those of the fit (see `Problem`): logarithms or scaled values of the free
-    parameters, then parameters of the noise, then initial states of the logs. Coordinates that the
-    fit held, and initial states that nothing measured depends on, are left out.
+    parameters, then parameters of the noise, then initial states of the logs. Coordinates fixed in
+    the fit, and initial states that no measurement depends on, are left out.
 
-    Noise of unknown level: for the Gaussian law the fit's cost, N log(rms) in each channel, is
-    exactly the likelihood with the level integrated out under the prior 1 / level. For other laws
-    no such form exists; the logarithms of the levels are further coordinates, with a flat prior,
-    which is the same one.
+    Unknown noise levels: for the Gaussian law the fit's cost, N log(rms) per channel, is exactly
+    the likelihood with the level integrated out under the prior 1 / level. For other laws no
+    such form exists; the logarithms of the levels are further coordinates, with a flat prior, which
+    is the same prior.
 
-    A `Normal` prior is a density in the parameter's value. Without one the prior is flat in the
-    coordinate, so for a "log" parameter in its logarithm, between the bounds.
+    A `Normal` prior is a density in the parameter's value. Without one the prior is flat between
+    the bounds in the coordinate, for a "log" parameter in its logarithm.
 
     Args:
         fit: the fit it belongs to.
         problem: its estimation problem.
         base: all coordinates of the problem at the fit.
-        moved: which of them are sampled.
+        moved: indices of the sampled coordinates.
         sampled: channels whose noise level is sampled.
         centre: the sampled coordinates at the fit, ``(d,)``.
         low: their lower limits.
@@ -93,8 +93,10 @@ class Posterior:
 
     @property
     def unknown(self) -> tuple[int, ...]:
-        """Channels whose noise level is not known, sampled or integrated out."""
-        return tuple(i for i, known in enumerate(self.problem.layout.known_noise) if not known)
+        """Channels with unknown noise level, sampled or integrated out."""
+        return tuple(
+            i for i, is_known in enumerate(self.problem.layout.known_noise) if not is_known
+        )
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
@@ -109,31 +111,32 @@ class Posterior:
     def batch(self, points: np.ndarray, together: int = LANES) -> tuple[np.ndarray, np.ndarray]:
         """Log densities ``(W,)`` and noise levels ``(W, C)`` at points ``(W, d)``.
 
-        The points go through in portions of ``together``, the last one filled up, so that any
-        number of them shares one compilation; portions run side by side on the cores.
+        Points are evaluated in portions of ``together``, the last one padded, so that any number of
+        points shares one compilation; portions run in parallel on the cores.
         """
         count = points.shape[0]
-        whole = -(-count // together) * together
-        filled = np.concatenate([points, np.repeat(points[-1:], whole - count, axis=0)])
-        portions = np.split(filled, whole // together)
+        padded = -(-count // together) * together
+        filled = np.concatenate([points, np.repeat(points[-1:], padded - count, axis=0)])
+        portions = np.split(filled, padded // together)
 
-        def one(portion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def evaluate(portion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             density, level = run_program(
                 log_densities, self.shape, (self.data, portion), rows=together
             )
             return np.asarray(density), np.asarray(level)
 
-        # in threads, unless other members fill the cores: these wait for programs in one thread
-        alone = shared_runs() is None and whole > together
-        parts = list(_POOL.map(one, portions) if alone else map(one, portions))
-        density, level = (np.concatenate(part)[:count] for part in zip(*parts, strict=True))
+        # Use threads, unless `many` already fills the cores: its members wait for their programs in
+        # one thread each.
+        alone = shared_runs() is None and padded > together
+        results = list(_POOL.map(evaluate, portions) if alone else map(evaluate, portions))
+        density, level = (np.concatenate(column)[:count] for column in zip(*results, strict=True))
         return density, level
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Covariance of the coordinates by the fit's information, ``(d, d)``: where to look.
+        """Covariance of the coordinates by the fit's information, ``(d, d)``.
 
-        Directions of which the logs say nothing get the width of their bounds.
+        Directions that the logs do not determine get the width of their bounds.
         """
         information = solve(self.problem, self.base, budget=1).quadratic.information
         informed = np.zeros((self.dim, self.dim))
@@ -143,14 +146,14 @@ class Posterior:
             informed[row, row] = counts[channel] * law.level_information
         width = 0.25 * (self.high - self.low)
         width = np.where(np.isfinite(width), np.minimum(width, 10.0), 10.0)
-        informed += np.diag(1.0 / width**2)  # a faint prior: nothing is wider than its bounds
+        informed += np.diag(1.0 / width**2)  # a weak prior: nothing is wider than its bounds
         length = np.sqrt(np.diagonal(informed))
         values, vectors = np.linalg.eigh(informed / np.outer(length, length))
         values = np.maximum(values, 1e-13 * values.max())
         return (vectors / values) @ vectors.T / np.outer(length, length)
 
     def values(self, points: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of the sampled parameters, noise's included, at points ``(..., d)``."""
+        """Values of sampled parameters, including those of the noise, at points ``(..., d)``."""
         out = {}
         for column, i in enumerate(self.moved):
             if i >= len(self.problem.free):
@@ -163,10 +166,12 @@ class Posterior:
     def initial(self, points: np.ndarray) -> dict[str, np.ndarray]:
         """Initial states at points ``(..., d)``: ``(..., logs)`` for each state."""
         layout, shared = self.problem.layout, self.problem.shared
-        whole = np.broadcast_to(self.base, (*points.shape[:-1], self.base.size)).copy()
-        whole[..., self.moved] = points[..., : self.moved.size]
+        coordinates = np.broadcast_to(self.base, (*points.shape[:-1], self.base.size)).copy()
+        coordinates[..., self.moved] = points[..., : self.moved.size]
         logs = np.array([i for indices in self.problem.order for i in indices], int)
-        states = whole[..., shared:].reshape(*points.shape[:-1], logs.size, len(layout.starts))
+        states = coordinates[..., shared:].reshape(
+            *points.shape[:-1], logs.size, len(layout.starts)
+        )
         moving = set(self.moved[self.moved >= shared] - shared)
         return {
             state: states[..., np.argsort(logs), k]
@@ -186,8 +191,8 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
         logs: its training logs, in their order.
 
     Raises:
-        InputError: a fit that did not converge, logs that are not those of the fit, a parameter
-            without a proper posterior, or a likelihood that cannot be computed at the fit.
+        InputError: the fit did not converge, the logs are not those of the fit, a parameter has no
+            proper posterior, or the likelihood cannot be computed at the fit.
     """
     if not fit.status.ok:
         raise InputError(
@@ -201,10 +206,12 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
     unseen = (place >= problem.shared) & ~(np.diagonal(local.information) > 0)
     moved = np.flatnonzero((low < high) & ~unseen)
     layout, law = problem.layout, problem.layout.likelihood.law
-    sampled = tuple(i for i, known in enumerate(layout.known_noise) if not known and not law.closed)
+    sampled = tuple(
+        i for i, is_known in enumerate(layout.known_noise) if not is_known and not law.closed
+    )
     levels = np.log(local.sigma[list(sampled)])
     flat = np.full(len(sampled), np.inf)
-    # a fit's optimum lies within its bounds but for the rounding of its own report
+    # Clip: the reported optimum may exceed its bounds by rounding.
     centre = np.concatenate([np.clip(z, low, high)[moved], levels])
     posterior = Posterior(
         fit,
@@ -221,13 +228,13 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
 
 
 def _contradiction(fit: Fit, name: str, value: float, prior: Normal) -> float:
-    """How many standard deviations lie between a prior and what the logs alone say.
+    """Distance between a prior and the likelihood alone, in standard deviations.
 
-    A fit counts its prior as a measurement: a narrow one drags the estimate along, and then their
-    distance says nothing. Both are taken as Gaussian, and the prior is taken out of their product.
+    The fit includes the prior, and a narrow prior drags the estimate along, so that their distance
+    says nothing. Both are taken as Gaussian, and the prior is divided out of the product.
     """
-    known = fit.free.index(name) if name in fit.free else None
-    variance = math.nan if known is None else float(fit.covariance[known, known])
+    column = fit.free.index(name) if name in fit.free else None
+    variance = math.nan if column is None else float(fit.covariance[column, column])
     if not variance > 0:
         return abs(value - prior.mean) / prior.std
     information = max(1 / variance - 1 / prior.std**2, 1e-12 / variance)  # information of the logs
@@ -236,7 +243,7 @@ def _contradiction(fit: Fit, name: str, value: float, prior: Normal) -> float:
 
 
 def _refuse(posterior: Posterior) -> None:
-    """Raise `InputError` where there is no posterior to sample, or not at the fit."""
+    """Raise `InputError` if the posterior is improper, contradictory, or not finite at the fit."""
     problem = posterior.problem
     for name, p in problem.named.items():
         if name not in problem.free:
@@ -251,11 +258,11 @@ def _refuse(posterior: Posterior) -> None:
                 "Widen the prior, correct its unit, or correct the bounds.",
             )
         start = posterior.fit.guess.get(name, p.value)
-        gone = p.transform == "log" and value < start * np.exp(-VANISHED) and p.limits[0] <= 0
-        if gone and p.prior is None and name not in problem.nuisance:
+        vanished = p.transform == "log" and value < start * np.exp(-VANISHED) and p.limits[0] <= 0
+        if vanished and p.prior is None and name not in problem.nuisance:
             raise InputError(
-                f"Parameter '{name}' ran to zero in the fit ({value:.3g} {p.unit}), where the "
-                "logarithm that a flat prior goes by has no end.",
+                f"Parameter '{name}' ran to zero in the fit ({value:.3g} {p.unit}), where a "
+                "prior flat in the logarithm is unbounded.",
                 "Give it a Normal prior or a lower bound above zero, or fix it.",
             )
     density, _ = posterior.batch(posterior.centre[None])

@@ -1,4 +1,4 @@
-"""Whether a posterior has an end: flat priors without bounds, where the logs exclude no value."""
+"""Detect improper posteriors: flat priors without bounds where the logs exclude no value."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from diffthrust.uncertainty._profile_walk import DeeperError, walk
 from diffthrust.uncertainty._sampling.posterior import Posterior
 
 _REACH = math.sqrt(2.0 * 20.0)
-"""A profile that falls by 20 in log-likelihood has ended: e^-20 over all of the 35 that a logarithm
-may go is 1e-4 of a peak as narrow as a thousandth."""
+"""A profile that falls by 20 in log-likelihood has ended: e^-20 over the 35 e-foldings of a
+logarithm is 1e-4 of a peak as narrow as a thousandth."""
 _SHARE = 1e-4
-"""Share of the density far out from which an end counts as open."""
+"""A side is open if this share of the density lies in the outer half of its range."""
 
 
 class OpenEnd(NamedTuple):
-    """One side of a parameter on which nothing ends its posterior.
+    """One side of a parameter on which its posterior is not integrable.
 
     Args:
         name: of the parameter.
-        upper: whether the side is that of larger values.
-        fall: what the log-likelihood falls by from its highest value to the far end.
-        far: the value half of the way (in the coordinate) to where the numbers end.
+        upper: whether it is the side of larger values.
+        fall: fall of the log-likelihood from its maximum to the far end.
+        far: the value halfway (in the coordinate) to the numerical end.
         drawn: share of the draws beyond it.
     """
 
@@ -50,17 +50,17 @@ class OpenEnd(NamedTuple):
 
 
 def open_ends(posterior: Posterior, points: np.ndarray) -> tuple[OpenEnd, ...]:
-    """The sides on which a flat prior has no end and the likelihood does not make one.
+    """Sides on which a flat prior is unbounded and the likelihood does not fall off.
 
-    Along the profile of the parameter (all others at their best) the density is integrated up to
-    the numerical end of the coordinate. A likelihood that comes to rest at a finite value makes
-    this integral grow without end with the range: no posterior exists, whatever the chains say of
-    each other. Where it comes to rest so low that no draw will ever find out, that is no matter;
-    the line is drawn at 1 in 10 000 in the outer half of the range.
+    The density is integrated along the profile of the parameter up to the numerical end of the
+    coordinate. If the likelihood levels off at a finite value, this integral grows without limit:
+    the posterior is improper, however well the chains agree. For example, chains agreed on a mean
+    mass of 1e14 kg. If it levels off so low that no draw would ever notice, that does not matter;
+    the limit is 1 in 10 000 in the outer half of the range.
 
     Args:
-        posterior: whose coordinates are asked.
-        points: draws of them, ``(..., d)``.
+        posterior: the posterior.
+        points: its draws, ``(..., d)``.
 
     Source: Gelman et al. 2013, Bayesian Data Analysis, section 2.8 (improper priors); Raue et al.
     2009, Bioinformatics 25, 1923 (profiles that flatten out).
@@ -71,7 +71,7 @@ def open_ends(posterior: Posterior, points: np.ndarray) -> tuple[OpenEnd, ...]:
     """
     problem = posterior.problem
     best = optimum_at(problem, posterior.base)
-    found = []
+    ends = []
     for column, place in enumerate(posterior.moved):
         if place >= len(problem.own):
             break
@@ -81,12 +81,12 @@ def open_ends(posterior: Posterior, points: np.ndarray) -> tuple[OpenEnd, ...]:
             limit = float((posterior.high if upper else posterior.low)[column])
             end = _far_out(ParameterLine(problem, name, best), upper, limit, drawn)
             if end is not None:
-                found.append(end)
-    return tuple(found)
+                ends.append(end)
+    return tuple(ends)
 
 
 def _endless(p: Parameter) -> Iterator[bool]:
-    """The sides without bound or prior, the lower (False) and the upper (True)."""
+    """The sides without bound or prior: lower (False) and upper (True)."""
     if p.prior is None:
         low, high = p.limits
         if low == -math.inf or (p.transform == "log" and low <= 0.0):
@@ -96,11 +96,11 @@ def _endless(p: Parameter) -> Iterator[bool]:
 
 
 def _far_out(line: ParameterLine, upper: bool, limit: float, drawn: np.ndarray) -> OpenEnd | None:
-    """The open end on one side, up to the coordinate at which the sampler stops, if it is open."""
+    """The open end on one side, if it is open."""
     sign = 1.0 if upper else -1.0
     try:
         side = walk(line, sign, _REACH)
-    except DeeperError:  # an optimum that the fit missed: this side is not where it matters
+    except DeeperError:  # a better optimum, which the fit missed: not a matter of propriety
         return None
     if side.why not in ("bound", "flat"):
         return None
@@ -108,7 +108,7 @@ def _far_out(line: ParameterLine, upper: bool, limit: float, drawn: np.ndarray) 
     fall = np.array([point.cost for point in side.points]) - side.points[0].cost
     span = sign * ((limit if math.isfinite(limit) else x[-1]) - x[0])
     grid = np.linspace(0.0, span, 20_001)
-    # the root of the fall is nearly straight between the points, as the walk has it
+    # Interpolate the root of the fall, which is nearly linear between points.
     density = np.exp(-(np.interp(grid, sign * (x - x[0]), np.sqrt(np.maximum(fall, 0.0))) ** 2))
     share = float(np.sum(density[grid > 0.5 * span]) / np.sum(density))
     beyond = float(np.mean(sign * (drawn - x[0]) > 0.5 * span))
@@ -118,8 +118,8 @@ def _far_out(line: ParameterLine, upper: bool, limit: float, drawn: np.ndarray) 
     return OpenEnd(line.name, upper, float(fall[-1]), far, beyond)
 
 
-def told_improper(posterior: Posterior, points: np.ndarray) -> str:
-    """What `open_ends` finds, in words, with the lines that mend it; empty where all is well."""
+def improper_message(posterior: Posterior, points: np.ndarray) -> str:
+    """The result of `open_ends` in words, with lines that add priors; empty if proper."""
     ends = open_ends(posterior, points)
     if not ends:
         return ""
@@ -128,16 +128,16 @@ def told_improper(posterior: Posterior, points: np.ndarray) -> str:
 
 
 def _mend(posterior: Posterior, names: list[str]) -> str:
-    """The lines that give weakly informative priors: the first guess, as uncertain as itself."""
+    """Lines that add weakly informative priors: the first guess with its magnitude as deviation."""
     problem, priors, lines = posterior.problem, [], []
     for name in names:
         value = problem.values(posterior.base)[name]
         mean = posterior.fit.guess.get(name, value)
         std = max(abs(mean), abs(value - mean)) or problem.named[name].scale
-        told = f"mean={mean:.3g}, std={std:.3g}"
-        priors.append(f'"{name}": {{"prior": dft.Normal({told})}}')
+        numbers = f"mean={mean:.3g}, std={std:.3g}"
+        priors.append(f'"{name}": {{"prior": dft.Normal({numbers})}}')
         key = f'"{name}"' if "." in name else name
-        lines.append(f"{key} = {{ prior = {{ {told.replace('=', ' = ')} }} }}")
+        lines.append(f"{key} = {{ prior = {{ {numbers.replace('=', ' = ')} }} }}")
     return (
         "Give a prior of what you know. A weak one is the first guess, as uncertain as itself:\n"
         f"fit = dft.fit(fit.model.replace({{{', '.join(priors)}}}), logs)\n"

@@ -21,11 +21,11 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sampling.convergence import convergence
 from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
-from diffthrust.uncertainty._sampling.propriety import told_improper
+from diffthrust.uncertainty._sampling.propriety import improper_message
 
 _MOST_DRAWS = 1_000_000
 _MOST_CHAINS = 10_000
-"""And walkers."""
+"""Also of walkers."""
 
 
 @progressing
@@ -42,43 +42,43 @@ def sample(
     file: str | os.PathLike[str] | None = None,
     progress: ProgressOption = None,
 ) -> Any:
-    """Draw from the posterior of a fit: what the logs and the priors say of each parameter.
+    """Draw from the posterior of a fit.
 
-    The likelihood is that of the fit: the same noise law, segments, and treatment of initial
-    states. A `Normal` prior of a parameter counts as a density in its value; without one the prior
-    is flat in the value, or in the logarithm of a "log" parameter, between the bounds. Noise of
-    unknown level has the prior 1 / level.
+    The likelihood is that of the fit, with the same noise law, segments, and treatment of initial
+    states. A `Normal` prior is a density in the parameter's value; without one the prior is flat
+    between the bounds, in the value or, for a "log" parameter, in its logarithm. An unknown noise
+    level has the prior 1 / level.
 
     Args:
         fit: a fit whose status is ok.
         logs: its training logs, in their order.
         method: "emcee", an ensemble of walkers that start and move by the fit's covariance; or
-            "nuts", which goes along the gradient (BlackJAX; ``pip install 'diffthrust[nuts]'``)
-            and is meant for ten parameters and more.
-        draws: draws of each walker or chain after the warmup. Steps of walkers that are much alike
-            are left out of the result (``attrs["thin"]``).
-        warmup: steps before, which are not returned.
-        walkers: of the ensemble, an even number; by default 32 or twice the coordinates.
-        chains: of NUTS.
+            "nuts", which follows the gradient (BlackJAX; ``pip install 'diffthrust[nuts]'``), for
+            ten parameters and more.
+        draws: draws per walker or chain after the warmup. Walkers are thinned if successive steps
+            are strongly correlated (``attrs["thin"]``).
+        warmup: warmup steps, which are not returned.
+        walkers: number of walkers, even; by default 32 or twice the coordinates.
+        chains: number of NUTS chains.
         seed: equal seeds give equal draws.
         file: an HDF5 file that "emcee" saves every few seconds, readable by
             `emcee.backends.HDFBackend`; its coordinates are logarithms of "log" parameters, and
-            others over their scale. A run that was killed goes on where it was saved last, and ends
-            with the file of a run that was not; with more ``draws`` it goes on from a finished one.
+            others over their scale. A killed run resumes from the last save and gives exactly the
+            same file; with more ``draws`` a finished run is continued.
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         `arviz.InferenceData` with the groups ``posterior`` (variables by full parameter name,
         dimensions ``chain`` and ``draw``, ``attrs["unit"]`` each), ``sample_stats`` and
         ``observed_data``. ``attrs["status"]`` and ``attrs["message"]`` say whether the chains
-        converged; see `convergence`. "improper" says that there is nothing to converge to: a
-        parameter has a flat prior without a bound, and the logs exclude no value however large (or
-        small); the message has the line that gives it a prior.
+        converged; see `convergence`. "improper" means that no posterior exists: a parameter has a
+        flat prior without a bound, and the logs exclude no value however large (or small); the
+        message has the line that adds a prior.
 
     Raises:
-        InputError: a fit that did not converge, logs that are not its own, a prior that excludes
-            the fit, a likelihood that is not finite there, a file of another problem or one that
-            cannot be written, or arguments out of range.
+        InputError: the fit did not converge, the logs are not its own, a prior excludes the fit,
+            the likelihood is not finite there, the file belongs to another problem or cannot be
+            written, or an argument is out of range.
 
     Example:
         >>> short = dft.sample(fit, log, draws=400, warmup=200)
@@ -98,12 +98,12 @@ def sample(
         )
     if method == "nuts":
         nuts.available()
-    tell = teller(progress)
+    report = teller(progress)
     logs = listed(logs)
     posterior = posterior_of(fit, logs)
     if method == "nuts":
         drawn = nuts.run_nuts(
-            posterior, draws=draws, warmup=warmup, chains=chains, seed=seed, progress=tell
+            posterior, draws=draws, warmup=warmup, chains=chains, seed=seed, progress=report
         )
     else:
         drawn = ensemble.run_ensemble(
@@ -113,7 +113,7 @@ def sample(
             walkers=_walkers(posterior, walkers),
             seed=seed,
             file=Path(file) if file is not None else None,
-            progress=tell,
+            progress=report,
         )
     attrs = {
         "method": method,
@@ -126,21 +126,21 @@ def sample(
         "fit": mark_of(fit),
         "origin": json.dumps(encoded(origin_of(logs, spec=fit.origin and fit.origin.spec), {})),
         "doubts": "\n".join(fit.correlation),
-        "improper": told_improper(posterior, drawn.points),
+        "improper": improper_message(posterior, drawn.points),
         **drawn.attrs,
     }
     post = inference_data(posterior, drawn, attrs)
     judged = convergence(post)
     for group in (post, post.posterior):
         group.attrs.update({"status": judged.status.value, "message": judged.message})
-    tell("done", 1.0)
+    report("done", 1.0)
     return post
 
 
 def check_sampling(
     method: str, draws: Any, warmup: Any, chains: Any, seed: Any, walkers: Any, file: Any
 ) -> None:
-    """Raise `InputError` for an argument that cannot be meant."""
+    """Raise `InputError` for an invalid argument."""
     if method not in ("emcee", "nuts"):
         raise InputError(
             f"method: expected one of emcee, nuts, found {method!r}.", "Correct the method."

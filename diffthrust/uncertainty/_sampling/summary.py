@@ -38,8 +38,8 @@ class Summary:
         ess_bulk: effective samples for the mean.
         ess_tail: effective samples for the ends of the interval.
         unit: of the first five.
-        per: how many of ``shown_unit`` make one of ``unit``.
-        shown_unit: the unit for people.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit.
     """
 
     median: float
@@ -55,7 +55,7 @@ class Summary:
     shown_unit: str
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, in the parameter's unit and in that for people."""
+        """Plain data, in the parameter's unit and in the display unit."""
         kept = {k: v for k, v in vars(self).items() if k not in ("per", "shown_unit")}
         sizes = {k: self.per * getattr(self, k) for k in ("median", "low", "high", "mean", "sd")}
         return {**kept, "written": {**sizes, "unit": self.shown_unit}}
@@ -63,14 +63,14 @@ class Summary:
 
 @dataclass(frozen=True, repr=False)
 class Sampled(Brief):
-    """All that ``diffthrust sample`` tells.
+    """The content of the report of ``diffthrust sample``.
 
     Args:
         post: the posterior.
         fit: the fit that was sampled.
         convergence: how well the chains mixed.
-        parameters: a `Summary` by name, of the model's parameters and those of its noise.
-        intervals: those of the posterior beside covariance, sandwich and profile.
+        parameters: a `Summary` by name, for parameters of the model and its noise.
+        intervals: posterior intervals next to covariance, sandwich and profile.
         predictions: one for each unseen log.
     """
 
@@ -88,9 +88,9 @@ class Sampled(Brief):
 
     @property
     def closing(self) -> tuple[str, ...]:
-        """The last lines of the report: date, versions, hashes, and the effects, to copy."""
-        told = posterior_data(self.post).attrs.get("origin")
-        origin = Decoder({}, {}, {}).decoded(Origin, json.loads(told)) if told else None
+        """The last lines of the report: date, versions, hashes, and sources of the effects."""
+        text = posterior_data(self.post).attrs.get("origin")
+        origin = Decoder({}, {}, {}).decoded(Origin, json.loads(text)) if text else None
         return closing(origin, self.fit.model)
 
     @property
@@ -107,7 +107,7 @@ class Sampled(Brief):
         }
 
     def to_json(self) -> dict[str, Any]:
-        """The posterior's summary, in the form that ``diffthrust sample --json`` writes."""
+        """The posterior's summary, as written by ``diffthrust sample --json``."""
         coverage = None
         if self.predictions:
             coverage = {
@@ -135,17 +135,17 @@ class Sampled(Brief):
 def sampled(
     post: Any, fit: Fit, logs: Sequence[Log], unseen: Sequence[Log], *, seed: int = 0
 ) -> Sampled:
-    """Summarise a posterior, and hold its predictions against unseen logs.
+    """Summarise a posterior, and compare its predictions with unseen logs.
 
     Args:
-        post: what `sample` gives.
+        post: the result of `sample`.
         fit: the fit that was sampled.
         logs: its training logs.
         unseen: logs that took no part in the fit; there may be none.
         seed: of the draws of the predictions.
 
     Raises:
-        InputError: an empty posterior, or a log that the model cannot be simulated with.
+        InputError: the posterior is empty, or a log cannot be simulated.
     """
     posterior = posterior_data(post)
     judged = convergence(post)
