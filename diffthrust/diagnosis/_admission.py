@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from diffthrust.diagnosis._criteria import (
-    CLEAR,
-    MARGIN,
     criterion,
     missed,
     no_better,
@@ -27,106 +25,106 @@ from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, 
 from diffthrust.logs._log import Log
 from diffthrust.simulation._runs import runs_over
 
-_PART = 0.3
-"""An effect that explains less than this part of what an unknown signal does is not it."""
-_OWN = 0.5
-"""It is something else, and missing as well, if it keeps so much of its gain beside that signal."""
-
 
 def admit(
-    tools: SearchContext, known: SearchState, tried: Tried, proven: bool = False
+    context: SearchContext, state: SearchState, tried: Tried, proven: bool = False
 ) -> SearchState | Refusal:
     """Add an effect, with a stage of its own if it matters over whole runs, or say why not.
 
     Without a stage, a refusal, or a mention among the detectable it has turned out superfluous.
 
     Args:
-        tools: what the search works with.
-        known: what it knows.
+        context: what the search works with.
+        state: how far it is.
         tried: the effect.
         proven: whole unseen runs speak for it: then their one-step errors, in which random forces
             may do the same, are not asked.
     """
-    trials, before, (candidate, trial) = tools.fitter, known.current, tried
-    if not comparable(tools, before, tried):
+    fitter, current, (candidate, trial) = context.fitter, state.current, tried
+    if not comparable(context, current, tried):
         return Refusal.SMALL_PART
-    with tools.clock("screen"):
-        settled = trials.settled(trial.effects, trial.values, trial.begin, trial.limit)
-    unseen = unseen_gain(trials, before.trial, settled)
-    if not proven and candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
+    with context.clock("screen"):
+        settled = fitter.settled(trial.effects, trial.values, trial.begin, trial.clip)
+    unseen = unseen_gain(fitter, current.trial, settled)
+    if (
+        not proven
+        and candidate.delta_bic - 2 * min(unseen, 0.0) > -SETTINGS.admission.least_bic_gain
+    ):
         return Refusal.UNSEEN_LOGS
-    added = replace(known, current=CurrentModel(trials, settled))
-    with tools.clock("remaining"):  # a constant may take up anything
-        if candidate.effect in trials.constants and added.current.remaining is not None:
+    added = replace(state, current=CurrentModel(fitter, settled))
+    with context.clock("remaining"):  # a constant may take up anything
+        if candidate.effect in fitter.constants and added.current.remaining is not None:
             return Refusal.TAKES_UP
-    fewer = drop(trials, added)
-    if {*fewer.current.trial.effects} == {*before.trial.effects}:
+    fewer = drop(fitter, added)
+    if {*fewer.current.trial.effects} == {*current.trial.effects}:
         return fewer
-    outcome = reject_if_negligible(tools, fewer, candidate.effect)
+    outcome = reject_if_negligible(context, fewer, candidate.effect)
     if outcome is not None:
         return outcome
-    tools.say(f"refitting with {candidate.effect}", known.share(0.7))
-    last, fitted = known.stages[-1], refitted_stage(tools, fewer)
-    swapped = fewer.dropped != known.dropped and candidate.effect in fewer.current.trial.effects
+    context.say(f"refitting with {candidate.effect}", state.share(0.7))
+    last, fitted = state.stages[-1], refitted_stage(context, fewer)
+    swapped = fewer.dropped != state.dropped and candidate.effect in fewer.current.trial.effects
     if swapped and missed(last, fitted):
-        fewer, fitted = added, refitted_stage(tools, added)
+        fewer, fitted = added, refitted_stage(context, added)
     refusal = no_better(last, fitted)
-    return refusal or record_stage(tools, fewer, fitted, candidate.effect)
+    return refusal or record_stage(context, fewer, fitted, candidate.effect)
 
 
 def reject_if_negligible(
-    tools: SearchContext, known: SearchState, name: str
+    context: SearchContext, state: SearchState, name: str
 ) -> SearchState | Refusal | None:
     """What becomes of an effect that does nothing to whole runs, by trials: it is not refitted.
 
     ``None`` where it does, and where trials cannot tell: the stage that it leads to decides.
     """
-    trials, last, present = tools.fitter, known.stages[-1], known.current.trial
-    names = _of_stage(known)
-    if name in trials.constants or name not in names or not {*last.effects} <= {*names}:
+    fitter, last, present = context.fitter, state.stages[-1], state.current.trial
+    names = _of_stage(state)
+    if name in fitter.constants or name not in names or not {*last.effects} <= {*names}:
         return None
-    with tools.clock("whole runs"):
-        before = fitted_to_runs(trials, last)
-        change = change_between(trials, before, fitted_beside(trials, last, present, names))
+    with context.clock("whole runs"):
+        baseline = fitted_to_runs(fitter, last)
+        change = change_between(fitter, baseline, fitted_beside(fitter, last, present, names))
     if not math.isfinite(change.after.train.nrmse):
         return None
     if refusal := no_better(change.before, change.after):
         return refusal
     if matters(change.worth, change.everywhere):
         return None
-    told = change.worth.of(remaining_share(known, last))
-    return replace(known, worth={**known.worth, name: told}, detectable=(*known.detectable, name))
+    share = change.worth.of(remaining_share(state, last))
+    return replace(state, worth={**state.worth, name: share}, detectable=(*state.detectable, name))
 
 
-def remaining_share(known: SearchState, stage: Stage) -> float:
+def remaining_share(state: SearchState, stage: Stage) -> float:
     """The share of the squared error of the model as given that is left at a stage."""
-    begun, now = (s.holdout or s.train for s in (known.stages[0], stage))
-    return (now.nrmse / begun.nrmse) ** 2 if begun.nrmse > 0 else 1.0
+    initial, now = (s.holdout or s.train for s in (state.stages[0], stage))
+    return (now.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
 
 
-def _of_stage(known: SearchState) -> tuple[str, ...]:
+def _of_stage(state: SearchState) -> tuple[str, ...]:
     """The effects that a stage of the present model has: not those that are only detectable."""
-    return tuple(n for n in known.current.trial.effects if n not in known.detectable)
+    return tuple(n for n in state.current.trial.effects if n not in state.detectable)
 
 
-def record_stage(tools: SearchContext, known: SearchState, fitted: Stage, name: str) -> SearchState:
+def record_stage(
+    context: SearchContext, state: SearchState, fitted: Stage, name: str
+) -> SearchState:
     """The search with an effect that was just fitted: a stage more, or one more detectable."""
-    last = known.stages[-1]
-    without = [one for one in known.stages if {*one.effects} <= {*fitted.effects} - {name}]
-    trained = errors_between(without[-1], fitted, tools.fitter.logs, trained=True)
-    unseen = errors_between(without[-1], fitted, tools.unseen)
+    last = state.stages[-1]
+    without = [share for share in state.stages if {*share.effects} <= {*fitted.effects} - {name}]
+    trained = errors_between(without[-1], fitted, context.fitter.logs, trained=True)
+    unseen = errors_between(without[-1], fitted, context.unseen)
     worth, everywhere = explained_share(unseen or trained), explained_share([*trained, *unseen])
-    told = worth.of(remaining_share(known, without[-1]))
-    known = replace(known, worth={**known.worth, name: told})
+    share = worth.of(remaining_share(state, without[-1]))
+    state = replace(state, worth={**state.worth, name: share})
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
-    constant = name in tools.fitter.constants  # the others are wrong beside it, whatever runs say
+    constant = name in context.fitter.constants  # the others are wrong beside it, whatever runs say
     if constant or matters(worth, everywhere) or in_place_of_others:
-        return replace(known, stages=(*known.stages, fitted))
-    return replace(known, detectable=(*known.detectable, name))
+        return replace(state, stages=(*state.stages, fitted))
+    return replace(state, detectable=(*state.detectable, name))
 
 
 def errors_between(
-    before: Stage, after: Stage, logs: Sequence[Log], trained: bool = False
+    baseline: Stage, updated: Stage, logs: Sequence[Log], trained: bool = False
 ) -> list[dict[str, BeforeAfter]]:
     """The errors of two stages over whole runs, log by log."""
     if not logs:
@@ -138,7 +136,7 @@ def errors_between(
             initial=stage.fit.initial if trained else None,
             substeps=stage.fit.substeps,
         )
-        for stage in (before, after)
+        for stage in (baseline, updated)
     )
     return [
         {
@@ -149,60 +147,64 @@ def errors_between(
     ]
 
 
-def comparable(tools: SearchContext, present: CurrentModel, tried: Tried) -> bool:
+def comparable(context: SearchContext, present: CurrentModel, tried: Tried) -> bool:
     """Whether an effect explains what is missing, not a small part that it happens to touch.
 
     A function of one signal that no known effect is like may explain far more. What an effect
     explains is its own where that function explains as much beside it as it did alone.
     """
-    trials, (candidate, trial) = tools.fitter, tried
-    with tools.clock("remaining"):
-        left = present.remaining
-    if left is None:
+    fitter, (candidate, trial) = context.fitter, tried
+    with context.clock("remaining"):
+        remaining = present.remaining
+    if remaining is None:
         return True
-    unknown = left.gain - SETTINGS.structure.knots * math.log(trials.samples)
-    if -candidate.delta_bic > _PART * unknown:
+    unknown = remaining.gain - SETTINGS.structure.knots * math.log(fitter.samples)
+    if -candidate.delta_bic > SETTINGS.admission.least_share_of_unknown * unknown:
         return True
-    with tools.clock("remaining"):
-        beside = gain_of(trials, trial, left)
-    kept = candidate.likelihood_ratio - (left.gain - beside)
-    return kept > max(_OWN * candidate.likelihood_ratio, price_of(trials, trial) + MARGIN)
+    with context.clock("remaining"):
+        gain_beside = gain_of(fitter, trial, remaining)
+    price = price_of(fitter, trial) + SETTINGS.admission.least_bic_gain
+    kept = candidate.likelihood_ratio - (remaining.gain - gain_beside)
+    return kept > max(
+        SETTINGS.admission.least_share_kept * candidate.likelihood_ratio,
+        price,
+    )
 
 
-def drop(trials: CandidateFitter, known: SearchState) -> SearchState:
+def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:
     """Take out every effect without which the criterion is no worse.
 
     The last one too: on its way to the optimum the fit may have found a better noise.
     """
-    effects = known.current.trial.effects
+    effects = state.current.trial.effects
     for name in effects:
-        present = known.current
+        present = state.current
         without = present.without(name)
-        loss = 2 * (without.cost - present.trial.cost) - price_of(trials, present.trial, name)
-        if loss < CLEAR:
-            loss = criterion(trials, without) - present.criterion
-        if loss < MARGIN:
-            dropped = known.dropped if name == effects[-1] else (*known.dropped, name)
-            detectable = tuple(n for n in known.detectable if n != name)
-            known = replace(
-                known, current=CurrentModel(trials, without), dropped=dropped, detectable=detectable
+        loss = 2 * (without.cost - present.trial.cost) - price_of(fitter, present.trial, name)
+        if loss < SETTINGS.admission.clear_bic_gain:
+            loss = criterion(fitter, without) - present.criterion
+        if loss < SETTINGS.admission.least_bic_gain:
+            dropped = state.dropped if name == effects[-1] else (*state.dropped, name)
+            detectable = tuple(n for n in state.detectable if n != name)
+            state = replace(
+                state, current=CurrentModel(fitter, without), dropped=dropped, detectable=detectable
             )
-    return known
+    return state
 
 
-def refitted_stage(tools: SearchContext, known: SearchState) -> Stage:
+def refitted_stage(context: SearchContext, state: SearchState) -> Stage:
     """The present model without what is only detectable, fitted to whole runs.
 
     It begins at the values of its trial, and where the last stage ended with the new effects at
     their nulls, so that it ends no worse than that.
     """
-    last, values = known.stages[-1].fit.model, known.current.trial.values
-    names = _of_stage(known)
-    candidates = tools.fitter.candidates
-    model = with_values(with_candidates(tools.given, names, candidates), values)
+    last, values = state.stages[-1].fit.model, state.current.trial.values
+    names = _of_stage(state)
+    candidates = context.fitter.candidates
+    model = with_values(with_candidates(context.given, names, candidates), values)
     start = {n: p.value for n, p in last.parameters.items()}
     for name in ({*names} & {*candidates}) - {effect.name for effect in last.effects}:
         null = candidates[name].at_null()._parameters
         start |= {f"{name}.{n}": p.value for n, p in null.items() if math.isfinite(p.value)}
     free = {n for n, p in model.parameters.items() if not p.fixed}
-    return Stage(names, tools.refit(model, [{n: v for n, v in start.items() if n in free}]))
+    return Stage(names, context.refit(model, [{n: v for n, v in start.items() if n in free}]))

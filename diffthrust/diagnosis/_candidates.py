@@ -36,7 +36,7 @@ def candidates_of(
         InputError: a wanted effect that does not exist, that the model has no port for, or that is
             called like one of its parameters.
     """
-    asked, chosen = _asked_for(wanted, constants_in(model))
+    named, chosen = _asked_for(wanted, constants_in(model))
     measured = {name for log in logs for name in log.measured}
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}
@@ -53,7 +53,7 @@ def candidates_of(
         if effect.name in has:
             continue
         if effect.name in model.parameters:  # each of these is a candidate by its own name
-            if effect.name in asked:
+            if effect.name in named:
                 raise InputError(
                     f"candidates: the effect {effect.name!r} is called like a parameter of "
                     f"'{model}'.",
@@ -63,7 +63,7 @@ def candidates_of(
             continue
         remembered = [p for p in effect.ports if effect.memory and p in model.states]
         if elsewhere:
-            if effect.name in asked:
+            if effect.name in named:
                 _ = model + effect  # says what is wrong
                 untestable[effect.name] = f"needs the input {listing(elsewhere)}"
             continue
@@ -76,7 +76,7 @@ def candidates_of(
                 f"reads the past of {listing(remembered)}, by which the trials correct the model"
             )
         elif all(p.null is None for p in effect._parameters.values()):
-            if effect.name in asked:
+            if effect.name in named:
                 raise InputError(
                     f"candidates: the effect {effect.name!r} has no parameter with a null value: "
                     "at which value does it leave the model unchanged?",
@@ -98,7 +98,7 @@ def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, .
         >>> constants_of(dft.Vessel()), constants_of(dft.Vessel(), "wind")
         (('lever_arm',), ())
     """
-    names = {one for one in _several(wanted) if isinstance(one, str)}
+    names = {candidate for candidate in _several(wanted) if isinstance(candidate, str)}
     return tuple(name for name in constants_in(model) if _EVERY in names or name in names)
 
 
@@ -108,37 +108,41 @@ def _several(wanted: Candidates | None) -> Sequence[str | Effect | type[Effect]]
     return wanted
 
 
-def _asked_for(wanted: Candidates | None, held: Sequence[str]) -> tuple[set[str], list[Effect]]:
+def _asked_for(
+    wanted: Candidates | None, constants: Sequence[str]
+) -> tuple[set[str], list[Effect]]:
     """The names of effects that were asked for one by one, and all effects in question."""
-    known = catalogue()
+    effects = catalogue()
     chosen: list[Effect] = []
-    asked: set[str] = set()
-    for one in _several(wanted):
-        if isinstance(one, str) and one in held:
+    named: set[str] = set()
+    for candidate in _several(wanted):
+        if isinstance(candidate, str) and candidate in constants:
             continue
-        if isinstance(one, str) and one == _EVERY:
-            names = {other.name for other in chosen}
-            chosen += [effect() for name, effect in known.items() if name not in names]
+        if isinstance(candidate, str) and candidate == _EVERY:
+            names = {effect.name for effect in chosen}
+            chosen += [effect() for name, effect in effects.items() if name not in names]
             continue
-        if isinstance(one, str):
-            if one not in known:
-                near = nearest(one, (*known, *held))
-                constants = f", and of the model's constants {listing(held)}" if held else ""
+        if isinstance(candidate, str):
+            if candidate not in effects:
+                near = nearest(candidate, (*effects, *constants))
+                besides = (
+                    f", and of the model's constants {listing(constants)}" if constants else ""
+                )
                 raise InputError(
-                    f"candidates: the effect {one!r} is not known{f' ({near})' if near else ''}; "
-                    f"there are {listing(known)}{constants}.",
+                    f"candidates: the effect {candidate!r} is not known"
+                    f"{f' ({near})' if near else ''}; there are {listing(effects)}{besides}.",
                     "Correct the name. An effect of your own is given as an object, on the command "
                     "line as my_effect.py:MyEffect; 'all' stands for the catalogue.",
                 )
-            one = known[one]
-        if isinstance(one, type) and issubclass(one, Effect):
-            one = one()
-        if not isinstance(one, Effect):
+            candidate = effects[candidate]
+        if isinstance(candidate, type) and issubclass(candidate, Effect):
+            candidate = candidate()
+        if not isinstance(candidate, Effect):
             raise InputError(
-                f"candidates: expected names, effects or classes of effects, found {one!r}.",
+                f"candidates: expected names, effects or classes of effects, found {candidate!r}.",
                 "Give for example 'command_deadband', or an effect of your own.",
             )
-        if one.name not in asked:  # what is named by itself replaces its like in the catalogue
-            asked.add(one.name)
-            chosen = [other for other in chosen if other.name != one.name] + [one]
-    return asked, chosen
+        if candidate.name not in named:  # it replaces its like in the catalogue
+            named.add(candidate.name)
+            chosen = [effect for effect in chosen if effect.name != candidate.name] + [candidate]
+    return named, chosen

@@ -12,26 +12,14 @@ import numpy as np
 
 from diffthrust.diagnosis._findings import Refusal
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import cost, nrmse, settled_start
 from diffthrust.simulation._errors import Errors
 
-MARGIN = 4.0
-"""An effect is added where it lowers the information criterion by more than this, so that one of
-some thirty candidates passes by chance in about one diagnosis of a hundred."""
-CLEAR = 20.0
-"""Where the criterion falls by more than this, no noise that it makes superfluous matters."""
 _REMEMBERED = {"drift": "memory", "colour": "correlation"}
-_SURE = 10.0
-"""A noise whose gains lie so many times its price from zero (Wald's statistic) is not taken out to
-see what is lost."""
 _BUDGET = 12
 """Steps of a fit without one of the noises."""
-_SPOILT = 1.2
-"""An effect is refused with which the error of whole unseen runs grows by more than this."""
-_GROWN = 1.01
-"""So it is where those of unseen and of training runs together (the product of both, each in the
-mean of the channels) grow by more than this."""
 
 
 # -- the information criterion, which charges for the noise of a trial as well ---------------------
@@ -67,29 +55,30 @@ def noises(nuisance: Sequence[str]) -> list[NoiseTerm]:
     ]
 
 
-def criterion(trials: CandidateFitter, trial: TrialFit) -> float:
+def criterion(fitter: CandidateFitter, trial: TrialFit) -> float:
     """Bayesian information criterion with as much noise as the trial needs.
 
     Random forces and lasting sensor errors are explanations, too, and their parameters have a
     price: each noise that the criterion itself would do without is taken out. An effect that makes
     a noise superfluous gains its price.
     """
-    price = math.log(trials.samples)
-    named = noises(trials.nuisance)
-    there = [n for n in named if any(trial.values[gain] != 0 for gain in n.gains)]
-    still = {p for n in named if n not in there for p in n.parameters}
-    for noise in sorted(there, key=lambda n: max(abs(trial.values[gain]) for gain in n.gains)):
-        if wald(trial, noise.gains) > _SURE * len(noise.parameters) * price:
+    price = math.log(fitter.samples)
+    named = noises(fitter.nuisance)
+    present = [n for n in named if any(trial.values[gain] != 0 for gain in n.gains)]
+    still = {p for n in named if n not in present for p in n.parameters}
+    for noise in sorted(present, key=lambda n: max(abs(trial.values[gain]) for gain in n.gains)):
+        if (
+            wald(trial, noise.gains)
+            > SETTINGS.admission.certain_noise * len(noise.parameters) * price
+        ):
             continue
         values = {**trial.values, **dict.fromkeys(noise.gains, 0.0)}
         fewer = still | {*noise.parameters}
-        without = trials.solve(
-            trial.effects, values, trial.begin, trial.limit, _BUDGET, still=fewer
-        )
+        without = fitter.solve(trial.effects, values, trial.begin, trial.clip, _BUDGET, still=fewer)
         if 2 * (without.cost - trial.cost) < len(noise.parameters) * price:
             trial, still = without, fewer
-    own = sum(name not in trials.nuisance for name in trial.names)
-    return 2 * trial.cost + price * (own + len(trials.nuisance) - len(still))
+    model_parameters = sum(name not in fitter.nuisance for name in trial.names)
+    return 2 * trial.cost + price * (model_parameters + len(fitter.nuisance) - len(still))
 
 
 def wald(trial: TrialFit, names: Sequence[str]) -> float:
@@ -98,54 +87,49 @@ def wald(trial: TrialFit, names: Sequence[str]) -> float:
     size = np.array([trial.values[trial.names[i]] for i in at])
     scales = np.array([trial.problem.named[trial.names[i]].scale for i in at])
     covariance = np.linalg.pinv(trial.quadratic.information, rcond=1e-11, hermitian=True)
-    own, z = covariance[np.ix_(at, at)], size / scales
-    return float(z @ np.linalg.pinv(own, hermitian=True) @ z)
+    block, z = covariance[np.ix_(at, at)], size / scales
+    return float(z @ np.linalg.pinv(block, hermitian=True) @ z)
 
 
-def price_of(trials: CandidateFitter, trial: TrialFit, effect: str | None = None) -> float:
+def price_of(fitter: CandidateFitter, trial: TrialFit, effect: str | None = None) -> float:
     """What the criterion charges for an effect of a trial; for the last one if not said."""
-    return len(trial.parameters_of(effect)) * math.log(trials.samples)
+    return len(trial.parameters_of(effect)) * math.log(fitter.samples)
 
 
 # -- one-step errors on unseen logs ----------------------------------------------------------------
 
 
-def unseen_gain(trials: CandidateFitter, before: TrialFit, after: TrialFit) -> float:
-    """Gain of log-likelihood on the unseen logs, under the limit of ``after``; NaN without any.
+def unseen_gain(fitter: CandidateFitter, baseline: TrialFit, updated: TrialFit) -> float:
+    """Gain of log-likelihood on the unseen logs, under the limit of ``updated``; NaN without any.
 
     The noise levels are those of the unseen logs, and initial states their best: a model that
     halves the errors of both is better, although on other manoeuvres more may remain.
     Taken with the observer of either trial, whichever is better: an effect that explains much
     leaves an observer that corrects little, and a single event that it misses would count most.
     """
-    before = replace(before, limit=after.limit)
-    noise = {name: before.values[name] for name in trials.nuisance}
-    louder = replace(after, values={**after.values, **noise})
-    one, *others = (unseen_cost(trials, trial) for trial in (before, after, louder))
-    return one - min(others)
+    baseline = replace(baseline, clip=updated.clip)
+    noise = {name: baseline.values[name] for name in fitter.nuisance}
+    louder = replace(updated, values={**updated.values, **noise})
+    loss, *losses = (unseen_cost(trial) for trial in (baseline, updated, louder))
+    return loss - min(losses)
 
 
-def unseen_cost(trials: CandidateFitter, trial: TrialFit) -> float:
+def unseen_cost(trial: TrialFit) -> float:
     """Negative log-likelihood of the unseen logs, from their best initial states.
 
     NaN without unseen logs, infinite where the trial cannot be carried over them.
     """
-    unseen = trials.ready(trial.effects).unseen
-    if unseen is None:
+    if trial.unseen is None:
         return float("nan")
-    held = trial.limit.on(unseen.focus(trial.names, trial.values))
-    value = cost(settled_start(held))
+    value = cost(settled_start(trial.unseen))
     return value if np.isfinite(value) else float("inf")
 
 
-def simulation_errors(trials: CandidateFitter, trial: TrialFit) -> tuple[float, float | None]:
+def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, float | None]:
     """NRMSE of the simulation, without correction, on training and unseen logs."""
-    still = {n: 0.0 for n in trials.problem.nuisance if not is_memory(n)}
-    pure = replace(trial, values={**trial.values, **still})
-    unseen = trials.ready(trial.effects).unseen
-    if unseen is None:
-        return nrmse(pure.at_values), None
-    return nrmse(pure.at_values), nrmse(unseen.focus(pure.names, pure.values))
+    simulation = replace(trial, values={**trial.values, **fitter.programs.uncorrected})
+    unseen = simulation.unseen
+    return nrmse(simulation.at_values), None if unseen is None else nrmse(unseen)
 
 
 # -- simulations over whole runs, against the evidence of one-step errors --------------------------
@@ -163,7 +147,10 @@ class OverRuns(Protocol):
 
 def missed(last: OverRuns, stage: OverRuns) -> bool:
     """Whether whole training runs miss an effect that one-step errors can do without."""
-    return statistics.geometric_mean(_growth(last.train, stage.train)) > _GROWN
+    return (
+        statistics.geometric_mean(_growth(last.train, stage.train))
+        > SETTINGS.admission.most_joint_growth
+    )
 
 
 def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
@@ -172,15 +159,18 @@ def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
         return Refusal.FAILS
     trained = _growth(last.train, stage.train)
     if last.holdout is not None and stage.holdout is not None:
-        if stage.holdout.nrmse > _SPOILT * last.holdout.nrmse:
+        if stage.holdout.nrmse > SETTINGS.admission.most_unseen_growth * last.holdout.nrmse:
             return Refusal.UNSEEN_RUNS
         unseen = _growth(last.holdout, stage.holdout)
-        if math.prod(map(statistics.geometric_mean, (trained, unseen))) > _GROWN:
+        if (
+            math.prod(map(statistics.geometric_mean, (trained, unseen)))
+            > SETTINGS.admission.most_joint_growth
+        ):
             return Refusal.ALL_RUNS
     return None
 
 
-def _growth(before: Errors, after: Errors) -> list[float]:
+def _growth(baseline: Errors, updated: Errors) -> list[float]:
     """By how much the error of each channel has grown; 1 where that cannot be told."""
-    pairs = [(before.channels[n].rmse, one.rmse) for n, one in after.channels.items()]
+    pairs = [(baseline.channels[n].rmse, error.rmse) for n, error in updated.channels.items()]
     return [new / old if 0 < old < math.inf and 0 < new < math.inf else 1.0 for old, new in pairs]

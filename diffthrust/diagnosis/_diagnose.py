@@ -116,7 +116,7 @@ def diagnose(
         while not done(state):
             state = step(context, state)
         # what the first model lacks is judged with errors clipped as they are at the end
-        baseline = replace(baseline, limit=state.current.trial.limit)
+        baseline = replace(baseline, clip=state.current.trial.clip)
         search = with_equivalents(context, state, baseline)
         say("what no known effect explains", SOUGHT)
         outcome = with_law(context, assessed(context, search), baseline)
@@ -226,10 +226,10 @@ def compare_ends(
 
     Where no effect was added both are the same comparison.
     """
-    before = compare(first, logs, initial=first.initial if trained else None)
+    baseline = compare(first, logs, initial=first.initial if trained else None)
     if last is first:
-        return before, before
-    return before, compare(last, logs, initial=last.initial if trained else None)
+        return baseline, baseline
+    return baseline, compare(last, logs, initial=last.initial if trained else None)
 
 
 def one_step_sizes(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
@@ -297,13 +297,13 @@ def with_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Ou
         learned = learned_law(context, search, baseline)
     if learned is None:
         return outcome
-    beside, law = learned
+    updated, law = learned
     odd = [log for log in assessment.odd_logs if log.much] if assessment.apart else []
     agree = agrees_with_law(context, odd, assessment, law.told)
     if not agree and assessment.remaining is None:
         return outcome
-    if beside is not search or (odd and agree):
-        outcome = assessed(context, beside, [log.log for log in odd] if agree else ())
+    if updated is not search or (odd and agree):
+        outcome = assessed(context, updated, [log.log for log in odd] if agree else ())
     place = replace(remaining, port=law.curve.port, manner=law.manner)
     return outcome._replace(assessment=replace(outcome.assessment, remaining=place), law=law)
 
@@ -315,11 +315,11 @@ def agrees_with_law(
     if not odd or assessment.trained is None:
         return not odd
     logs, unseen = context.fitter.logs, context.unseen
-    before, after = assessment.trained[1].runs, compare(fit, logs, initial=fit.initial).runs
+    baseline, updated = assessment.trained[1].runs, compare(fit, logs, initial=fit.initial).runs
     if unseen:
-        before = (*before, *assessment.after.runs)
-        after = (*after, *compare(fit, unseen).runs)
-    return no_longer_odd(odd, before, after)
+        baseline = (*baseline, *assessment.after.runs)
+        updated = (*updated, *compare(fit, unseen).runs)
+    return no_longer_odd(odd, baseline, updated)
 
 
 def with_room(context: SearchContext, outcome: Outcome) -> Outcome:

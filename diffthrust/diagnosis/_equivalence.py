@@ -32,77 +32,81 @@ class SearchResult(NamedTuple):
     detectable_groups: tuple[tuple[str, ...], ...]
 
 
-def with_equivalents(tools: SearchContext, known: SearchState, first: TrialFit) -> SearchResult:
+def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit) -> SearchResult:
     """What a search has found with what the logs cannot tell apart; see `_groups_of`."""
-    added = _groups_of(tools, known, first, known.stages[-1].effects)
-    return SearchResult(known, added, _groups_of(tools, known, first, known.detectable))
+    added = _groups_of(context, state, first, state.stages[-1].effects)
+    return SearchResult(state, added, _groups_of(context, state, first, state.detectable))
 
 
 def _groups_of(
-    tools: SearchContext, known: SearchState, first: TrialFit, names: Sequence[str]
+    context: SearchContext, state: SearchState, first: TrialFit, names: Sequence[str]
 ) -> tuple[tuple[str, ...], ...]:
     """For each of some effects of the present model those that, in its place, explain as much.
 
     Not those against which whole runs have spoken. The signals' levels are those of ``first``, the
     trial of the model as given.
     """
-    trials, present = tools.fitter, known.current.trial
-    barred = {name for name, why in known.refused.items() if why.by_whole_runs}
-    least = SETTINGS.admission.least_bic_gain
-    rivals = {c.effect for c in known.ranking if c.delta_bic < -least} - barred
-    levels = levels_of(trials, first)
+    fitter, present = context.fitter, state.current.trial
+    barred = {name for name, why in state.refused.items() if why.by_whole_runs}
+    rivals = {
+        c.effect for c in state.ranking if c.delta_bic < -SETTINGS.admission.least_bic_gain
+    } - barred
+    levels = levels_of(fitter, first)
     groups = []
-    for name in (n for n in names if n in trials.candidates):
-        without = trials.further(known.current.without(name))
-        alike, price = [name], price_of(trials, present, name)
-        others = sorted(rivals - {*present.effects})
-        for rival, trial in screened(trials, others, without, levels).items():
+    for name in (n for n in names if n in fitter.candidates):
+        without = fitter.further(state.current.without(name))
+        group, price = [name], price_of(fitter, present, name)
+        outside = sorted(rivals - {*present.effects})
+        for rival, trial in screened(fitter, outside, without, levels).items():
             if 2 * (trial.expected - present.cost) > SETTINGS.equivalence.hopeless_bic:
                 continue
-            trial = trials.further(trial)
+            trial = fitter.further(trial)
             worse = trial.cost - present.cost
-            if rival in known.refused:
-                worse -= unseen_gain(trials, present, trial)
-            if 2 * worse + price_of(trials, trial) - price < SETTINGS.equivalence.most_bic_apart:
-                alike.append(rival)
-        groups.append((*alike, *_alike_over_whole_runs(tools, known, name, {*alike} | barred)))
+            if rival in state.refused:
+                worse -= unseen_gain(fitter, present, trial)
+            if 2 * worse + price_of(fitter, trial) - price < SETTINGS.equivalence.most_bic_apart:
+                group.append(rival)
+        groups.append((*group, *_alike_over_whole_runs(context, state, name, {*group} | barred)))
     return tuple(groups)
 
 
 def _alike_over_whole_runs(
-    tools: SearchContext, known: SearchState, name: str, others: Collection[str]
+    context: SearchContext, state: SearchState, name: str, excluded: Collection[str]
 ) -> list[str]:
     """The rivals of an effect, when it was added, that do nearly the same to whole runs.
 
     None of an effect that is only detectable: it does next to nothing to whole runs. Where these
     stay poor the model is wrong in more than this, and the likelihood of the next
     sample, in which random forces take up what is wrong, does not tell them apart. Not those in
-    ``others``, which are known already.
+    ``excluded``, which are known already.
     """
-    trials = tools.fitter
-    if name in known.detectable:
+    fitter = context.fitter
+    if name in state.detectable:
         return []
-    at, stage = next((k, s) for k, s in enumerate(known.stages) if name in s.effects)
-    least = SETTINGS.admission.least_bic_gain
-    tried = [c.effect for c in known.ranking if c.stage == at - 1 and c.delta_bic < -least]
-    rivals = [rival for rival in tried if rival not in {*others, *stage.effects}]
-    if not rivals or not simulation_is_poor(tools, known, known.stages[-1]):
+    at, stage = next((k, s) for k, s in enumerate(state.stages) if name in s.effects)
+    tried = [
+        c.effect
+        for c in state.ranking
+        if c.stage == at - 1 and c.delta_bic < -SETTINGS.admission.least_bic_gain
+    ]
+    rivals = [rival for rival in tried if rival not in {*excluded, *stage.effects}]
+    if not rivals or not simulation_is_poor(context, state, state.stages[-1]):
         return []
-    whole = simulation_fitter(trials)
-    given = fitted_to_runs(trials, stage)
-    without = fitted_to_runs(trials, stage, [n for n in stage.effects if n != name])
-    own = share_between(trials, without, given).share
-    begun = screened(whole, rivals, without, levels_of(trials, without))
+    simulation = simulation_fitter(fitter)
+    fitted = fitted_to_runs(fitter, stage)
+    without = fitted_to_runs(fitter, stage, [n for n in stage.effects if n != name])
+    share = share_between(fitter, without, fitted).share
+    started = screened(simulation, rivals, without, levels_of(fitter, without))
     shares = {
-        rival: share_between(trials, without, whole.further(trial)).share
-        for rival, trial in begun.items()
+        rival: share_between(fitter, without, simulation.further(trial)).share
+        for rival, trial in started.items()
     }
-    near = (
-        SETTINGS.equivalence.least_share_of_effect * own,
-        1.0 - SETTINGS.whole_runs.equivalent_error**2 * (1.0 - own),
+    least = (
+        SETTINGS.equivalence.least_share_of_effect * share,
+        1.0 - SETTINGS.whole_runs.equivalent_error**2 * (1.0 - share),
     )
-    alike = sorted((r for r in shares if shares[r] > max(near)), key=lambda r: -shares[r])
-    return alike[: SETTINGS.equivalence.most_named]
+    near = sorted((r for r in shares if shares[r] > max(least)), key=lambda r: -shares[r])
+    return near[: SETTINGS.equivalence.most_named]
 
 
 def proposal(

@@ -58,10 +58,10 @@ class Worth:
         """Whether it is surely worth something, and more than a few per cent."""
         return self.low > 0 and self.share > SETTINGS.whole_runs.negligible_share
 
-    def of(self, part: float) -> Worth:
-        """The same as a share of a larger error, of which ``part`` was left before."""
-        part = part if math.isfinite(part) else 1.0
-        return Worth(self.share * part, self.low * part, self.high * part)
+    def of(self, remaining: float) -> Worth:
+        """The same as a share of a larger error, of which ``remaining`` was left before."""
+        remaining = remaining if math.isfinite(remaining) else 1.0
+        return Worth(self.share * remaining, self.low * remaining, self.high * remaining)
 
     def to_json(self) -> dict[str, Any]:
         """The worth as plain data; ``None`` where it is not finite, as of runs that fail."""
@@ -87,11 +87,11 @@ def explained_share(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) ->
     names = list(dict.fromkeys(name for log in logs for name in log))
     table = _table(logs, names)
     drawn = [_drawn(table, seed), np.sum([b.sum(axis=0) for b in table], axis=0)[None]]
-    whole = _interval(*(sums.sum(axis=1) for sums in drawn))
+    total = _interval(*(sums.sum(axis=1) for sums in drawn))
     if len(names) == 1:
-        return whole
-    alone = {name: _interval(*(sums[:, c] for sums in drawn)) for c, name in enumerate(names)}
-    return Worth(whole.share, whole.low, whole.high, alone)
+        return total
+    by_channel = {name: _interval(*(sums[:, c] for sums in drawn)) for c, name in enumerate(names)}
+    return Worth(total.share, total.low, total.high, by_channel)
 
 
 def matters(worth: Worth, everywhere: Worth) -> bool:
@@ -103,13 +103,18 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
             an unseen log does, only all logs together can be sure.
     """
 
-    def surely(one: Worth, every: Worth, least: float) -> bool:
-        return one.share > least and max(one.low, every.low) > 0
+    def surely(share: Worth, joint: Worth, least: float) -> bool:
+        return share.share > least and max(share.low, joint.low) > 0
 
-    pairs = ((one, everywhere.channels.get(name, one)) for name, one in worth.channels.items())
-    alone = any(surely(one, every, SETTINGS.whole_runs.one_channel_share) for one, every in pairs)
-    overall = surely(worth, everywhere, SETTINGS.whole_runs.negligible_share)
-    return overall or (worth.share > 0 and alone)
+    pairs = (
+        (share, everywhere.channels.get(name, share)) for name, share in worth.channels.items()
+    )
+    alone = any(
+        surely(share, joint, SETTINGS.whole_runs.one_channel_share) for share, joint in pairs
+    )
+    return surely(worth, everywhere, SETTINGS.whole_runs.negligible_share) or (
+        worth.share > 0 and alone
+    )
 
 
 def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> list[np.ndarray]:
@@ -121,35 +126,38 @@ def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> l
     for name in names:
         measured = np.concatenate([log[name].measured for log in logs if name in log])
         unit[name] = float(np.nanvar(measured)) * np.isfinite(measured).sum()
-    limits, fewest = SETTINGS.whole_runs, SETTINGS.whole_runs.fewest_blocks
-    table = []
+    limits, table = SETTINGS.whole_runs, []
     for log in logs:
         size = len(next(iter(log.values())).measured)
         squares, lasts = np.zeros((size, len(names), 2)), 1.0
         for c, name in enumerate(names):
             if name not in log or not unit[name] > 0:
                 continue
-            one = log[name]
-            seen = np.isfinite(one.measured)
-            for k, rest in enumerate((one.before, one.after)):
+            errors = log[name]
+            finite = np.isfinite(errors.measured)
+            for k, residual in enumerate((errors.before, errors.after)):
                 with np.errstate(over="ignore"):  # of a run that went astray
-                    squares[seen, c, k] = np.where(np.isfinite(rest), rest, np.inf)[seen] ** 2
-                lasts = max(lasts, _lasting(np.where(seen, rest, np.nan)))
+                    squares[finite, c, k] = (
+                        np.where(np.isfinite(residual), residual, np.inf)[finite] ** 2
+                    )
+                lasts = max(lasts, _lasting(np.where(finite, residual, np.nan)))
             squares[:, c] /= unit[name]
-        pieces = int(np.clip(size / (limits.block_length * lasts), fewest, limits.most_blocks))
+        pieces = int(
+            np.clip(size / (limits.block_length * lasts), limits.fewest_blocks, limits.most_blocks)
+        )
         table.append(np.array([b.sum(axis=0) for b in np.array_split(squares, min(pieces, size))]))
     return table
 
 
-def _lasting(rest: np.ndarray) -> float:
+def _lasting(residual: np.ndarray) -> float:
     """For how many samples errors last."""
-    seen = rest[~np.isnan(rest)]
+    finite = residual[~np.isnan(residual)]
     fewest = SETTINGS.whole_runs.fewest_blocks
-    if seen.size < fewest or not np.all(np.isfinite(seen)) or not np.ptp(seen) > 0:
+    if finite.size < fewest or not np.all(np.isfinite(finite)) or not np.ptp(finite) > 0:
         return 1.0
-    unit = np.abs(seen).max()  # of a run that went astray the squares would overflow
-    read = integral(autocorrelation([seen / unit], seen.size // fewest))
-    return read * rest.size / seen.size  # of a held sensor readings are apart
+    unit = np.abs(finite).max()  # of a run that went astray the squares would overflow
+    read = integral(autocorrelation([finite / unit], finite.size // fewest))
+    return read * residual.size / finite.size  # of a held sensor readings are apart
 
 
 def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:
@@ -159,9 +167,9 @@ def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:
     picked = rng.integers(0, len(table), (_DRAWS, len(table)))
     for k, blocks in enumerate(table):
         for turn in range(len(table)):
-            (those,) = np.nonzero((picked == k).sum(axis=1) > turn)
-            at = rng.integers(0, len(blocks), (len(those), len(blocks)))
-            drawn[those] += blocks[at].sum(axis=1)
+            (draws,) = np.nonzero((picked == k).sum(axis=1) > turn)
+            at = rng.integers(0, len(blocks), (len(draws), len(blocks)))
+            drawn[draws] += blocks[at].sum(axis=1)
     return drawn
 
 
@@ -174,7 +182,7 @@ def _interval(drawn: np.ndarray, total: np.ndarray) -> Worth:
 
 def _removed(sums: np.ndarray) -> np.ndarray:
     """The share that is gone of squared errors before and after, ``(n, 2)``."""
-    before, after = sums.T
-    known = (before > 0) & np.isfinite(before)
-    left = np.divide(after, before, out=np.ones_like(before), where=known)
-    return 1.0 - np.where(np.isinf(before) & np.isfinite(after), 0.0, left)
+    baseline, updated = sums.T
+    finite = (baseline > 0) & np.isfinite(baseline)
+    remaining = np.divide(updated, baseline, out=np.ones_like(baseline), where=finite)
+    return 1.0 - np.where(np.isinf(baseline) & np.isfinite(updated), 0.0, remaining)

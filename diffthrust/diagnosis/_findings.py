@@ -177,19 +177,19 @@ class Missing(Brief):
             self.size > 0 and not self.size < SETTINGS.structure.signal_over_error * self.error
         )
 
-    def shown(self, model: Model, told: ShownUnits) -> Missing:
+    def shown(self, model: Model, units: ShownUnits) -> Missing:
         """The same in the units for people: of the output that the port's unit is that of."""
-        alike = (name for name, unit in model.outputs.items() if unit == self.unit)
-        per, unit = told.size(next(alike, ""), 1.0, self.unit)
+        outputs = (name for name, unit in model.outputs.items() if unit == self.unit)
+        per, unit = units.size(next(outputs, ""), 1.0, self.unit)
         runs = tuple((time, per * signal, per * error) for time, signal, error in self.runs)
         over, mean, error = self.curve
         under = self.dependence_unit
         if self.signal is not None and self.signal.rate:
-            size, name = told.size(self.signal.name, 1.0, under.removesuffix("/s"))
+            size, name = units.size(self.signal.name, 1.0, under.removesuffix("/s"))
             over, under = size * over, f"{name}/s"
         elif self.signal is not None:
-            over = told.values(self.signal.name, over, under)
-            under = told.unit(self.signal.name, under)
+            over = units.values(self.signal.name, over, under)
+            under = units.unit(self.signal.name, under)
         curve = over, per * mean, per * error
         return replace(self, unit=unit, runs=runs, dependence_unit=under, curve=curve)
 

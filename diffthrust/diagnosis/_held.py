@@ -26,8 +26,8 @@ def of_effect(parameter: str, effect: str) -> bool:
 
 
 def with_candidates(
-    given: Model, effects: Iterable[str], candidates: Mapping[str, Effect]
+    model: Model, effects: Iterable[str], candidates: Mapping[str, Effect]
 ) -> Model:
     """A model with some candidates: effects added, parameters that were held freed."""
     freed = [n for n in effects if n not in candidates]
-    return given.free(*freed) + [candidates[n] for n in effects if n in candidates]
+    return model.free(*freed) + [candidates[n] for n in effects if n in candidates]

@@ -3,8 +3,8 @@
 A program is compiled for the model with a few effects (`CandidateFitter.ready`), at their null
 values, where they do nothing. Which parameters move is a matter of numbers
 (`Problem.focus`), so that hundreds of trials share one compilation; and effects that have been
-compiled together stay together, so that few are made. What a trial has come to, and under which
-limit of errors, it carries itself.
+compiled together stay together, so that few are made. A trial carries its values, the clip of its
+errors, and the program it was fitted with.
 """
 
 from __future__ import annotations
@@ -80,16 +80,24 @@ class ResidualClip:
     """How large an error may be that corrects the states; larger ones correct them no further.
 
     Args:
-        size: of a large error; infinite without a limit.
-        reach: errors are limited at so many times that.
+        size: of a large error, by channel; infinite without a clip.
+        reach: errors are clipped at this multiple of it.
     """
 
     size: Float[np.ndarray, " channels"]
     reach: float = 1.0
 
     def on(self, problem: Problem) -> Problem:
-        """A problem under this limit."""
+        """A problem with its errors clipped."""
         return with_clip(problem, self.size, self.reach)
+
+
+class Compiled(NamedTuple):
+    """What is compiled together: the effects, the training logs, and the unseen ones."""
+
+    effects: frozenset[str]
+    problem: Problem
+    unseen: Problem | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +109,11 @@ class TrialFit:
         values: all parameters by full name, the observer's included.
         quadratic: the likelihood near the optimum, in the coordinates of ``names``.
         names: the parameters that were estimated.
-        cost: negative log-likelihood, under ``limit``.
+        cost: negative log-likelihood, under ``clip``.
         promise: gain of log-likelihood that a full step within the bounds would still bring.
         begin: the initial states of the logs, one after the other.
-        limit: how errors were limited.
-        problem: the training logs.
+        clip: beyond which errors correct the states no further.
+        program: what was compiled for it.
         bare: makes the same problem with no other effects in its program.
     """
 
@@ -116,8 +124,8 @@ class TrialFit:
     cost: float
     promise: float
     begin: Float[np.ndarray, " starts"] | None
-    limit: ResidualClip
-    problem: Problem = field(repr=False)
+    clip: ResidualClip
+    program: Compiled = field(repr=False)
     bare: Callable[[], Problem] = field(repr=False)
 
     @property
@@ -131,12 +139,23 @@ class TrialFit:
         return [n for n in self.names if of_effect(n, effect)]
 
     @property
-    def at_values(self) -> Problem:
-        """The training logs at these values and under this limit."""
-        return self._within(self.problem)
+    def problem(self) -> Problem:
+        """The training logs, as they were compiled."""
+        return self.program.problem
 
-    def _within(self, problem: Problem) -> Problem:
-        return self.limit.on(problem.focus(self.names, self.values, self.begin))
+    @property
+    def at_values(self) -> Problem:
+        """The training logs at these values, from these initial states."""
+        return self._focused(self.problem)
+
+    @property
+    def unseen(self) -> Problem | None:
+        """The unseen logs at these values, if there are any."""
+        unseen = self.program.unseen
+        return None if unseen is None else self.clip.on(unseen.focus(self.names, self.values))
+
+    def _focused(self, problem: Problem) -> Problem:
+        return self.clip.on(problem.focus(self.names, self.values, self.begin))
 
     @cached_property
     def passed(self) -> list[Pass]:
@@ -146,24 +165,18 @@ class TrialFit:
     @cached_property
     def path(self) -> list[dict[str, np.ndarray]]:
         """For each training log the series of inputs and states, predicted one step ahead."""
-        return [one.path for one in self.passed]
+        return [log.path for log in self.passed]
 
     @cached_property
     def response(self) -> LinearResponse:
         """What the errors answer to anything that is added to the model."""
-        return LinearResponse(self._within(self.bare()))
+        return LinearResponse(self._focused(self.bare()))
 
 
-class Compiled(NamedTuple):
-    """What is compiled together: the effects, the training logs, and the unseen ones."""
+class Programs:
+    """The compiled problems of a model with any of the candidates, over the same logs.
 
-    effects: frozenset[str]
-    problem: Problem
-    unseen: Problem | None
-
-
-class CandidateFitter:
-    """Fits of a model with any of the candidates, over the same logs.
+    The programs made so far are kept, behind a lock; all else stays as it is.
 
     Args:
         model: the model with the effects that it has already.
@@ -173,7 +186,7 @@ class CandidateFitter:
         substeps: integrator steps per sample.
         noise_model: with "ar1" no random forces act and no state is corrected, as in a fit with
             that noise.
-        held: parameters that the model holds at a number and that are candidates by their names.
+        constants: fixed parameters of the model that are candidates by their names.
     """
 
     def __init__(
@@ -184,13 +197,12 @@ class CandidateFitter:
         unseen: Sequence[Log],
         substeps: int = 1,
         noise_model: str = "white",
-        held: Sequence[str] = (),
+        constants: Sequence[str] = (),
     ) -> None:
-        self.model = model
-        self.logs = tuple(logs)
+        self.model, self.logs, self.unseen = model, tuple(logs), tuple(unseen)
         self.channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], self.channels)
-        self.constants = tuple(held)
+        self.constants = tuple(constants)
         self.candidates = {effect.name: effect for effect in candidates}
         self.free = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
@@ -198,41 +210,20 @@ class CandidateFitter:
         observer = observer_of(model, logs[0], self.channels, remembering, lasts)
         likelihood = Innovations(law=StudentT(), observer=observer)
         self._arranged = partial(build, substeps=substeps, likelihood=likelihood, compact=True)
-        self._unseen, self._lock = tuple(unseen), RLock()
         first = self._arranged(model, self.logs)
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
+        self.uncorrected = {n: 0.0 for n in first.nuisance if not is_memory(n)}
         self.width = len(self.free) + len(self.nuisance) + _ROOM
-        self._programs = [self._program(())]
-        counts = first.numbers.counts
-        self.counts = dict(zip(self.channels, map(float, counts), strict=True))
-        self.samples = float(np.sum(counts))
+        self.counts = dict(zip(self.channels, map(float, first.numbers.counts), strict=True))
+        self.samples = float(np.sum(first.numbers.counts))
         if self.samples <= (numbers := len(self.free) + len(self.nuisance)):
             raise InputError(
                 f"The training logs hold {self.samples:.0f} measurements, and {numbers} numbers of "
                 f"'{model}' and of the noise are to be estimated.",
                 "Give longer logs, or fix parameters.",
             )
-
-    def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
-        """The model with these effects at their nulls; constants to try may be freed."""
-        problem = self._problem(effects, self.logs, least)
-        unseen = self._problem(effects, self._unseen, least) if self._unseen else None
-        return Compiled(frozenset((*effects, *self.constants)), problem, unseen)
-
-    def _problem(self, effects: Collection[str], logs: Sequence[Log], least: int = 0) -> Problem:
-        model, free = self.model.free(*self.constants), len(self.constants)
-        for name in self.candidates:
-            if name in effects:
-                model = model + self.candidates[name].at_null()
-                free += self._free(name)
-        width = max(self.width - _ROOM + min(free, _ROOM), least)
-        return self._arranged(model, logs, width=width)
-
-    def _free(self, name: str) -> int:
-        """Parameters that are estimated of a candidate."""
-        if name in self.constants:
-            return 1
-        return sum(not p.fixed for p in self.candidates[name]._parameters.values())
+        self._lock = RLock()
+        self._compiled = [self._program(())]
 
     def ready(self, effects: Collection[str], later: Sequence[str] = ()) -> Compiled:
         """What is compiled for trials of these effects; made where there is none yet.
@@ -241,46 +232,81 @@ class CandidateFitter:
         those that may be tried ``later``, the likeliest first.
         """
         with self._lock:
-            for program in reversed(self._programs):
+            for program in reversed(self._compiled):
                 if program.effects >= {*effects}:
                     return program
-            last = sorted(self._programs[-1].effects)
+            last = sorted(self._compiled[-1].effects)
             wanted = dict.fromkeys((*effects, *last, *later))
             wanted = [n for n in wanted if n in self.candidates][: max(_TOGETHER, len(effects))]
-            # beside those that are there each must find room for all of its own
-            most = sum(sorted(map(self._free, wanted))[-_MOST_PRESENT:])
-            self._programs.append(self._program(wanted, len(self.free) + most))
-            return self._programs[-1]
+            # beside the effects of a trial each of these must find room for all its parameters
+            most = sum(sorted(map(self._size, wanted))[-_MOST_PRESENT:])
+            self._compiled.append(self._program(wanted, len(self.free) + most))
+            return self._compiled[-1]
 
-    @property
-    def problem(self) -> Problem:
-        """The training logs, with what was compiled last."""
-        return self._programs[-1].problem
+    def problem(self, effects: Collection[str], logs: Sequence[Log], least: int = 0) -> Problem:
+        """The model with some effects at their nulls; constants to try may be freed.
 
-    @property
-    def unseen(self) -> Problem | None:
-        """The unseen logs, with what was compiled last."""
-        return self._programs[-1].unseen
+        Args:
+            effects: names of the effects.
+            logs: the logs.
+            least: fewest coordinates that can be moved together.
+        """
+        model, free = self.model.free(*self.constants), len(self.constants)
+        for name in self.candidates:
+            if name in effects:
+                model = model + self.candidates[name].at_null()
+                free += self._size(name)
+        width = max(self.width - _ROOM + min(free, _ROOM), least)
+        return self._arranged(model, logs, width=width)
+
+    def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
+        problem = self.problem(effects, self.logs, least)
+        unseen = self.problem(effects, self.unseen, least) if self.unseen else None
+        return Compiled(frozenset((*effects, *self.constants)), problem, unseen)
+
+    def _size(self, name: str) -> int:
+        """The number of estimated parameters of a candidate."""
+        if name in self.constants:
+            return 1
+        return sum(not p.fixed for p in self.candidates[name]._parameters.values())
+
+
+class CandidateFitter:
+    """Fits of a model with any of the candidates, over the same logs.
+
+    Args:
+        programs: the compiled problems.
+        observed: parameters of the observer that are estimated; all of them where ``None``. With
+            none, and with gains of zero, a fit is one to whole simulated runs.
+    """
+
+    def __init__(self, programs: Programs, observed: Sequence[str] | None = None) -> None:
+        self.programs = programs
+        self.nuisance = programs.nuisance if observed is None else tuple(observed)
+        self.model, self.logs, self.channels = programs.model, programs.logs, programs.channels
+        self.candidates, self.constants = programs.candidates, programs.constants
+        self.free, self.counts, self.samples = programs.free, programs.counts, programs.samples
+        self.places, self.ready = programs.places, programs.ready
 
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
         named = self.ready(effects).problem.named
-        theirs = [
+        added = [
             n
             for n in named
             if n not in self.free
             and any(of_effect(n, effect) for effect in effects)
             and not named[n].fixed
         ]
-        free = max(0, self.width - len(self.free) - len(theirs))
-        return (*self.free, *sorted(self.nuisance, key=is_memory)[:free], *theirs)  # gains first
+        room = max(0, self.programs.width - len(self.free) - len(added))
+        return (*self.free, *sorted(self.nuisance, key=is_memory)[:room], *added)  # gains first
 
     def solve(
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
         begin: np.ndarray | None,
-        limit: ResidualClip,
+        clip: ResidualClip,
         budget: int = 40,
         still: Collection[str] = (),
     ) -> TrialFit:
@@ -289,51 +315,51 @@ class CandidateFitter:
         Parameters named in ``still`` stay where they are.
         """
         names = tuple(name for name in self.moved(effects) if name not in still)
-        whole = self.ready(effects).problem
-        problem = limit.on(whole.focus(names, values, begin))
+        program = self.ready(effects)
+        problem = clip.on(program.problem.focus(names, values, begin))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
-        known = (tuple(effects), problem.values(z), q, names)
-        bare = partial(self._problem, effects, self.logs)
-        ended = partial(TrialFit, *known, limit=limit, problem=whole, bare=bare)
+        bare = partial(self.programs.problem, effects, self.logs)
+        fitted = partial(
+            TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
+            bare=bare,
+        )  # fmt: skip
         if not np.isfinite(q.cost):
-            return ended(cost=np.inf, promise=0.0, begin=begin)
+            return fitted(cost=np.inf, promise=0.0, begin=begin)
         low, high = problem.limits()
         outward = ((z <= low + 1e-9) & (q.gradient >= 0)) | ((z >= high - 1e-9) & (q.gradient <= 0))
-        return ended(
+        return fitted(
             cost=float(q.cost), promise=promised_gain(q, ~outward), begin=z[problem.shared :]
         )
 
     def further(self, trial: TrialFit, budget: int = 40) -> TrialFit:
         """A trial carried on."""
-        return self.solve(trial.effects, trial.values, trial.begin, trial.limit, budget)
+        return self.solve(trial.effects, trial.values, trial.begin, trial.clip, budget)
 
     def settled(
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
         begin: np.ndarray | None,
-        limit: ResidualClip,
+        clip: ResidualClip,
     ) -> TrialFit:
         """Fit with some effects present to the end, from several guesses of the noise.
 
         An effect that explains much leaves little noise: the observer's gains may be far from what
-        they were. Then large errors are limited to a few times what errors now are: the trial has
-        a limit of its own.
+        they were. Then large errors are clipped at a few times what errors now are, trial by
+        trial.
         """
 
-        def one(guess: Mapping[str, float]) -> TrialFit:
-            return self.solve(effects, {**values, **guess}, begin, limit, budget=12)
+        def started(guess: Mapping[str, float]) -> TrialFit:
+            return self.solve(effects, {**values, **guess}, begin, clip, budget=12)
 
-        begun = side_by_side(one, guesses(self.nuisance))
-        if not any(np.isfinite(trial.cost) for trial in begun):  # corrections carry it off
-            begun.append(one({n: 0.0 for n in self.nuisance if not is_memory(n)}))
-        trial = min(begun, key=lambda trial: trial.expected)
-        if not np.isfinite(trial.cost):  # corrections ran away, by a spike before a gap
-            trial = one(uncorrected(self.nuisance))
+        trial = min(side_by_side(started, guesses(self.nuisance)), key=lambda t: t.expected)
+        if not np.isfinite(trial.cost):
+            # a spike before a gap makes corrections run away: without them the runs stay finite
+            trial = started(uncorrected(self.nuisance))
         for _ in range(2):
             trial = self.further(trial, budget=_LONG)
-            trial = replace(trial, limit=ResidualClip(CLIP * trial.quadratic.sigma, limit.reach))
+            trial = replace(trial, clip=ResidualClip(CLIP * trial.quadratic.sigma, clip.reach))
         return self.further(trial, budget=_LONG)
 
     def base(
@@ -341,27 +367,27 @@ class CandidateFitter:
     ) -> TrialFit:
         """The model as it is, or with some effects, from its own values or from given ones.
 
-        Here it is seen at what size errors are limited.
+        The size at which errors are clipped is found here.
         """
-        known, named = values or {}, self.ready(effects).problem.named
-        start = {n: known.get(n, p.value) for n, p in named.items()}
-        limited = self.settled(
+        initial, named = values or {}, self.ready(effects).problem.named
+        start = {n: initial.get(n, p.value) for n, p in named.items()}
+        clipped = self.settled(
             effects, start, None, ResidualClip(np.full(len(self.channels), np.inf))
         )
-        widened = replace(limited, limit=replace(limited.limit, reach=WIDE))
+        widened = replace(clipped, clip=replace(clipped.clip, reach=WIDE))
         wide = self.further(widened, budget=_LONG)
-        return wide if wide.cost < limited.cost - REAL else limited
+        return wide if wide.cost < clipped.cost - REAL else clipped
 
     def cost(
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
         begin: np.ndarray | None,
-        limit: ResidualClip,
+        clip: ResidualClip,
     ) -> float:
         """Negative log-likelihood at given values: a tenth of the work of a derivative."""
         problem = self.ready(effects).problem
-        return cost(limit.on(problem.focus(self.moved(effects), values, begin)))
+        return cost(clip.on(problem.focus(self.moved(effects), values, begin)))
 
     def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
         """The values with one effect at its null, or one parameter where it is held."""

@@ -81,45 +81,49 @@ def deviations(logs: Sequence[Slopes]) -> list[Deviation]:
 
     Each log that is found is left out of the tests of the rest; fewer than half can be odd.
     """
-    found: list[Deviation] = []
-    left = list(range(len(logs)))
+    deviating: list[Deviation] = []
+    remaining = list(range(len(logs)))
     level = SETTINGS.outlier_logs.false_alarms / (len(logs) * max(1, len(logs[0].scores)))
-    while 2 * (len(found) + 1) < len(logs):
-        near = [one for one in tested(logs, left) if one.p_value < level]
-        sure = [one for one in (widened(logs, left, one) for one in near) if one.p_value < level]
+    while 2 * (len(deviating) + 1) < len(logs):
+        near = [deviation for deviation in tested(logs, remaining) if deviation.p_value < level]
+        sure = [
+            deviation
+            for deviation in (widened(logs, remaining, deviation) for deviation in near)
+            if deviation.p_value < level
+        ]
         if not sure:
             break
-        found.append(max(sure, key=lambda one: abs(one.size) / one.error))
-        left.remove(found[-1].log)
-    return found
+        deviating.append(max(sure, key=lambda deviation: abs(deviation.size) / deviation.error))
+        remaining.remove(deviating[-1].log)
+    return deviating
 
 
 def tested(logs: Sequence[Slopes], among: Sequence[int]) -> Iterator[Deviation]:
     """Every parameter of every log against the other logs."""
-    whole = np.sum([logs[k].information for k in among], axis=0)
-    length = np.sqrt(np.maximum(np.diagonal(whole), 1e-300))
-    scaled = whole / np.outer(length, length)
+    joint = np.sum([logs[k].information for k in among], axis=0)
+    length = np.sqrt(np.maximum(np.diagonal(joint), 1e-300))
+    scaled = joint / np.outer(length, length)
     inverse = np.linalg.pinv(scaled, rcond=1e-11, hermitian=True) / np.outer(length, length)
     slope = np.sum([logs[k].scores.sum(axis=1) for k in among], axis=0)
     for k in among:
-        own = logs[k].information
+        information = logs[k].information
         for j in range(len(length)):
-            through = own[j] @ inverse
-            left = own[j, j] - through @ own[:, j]
-            if not left > _BLIND * whole[j, j]:
+            through = information[j] @ inverse
+            projected = information[j, j] - through @ information[:, j]
+            if not projected > _BLIND * joint[j, j]:
                 continue
             blocks = [-through @ logs[m].scores for m in among]
             blocks[among.index(k)] = blocks[among.index(k)] + logs[k].scores[j]
             total = sum(float(block.sum()) for block in blocks)
-            size = -total / left
+            size = -total / projected
             yield Deviation(
                 log=k,
                 parameter=j,
                 size=size,
-                error=max(sum(map(_scatter, blocks)), left) ** 0.5 / left,
+                error=max(sum(map(_scatter, blocks)), projected) ** 0.5 / projected,
                 freedom=max(1, sum(block.size - 1 for block in blocks)),
                 channel=int(np.argmax(logs[k].channels[j] * np.sign(total))),
-                others=-inverse @ (slope + size * own[:, j]),
+                others=-inverse @ (slope + size * information[:, j]),
             )
 
 
@@ -128,71 +132,73 @@ def _scatter(block: np.ndarray) -> float:
     return float(np.var(block, ddof=1)) * block.size if block.size > 1 else 0.0
 
 
-def widened(logs: Sequence[Slopes], among: Sequence[int], one: Deviation) -> Deviation:
+def widened(logs: Sequence[Slopes], among: Sequence[int], deviation: Deviation) -> Deviation:
     """A deviation whose error contains how much the other logs differ among each other.
 
     By the moments of DerSimonian and Laird (1986), with the degrees of freedom of Satterthwaite
     (1946).
     """
-    others = [k for k in among if k != one.log]
-    beside = [d for d in tested(logs, others) if d.parameter == one.parameter]
-    if len(beside) < 2:
-        return one
+    remaining = [k for k in among if k != deviation.log]
+    peers = [d for d in tested(logs, remaining) if d.parameter == deviation.parameter]
+    if len(peers) < 2:
+        return deviation
     sizes, weights = (
-        np.array(x) for x in zip(*((d.size, d.error**-2) for d in beside), strict=True)
+        np.array(x) for x in zip(*((d.size, d.error**-2) for d in peers), strict=True)
     )
-    between = max(0.0, float(weights @ sizes**2) - len(beside)) / float(weights.sum())
-    within = one.error**2
-    share = within**2 / one.freedom + between**2 / (len(beside) - 1)
-    return replace(one, error=(within + between) ** 0.5, freedom=(within + between) ** 2 / share)
+    between = max(0.0, float(weights @ sizes**2) - len(peers)) / float(weights.sum())
+    within = deviation.error**2
+    share = within**2 / deviation.freedom + between**2 / (len(peers) - 1)
+    return replace(
+        deviation, error=(within + between) ** 0.5, freedom=(within + between) ** 2 / share
+    )
 
 
-def slopes(trials: CandidateFitter, trial: TrialFit) -> list[Slopes]:
+def slopes(fitter: CandidateFitter, trial: TrialFit) -> list[Slopes]:
     """What each log says of the model's parameters, training logs first, then unseen ones."""
     problems = [trial.at_values]
-    unseen = trials.ready(trial.effects).unseen
-    if unseen is not None:
-        held = trial.limit.on(unseen.focus(trial.names, trial.values))
-        problems.append(settled_start(held))
-    known = [i for i, n in enumerate(trial.names) if n not in trials.nuisance]
+    if trial.unseen is not None:
+        problems.append(settled_start(trial.unseen))
+    places = [i for i, n in enumerate(trial.names) if n not in fitter.nuisance]
     sigma = np.asarray(trial.quadratic.sigma)
-    return [one for problem in problems for one in _slopes(problem, known, sigma)]
+    return [log_slopes for problem in problems for log_slopes in _slopes(problem, places, sigma)]
 
 
-def _slopes(problem: Problem, known: Sequence[int], sigma: np.ndarray) -> Iterator[Slopes]:
+def _slopes(problem: Problem, places: Sequence[int], sigma: np.ndarray) -> Iterator[Slopes]:
     """By differences of passes: nothing is compiled for it."""
     z, first, states = problem.start(), problem.shared, len(problem.layout.starts)
     high = problem.limits()[1]
     now = passes(problem, z)
     by_place = []
-    for at in [[i] for i in known] + [[*range(first + j, z.size, states)] for j in range(states)]:
+    for at in [[i] for i in places] + [[*range(first + j, z.size, states)] for j in range(states)]:
         step = _STEP * (1 + float(np.abs(z[at]).max()))
-        there = z.copy()
-        there[at] += step if np.all(z[at] + step <= high[at]) else -step
-        pairs = zip(passes(problem, there), now, strict=True)
-        by_place.append([(a.errors - b.errors) / (there - z)[at[0]] for a, b in pairs])
+        moved = z.copy()
+        moved[at] += step if np.all(z[at] + step <= high[at]) else -step
+        pairs = zip(passes(problem, moved), now, strict=True)
+        by_place.append([(a.errors - b.errors) / (moved - z)[at[0]] for a, b in pairs])
     law = problem.layout.likelihood.law
-    for k, one in enumerate(now):
+    for k, log in enumerate(now):
         jacobian = np.stack([by_log[k] for by_log in by_place])
-        yield _of_log(one, jacobian, len(known), sigma, law)
+        yield _of_log(log, jacobian, len(places), sigma, law)
 
 
-def _of_log(one: Pass, jacobian: np.ndarray, count: int, sigma: np.ndarray, law: Law) -> Slopes:
+def _of_log(log: Pass, jacobian: np.ndarray, count: int, sigma: np.ndarray, law: Law) -> Slopes:
     """Slopes of one log from derivatives ``(P + states, C, T)`` of its errors."""
-    rest = np.nan_to_num(one.errors / sigma[:, None])
+    residual = np.nan_to_num(log.errors / sigma[:, None])
     jacobian = np.nan_to_num(jacobian / sigma[:, None])
-    weight = np.asarray(law.weights(rest[None], np.ones(len(sigma))))[0]
-    own, starts = jacobian[:count], jacobian[count:]
-    flat = (starts * weight).reshape(len(starts), rest.size)
-    inner = flat @ starts.reshape(len(starts), rest.size).T
-    cross = flat @ own.reshape(count, rest.size).T
-    own = own - np.tensordot(np.linalg.pinv(inner, hermitian=True) @ cross, starts, (0, 0))
-    product = own * weight * rest
+    weight = np.asarray(law.weights(residual[None], np.ones(len(sigma))))[0]
+    parameters, starts = jacobian[:count], jacobian[count:]
+    flat = (starts * weight).reshape(len(starts), residual.size)
+    inner = flat @ starts.reshape(len(starts), residual.size).T
+    cross = flat @ parameters.reshape(count, residual.size).T
+    parameters = parameters - np.tensordot(
+        np.linalg.pinv(inner, hermitian=True) @ cross, starts, (0, 0)
+    )
+    product = parameters * weight * residual
     blocks = np.array_split(
-        product.sum(axis=1), min(SETTINGS.outlier_logs.blocks, rest.shape[1]), axis=1
+        product.sum(axis=1), min(SETTINGS.outlier_logs.blocks, residual.shape[1]), axis=1
     )
     return Slopes(
-        information=np.tensordot(own * weight, own, ((1, 2), (1, 2))) / law.excess,
+        information=np.tensordot(parameters * weight, parameters, ((1, 2), (1, 2))) / law.excess,
         scores=np.stack([block.sum(axis=1) for block in blocks], axis=1),
         channels=product.sum(axis=2),
     )

@@ -59,14 +59,17 @@ def promises(
         near: points next to its null, by full names; there only parameters with a null move.
         far: other points.
     """
-    asked = [_asked(response, effect, point, True) for point in near]
-    asked += [_asked(response, effect, point, False) for point in far]
-    answers = answered(response, [shift for one in asked for shift in one.shifts])
+    questions = [_asked(response, effect, point, True) for point in near]
+    questions += [_asked(response, effect, point, False) for point in far]
+    answers = answered(response, [shift for question in questions for shift in question.shifts])
     out = []
-    for one in asked:
-        count = len(one.shifts)
-        found, answers = [part[:, :count] for part in answers], [a[:, count:] for a in answers]
-        out.append(_promised(response, effect, one, found))
+    for question in questions:
+        count = len(question.shifts)
+        own_answers, answers = (
+            [answer[:, :count] for answer in answers],
+            [a[:, count:] for a in answers],
+        )
+        out.append(_promised(response, effect, question, own_answers))
     return out
 
 
@@ -86,7 +89,7 @@ class _Asked(NamedTuple):
 def acts(response: LinearResponse, effect: Effect, point: Point) -> bool:
     """Whether an effect adds anything anywhere."""
     shift = shift_of(response, effect, {n.partition(".")[2]: v for n, v in point.items()})
-    return any(np.any(one) for parts in shift.values() for one in parts[0])
+    return any(np.any(values) for parts in shift.values() for values in parts[0])
 
 
 def _asked(response: LinearResponse, effect: Effect, point: Point, near: bool) -> _Asked:
@@ -98,67 +101,69 @@ def _asked(response: LinearResponse, effect: Effect, point: Point, near: bool) -
     for name in moved:
         value, scale = values[name], named[name].scale
         step = value - (named[name].null or 0.0) if near else _APART * (abs(value) or scale)
-        beside = {**values, name: value - step if near else value + step}
+        moved_values = {**values, name: value - step if near else value + step}
         step = -step if near else step
-        shifts.append(_difference(shift_of(response, effect, beside), here, step / scale))
+        shifts.append(_difference(shift_of(response, effect, moved_values), here, step / scale))
     return _Asked(point, near, moved, shifts)
 
 
-def _difference(one: Shift, other: Shift, per: float) -> Shift:
+def _difference(shift: Shift, baseline: Shift, per: float) -> Shift:
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is left out later
         return {
             place: tuple(
                 [(a - b) / per for a, b in zip(*parts, strict=True)]
-                for parts in zip(one[place], other[place], strict=True)
+                for parts in zip(shift[place], baseline[place], strict=True)
             )
-            for place in one
+            for place in shift
         }
 
 
 def _promised(
-    response: LinearResponse, effect: Effect, asked: _Asked, found: list[np.ndarray]
+    response: LinearResponse, effect: Effect, question: _Asked, answers: list[np.ndarray]
 ) -> Promise:
-    nothing = Promise(0.0, asked.point, False)
-    if not all(np.all(np.isfinite(part)) for part in found):
+    nothing = Promise(0.0, question.point, False)
+    if not all(np.all(np.isfinite(answer)) for answer in answers):
         return nothing
-    change = [] if asked.near else [part[:, 0] for part in found]
-    if change and not any(np.any(part != 0) for part in change):
+    change = [] if question.near else [answer[:, 0] for answer in answers]
+    if change and not any(np.any(answer != 0) for answer in change):
         return nothing
-    more = found if asked.near else [part[:, 1:] for part in found]
+    more = answers if question.near else [answer[:, 1:] for answer in answers]
     q = response.quadratic(more, change)
     size, movable = response.problem.shared, ~response.held(q.gradient)
-    for i, name in enumerate(asked.moved):
+    for i, name in enumerate(question.moved):
         p = effect._parameters[name]
-        if asked.near and p.null is not None:  # it cannot leave its null beyond a bound
+        if question.near and p.null is not None:  # it cannot leave its null beyond a bound
             slope, (low, high) = q.gradient[size + i], p.limits
             outward = (p.null <= low and slope > 0) or (p.null >= high and slope < 0)
             movable[size + i] = not outward
-    if asked.near:
+    if question.near:
         gain = promised_gain(q, movable)
     else:
-        names = [(effect._parameters[n], asked.point[f"{effect.name}.{n}"]) for n in asked.moved]
+        names = [
+            (effect._parameters[n], question.point[f"{effect.name}.{n}"]) for n in question.moved
+        ]
         ends = np.array([[(end - v) / p.scale for end in p.limits] for p, v in names])
         low, high = ends.reshape(-1, 2).T
         # far from where the observer was fitted its slopes are no guide
         problem = response.problem
         movable[: len(problem.free)] &= [n not in problem.nuisance for n in problem.free]
         gain = response.cost - response.after(q, movable, more, change, (low, high))
-    shown = np.diagonal(q.information)[size : size + len(asked.moved)]
-    acts = np.any(shown > 0) if asked.near else abs(float(q.cost) - response.cost) > _ACTS
-    return Promise(gain, asked.point, bool(acts))
+    shown = np.diagonal(q.information)[size : size + len(question.moved)]
+    acts = np.any(shown > 0) if question.near else abs(float(q.cost) - response.cost) > _ACTS
+    return Promise(gain, question.point, bool(acts))
 
 
 def answered(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarray]:
     """The errors' answers to some shifts of one effect, by batch ``(B, K, C, T)``."""
     shape = [(e.shape[0], len(shifts), *e.shape[1:]) for e in response.errors]
-    total = [np.zeros(one) for one in shape]
+    total = [np.zeros(batch_shape) for batch_shape in shape]
     for place in shifts[0] if shifts else ():
         ends = [
             [np.stack(parts, axis=1) for parts in zip(*(s[place][i] for s in shifts), strict=True)]
             for i in (0, 1)
         ]
-        found = response.to(place, *ends)
-        total = [a + b for a, b in zip(total, found, strict=True)]
+        answer = response.to(place, *ends)
+        total = [a + b for a, b in zip(total, answer, strict=True)]
     return total
 
 
@@ -176,8 +181,8 @@ def shift_of(response: LinearResponse, effect: Effect, values: Point) -> Shift:
 @program(1)
 def _added(place: str, effect: Effect, early: Passing, late: Passing) -> Any:
     """What an effect adds at a place, early and late, ``(B, T)`` each; compiled once for each."""
-    ends = [(part.places[place][0], {**part.series, **part.places[place][1]})
-            for part in (early, late)]  # fmt: skip
+    ends = [(passing.places[place][0], {**passing.series, **passing.places[place][1]})
+            for passing in (early, late)]  # fmt: skip
     if effect.states:
         return jax.vmap(partial(_integrated, place, effect))(*ends)
 
@@ -196,7 +201,7 @@ def _integrated(place: str, effect: Effect, early: Any, late: Any) -> Any:
     rows = [{**signals, "value": value} for value, signals in (early, late)]
     inputs = {n: (v[:-1], rows[1][n][:-1]) for n, v in rows[0].items()}
     first = Signals({n: v[0] for n, v in rows[0].items()} | dict.fromkeys(effect.states, 0.0))
-    begin = {n: effect.initial(first.value, first).get(n, 0.0) for n in effect.states}
+    initial = {n: effect.initial(first.value, first).get(n, 0.0) for n in effect.states}
 
     def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
         s = Signals({**u, **state})
@@ -204,7 +209,7 @@ def _integrated(place: str, effect: Effect, early: Any, late: Any) -> Any:
         return {**effect.rates(s.value, s), "added": added}
 
     steps = jnp.diff(rows[0]["time"])
-    path = integrate(rates, {**begin, "added": 0.0}, inputs, steps, {})
+    path = integrate(rates, {**initial, "added": 0.0}, inputs, steps, {})
     s = Signals({**rows[0], **{n: path[n] for n in effect.states}})
     at_sample = effect.at(place, s.value, s) - s.value
     still = steps > 0

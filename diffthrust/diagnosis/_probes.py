@@ -59,17 +59,17 @@ def probes(
     nulls = {n: named[n].null for n in tried if n not in forms}
     if all(null is None or np.isfinite(null) for null in nulls.values()):  # from there, the score
         many = max(1, round(_PLACES ** (1.0 / max(1, list(nulls.values()).count(None)))))
-        beside = [
+        axes = [
             _spread(tried[n], many, named[n].transform == "log")
             if null is None
             else [null + _NEAR * abs(tried[n][0] - null)]
             for n, null in nulls.items()
         ]
-        near = [tuple(map(float, np.clip(p, *_ends(named, nulls)))) for p in product(*beside)]
+        near = [tuple(map(float, np.clip(p, *_ends(named, nulls)))) for p in product(*axes)]
 
-    def by_name(names: Iterable[str], part: Iterable[Sequence[float]]) -> list[dict[str, float]]:
+    def by_name(names: Iterable[str], values: Iterable[Sequence[float]]) -> list[dict[str, float]]:
         full = [f"{effect.name}.{n}" for n in names]
-        return [dict(zip(full, point, strict=True)) for point in part]
+        return [dict(zip(full, point, strict=True)) for point in values]
 
     return by_name(nulls, near), by_name(tried, points)
 

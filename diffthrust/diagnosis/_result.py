@@ -47,8 +47,8 @@ class Diagnosis(Result, Findings):
     def _line(self) -> str:
         from diffthrust.diagnosis._report.text import gain_words, model_words, verdict_words
 
-        found = f" ({', '.join(self.added)}); {gain_words(self)}" if self.added else ""
-        return f"{model_words(self.model)}: {verdict_words(self)}{found}"
+        added = f" ({', '.join(self.added)}); {gain_words(self)}" if self.added else ""
+        return f"{model_words(self.model)}: {verdict_words(self)}{added}"
 
     def _report(self) -> Report:
         from diffthrust.diagnosis._report.sections import diagnosis_report
@@ -120,7 +120,7 @@ class Diagnosis(Result, Findings):
             >>> list(diag.to_json())[:4]
             ['schema', 'verdict', 'added', 'detectable']
         """
-        left, room = self.remaining, self.headroom
+        remaining, room = self.remaining, self.headroom
         return {
             "schema": 1,
             "verdict": self.verdict,
@@ -152,15 +152,15 @@ class Diagnosis(Result, Findings):
                 for c in self.ranking
             ],
             "remaining": {
-                "port": left.port,
-                "depends_on": left.depends_on,
-                "share": left.share,
+                "port": remaining.port,
+                "depends_on": remaining.depends_on,
+                "share": remaining.share,
             }
-            if left
+            if remaining
             else None,
             "learned": [law.to_json() for law in self.laws],
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
-            "held": {name: asdict(held) for name, held in self.held.items()},
+            "held": {name: asdict(value) for name, value in self.held.items()},
             "untestable": dict(self.untestable),
             "headroom": {"before": room[0].to_json(), "after": room[1].to_json()} if room else None,
         }

@@ -12,16 +12,10 @@ import numpy as np
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._probes import probes
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._shortlist import constants, inside, shortlist
 from diffthrust.simulation._levels import levels_over
 
-_HOPE = 2.0
-"""Likelihood ratio that a probe must promise to be followed."""
-_SILENT = 0.1
-"""Where the score next to the null says less than this, the effect may have a threshold: the
-weakest probe that acts is followed, whatever it promises."""
-_KEEP = 3.0
-"""Likelihood ratio that must be promised after `_FEW` steps: less, nothing would come of it."""
 _FEW = 6
 """Steps from each of the best probes, before it is known which effects matter."""
 _MANY = 20
@@ -37,50 +31,54 @@ _Point = Mapping[str, float]
 
 
 def screened(
-    trials: CandidateFitter,
+    fitter: CandidateFitter,
     names: Sequence[str],
     present: TrialFit,
     levels: Mapping[str, float],
     say: Callable[[str], None] = lambda name: None,
-    others: Mapping[str, float] | None = None,
+    fallback: Mapping[str, float] | None = None,
 ) -> dict[str, TrialFit]:
     """The present model with each of some effects, carried a few steps from its best probes.
 
     Args:
-        trials: the fits.
+        fitter: the fits.
         names: the candidates.
         present: the model as it is so far.
         levels: `levels_of` the signals.
         say: told each name as its turn comes.
-        others: values of the model's parameters from which far probes are tried as well.
+        fallback: values of the model's parameters from which far probes are tried as well.
 
     Returns:
         CandidateFitter by name; candidates of which nothing is to be hoped are left out.
     """
-    effects = [name for name in names if name not in trials.constants]
-    points = {name: probes(trials.candidates[name], levels) for name in effects}
+    effects = [name for name in names if name not in fitter.constants]
+    points = {name: probes(fitter.candidates[name], levels) for name in effects}
     for name in names:
         say(name)
-    promised, later = shortlist(trials, present, points)
-    names = [*promised, *constants(trials, present, [n for n in names if n in trials.constants])]
+    promised, later = shortlist(fitter, present, points)
+    names = [*promised, *constants(fitter, present, [n for n in names if n in fitter.constants])]
     if names:
-        trials.ready((*present.effects, *names), later)
+        fitter.ready((*present.effects, *names), later)
 
     def one(name: str) -> TrialFit | None:
         effects = (*present.effects, name)
-        if name in trials.constants:
-            trial = trials.solve(effects, present.values, present.begin, present.limit, _FEW)
-            return trial if 2 * (present.cost - trial.expected) > _KEEP else None
+        if name in fitter.constants:
+            trial = fitter.solve(effects, present.values, present.begin, present.clip, _FEW)
+            return (
+                trial
+                if 2 * (present.cost - trial.expected) > SETTINGS.screening.least_early_gain
+                else None
+            )
 
         def followed(point: _Point, budget: int) -> TrialFit:
             values = {**present.values, **point}
-            return trials.solve(effects, values, present.begin, present.limit, budget)
+            return fitter.solve(effects, values, present.begin, present.clip, budget)
 
         # next to the null nothing tells where a place or a direction should move: it waits until
         # the effect has a size
         waiting = {
             f"{name}.{n}"
-            for n, p in trials.candidates[name]._parameters.items()
+            for n, p in fitter.candidates[name]._parameters.items()
             if p.null is None and not p.fixed
         }
 
@@ -88,41 +86,49 @@ def screened(
             if not waiting:
                 return followed(point, budget)
             values = {**present.values, **point}
-            sized = trials.solve(effects, values, present.begin, present.limit, _FEW, still=waiting)
-            return trials.solve(effects, sized.values, sized.begin, sized.limit, budget)
+            sized = fitter.solve(effects, values, present.begin, present.clip, _FEW, still=waiting)
+            return fitter.solve(effects, sized.values, sized.begin, sized.clip, budget)
 
         def gain(expected: float) -> float:
             return 2 * (present.cost - expected)
 
         starts = [(present.cost - near.gain, near.point) for near in promised[name]]
-        far = _far(trials, name, present, points[name][1], followed)
-        silent = all(gain(expected) < _SILENT for expected, _ in starts)
+        far = _far(fitter, name, present, points[name][1], followed)
+        silent = all(
+            gain(expected) < SETTINGS.screening.threshold_promise for expected, _ in starts
+        )
         if far and silent:
-            far[0] = (min(far[0][0], present.cost - _HOPE), far[0][1])
-        starts = [pair for pair in starts + far if gain(pair[0]) >= _HOPE]
+            far[0] = (min(far[0][0], present.cost - SETTINGS.screening.least_promise), far[0][1])
+        starts = [
+            pair for pair in starts + far if gain(pair[0]) >= SETTINGS.screening.least_promise
+        ]
         starts = sorted(starts, key=lambda pair: pair[0])[:2]
         ends = [risen(point, _MANY if silent else _FEW) for _, point in starts]
-        if others is not None:
-            ends += anew(trials, name, present, points[name][1], others)
+        if fallback is not None:
+            ends += anew(fitter, name, present, points[name][1], fallback)
         best = min(ends, key=lambda trial: trial.expected, default=None)
-        return best if best is not None and gain(best.expected) > _KEEP else None
+        return (
+            best
+            if best is not None and gain(best.expected) > SETTINGS.screening.least_early_gain
+            else None
+        )
 
     ends = zip(names, side_by_side(one, names), strict=True)
     return {name: trial for name, trial in ends if trial is not None}
 
 
-def levels_of(trials: CandidateFitter, trial: TrialFit) -> dict[str, float]:
+def levels_of(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
     """The 90th percentile of the absolute value of every signal, and the longest duration."""
-    pairs = zip(trial.path, trials.readings(trial), strict=True)
+    pairs = zip(trial.path, fitter.readings(trial), strict=True)
     series = [{**path, **ports} for path, ports in pairs]
-    return levels_over(series, trials.logs)
+    return levels_over(series, fitter.logs)
 
 
-def is_at_null(trials: CandidateFitter, trial: TrialFit) -> bool:
+def is_at_null(fitter: CandidateFitter, trial: TrialFit) -> bool:
     """Whether the last effect of a trial has gone back to its null."""
-    if trial.effects[-1] in trials.constants:
+    if trial.effects[-1] in fitter.constants:
         return False
-    effect = trials.candidates[trial.effects[-1]]
+    effect = fitter.candidates[trial.effects[-1]]
     return all(
         abs(trial.values[f"{effect.name}.{name}"] - p.null) < _AT_NULL * p.scale
         for name, p in effect._parameters.items()
@@ -131,7 +137,7 @@ def is_at_null(trials: CandidateFitter, trial: TrialFit) -> bool:
 
 
 def _far(
-    trials: CandidateFitter,
+    fitter: CandidateFitter,
     name: str,
     present: TrialFit,
     points: Sequence[_Point],
@@ -142,33 +148,37 @@ def _far(
 
     def cost(point: _Point) -> float:
         values = {**present.values, **point}
-        return trials.cost(effects, values, present.begin, present.limit)
+        return fitter.cost(effects, values, present.begin, present.clip)
 
     def moves(cost: float) -> bool:
         return abs(cost - present.cost) > _IDLE
 
     tried = [(cost(point), point) for point in points]
-    more = inside(trials.candidates[name], points, lambda point: moves(cost(point)))
+    more = inside(fitter.candidates[name], points, lambda point: moves(cost(point)))
     tried += [(cost(point), point) for point in more]
-    worth = present.cost + _FAR * trials.samples  # NaN and infinite costs are worth nothing
+    worth = present.cost + _FAR * fitter.samples  # NaN and infinite costs are worth nothing
     tried = [(at, point) for at, point in tried if moves(at) and at < worth]
     chosen = sorted(tried, key=lambda pair: pair[0])[:2]
     return [(followed(point, 1).expected, point) for _, point in chosen]
 
 
 def anew(
-    trials: CandidateFitter, name: str, present: TrialFit, points: Sequence[_Point], others: _Point
+    fitter: CandidateFitter,
+    name: str,
+    present: TrialFit,
+    points: Sequence[_Point],
+    fallback: _Point,
 ) -> list[TrialFit]:
     """The best of points far from the null, with the model's parameters as they were given.
 
     The fit of a model that is wrong at heart may have run to where its effect shows no more.
     """
-    effects, values = (*present.effects, name), {**present.values, **others}
-    limit = present.limit
-    tried = [(trials.cost(effects, {**values, **point}, None, limit), point) for point in points]
+    effects, values = (*present.effects, name), {**present.values, **fallback}
+    limit = present.clip
+    tried = [(fitter.cost(effects, {**values, **point}, None, limit), point) for point in points]
     tried = [pair for pair in tried if np.isfinite(pair[0])]
     cost, point = min(tried, key=lambda pair: pair[0], default=(np.inf, {}))
-    without = trials.cost(effects, values, None, limit)
-    if 2 * (without - cost) < _HOPE or not tried:
+    without = fitter.cost(effects, values, None, limit)
+    if 2 * (without - cost) < SETTINGS.screening.least_promise or not tried:
         return []
-    return [trials.solve(effects, {**values, **point}, None, limit, _MANY)]
+    return [fitter.solve(effects, {**values, **point}, None, limit, _MANY)]

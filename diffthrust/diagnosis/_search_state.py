@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,8 +17,9 @@ from diffthrust.diagnosis._candidates import Candidates, candidates_of, constant
 from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, Programs, TrialFit
 from diffthrust.diagnosis._residual_structure import remaining_structure
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._fit import fit as fit_model
 from diffthrust.estimation._result import Fit
@@ -30,8 +31,6 @@ from diffthrust.simulation._levels import levels_when_asked
 from diffthrust.simulation._runs import pooled_errors, runs_over
 from diffthrust.simulation._step_size import CoarseStepWarning
 
-PLAIN = 200.0
-"""No doubt is left where the criterion falls, or the log-likelihood is lost, by so much."""
 FITTED = 0.1
 """Share of a diagnosis after which the model as given is fitted;"""
 _COMPILED = 0.15
@@ -57,10 +56,69 @@ class Clock:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
-    def __call__(self, part: str) -> Iterator[None]:
-        begun = time.perf_counter()
+    def __call__(self, step: str) -> Iterator[None]:
+        start = time.perf_counter()
         yield
-        self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - begun
+        self.seconds[step] = self.seconds.get(step, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class Refit:
+    """Fits a model to whole runs, with the options of the first fit.
+
+    Args:
+        train: training logs.
+        unseen: unseen logs.
+        options: of `fit`.
+        clock: times it.
+        settled: what the first fit has settled, which is not worked out once more: integrator steps
+            and, where it had no need of short segments first, that there are none.
+    """
+
+    train: Sequence[Log]
+    unseen: Sequence[Log]
+    options: Mapping[str, Any]
+    clock: Clock
+    settled: Mapping[str, Any] = field(default_factory=dict)
+
+    def __call__(
+        self,
+        model: Model,
+        guesses: Sequence[Mapping[str, float]] = (),
+        progress: Progress | None = None,
+        starts: int = 0,
+        logs: tuple[Sequence[Log], Sequence[Log]] | None = None,
+        segments: bool = False,
+        substeps: int = 0,
+    ) -> Fit:
+        """Fit a model.
+
+        Args:
+            model: the model.
+            guesses: values to start from besides.
+            progress: told how far the fit is.
+            starts: the number of starts, if not the usual.
+            logs: training and unseen logs in the place of all.
+            segments: the fit may go through short segments first, even if the first had no need of
+                them.
+            substeps: integrator steps per sample; nobody looks whether finer ones are needed.
+        """
+        train, unseen = logs or (self.train, self.unseen)
+        starts = starts or _STARTS[bool(guesses)]
+        options = {"starts": starts, "guesses": guesses, "progress": progress, **self.options}
+        options["holdout"] = unseen or None
+        # a warning of coarse steps says what is acted on here, and what the notes of the fit say
+        with self.clock("refit"), warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", CoarseStepWarning)
+            if self.settled:
+                settled = {n: v for n, v in self.settled.items() if not segments or n != "horizon"}
+                settled |= {"substeps": substeps} if substeps else {}
+                fitted = fit_model(model, train, **options, **settled)
+                if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in caught):
+                    return fitted
+                if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do
+                    model, options = fitted.model, {**options, "starts": 1, "guesses": ()}
+            return fit_model(model, train, **options)
 
 
 @dataclass(frozen=True)
@@ -71,10 +129,7 @@ class SearchContext:
         given: the model that is diagnosed.
         fitter: fits it with any candidate.
         unseen: unseen logs.
-        refit: fits a model to whole runs, with the first fit's options; given values are starts,
-            given ``logs``, training and unseen ones, take the place of all; with ``segments`` its
-            model may go through these first where the first fit had no need of them; with so many
-            ``substeps`` nobody looks whether finer ones are needed.
+        refit: fits a model to whole runs.
         guess: values from which the first fit began.
         say: told how far the work is.
         clock: times its parts.
@@ -83,7 +138,7 @@ class SearchContext:
     given: Model
     fitter: CandidateFitter
     unseen: tuple[Log, ...]
-    refit: Callable[..., Fit]
+    refit: Refit
     guess: Mapping[str, float]
     say: Progress
     clock: Clock
@@ -113,12 +168,15 @@ class CurrentModel:
         Not to the end where a few steps show that much is lost.
         """
         if name not in self._without:
-            trial, trials = self.trial, self.fitter
-            rest = tuple(n for n in trial.effects if n != name)
-            values = trials.absent(name, trial.values)
-            fewer = trials.solve(rest, values, trial.begin, trial.limit, budget=12)
-            if fewer.promise > 0 and fewer.expected < trial.cost + PLAIN:
-                fewer = trials.further(fewer)
+            trial, fitter = self.trial, self.fitter
+            kept = tuple(n for n in trial.effects if n != name)
+            values = fitter.absent(name, trial.values)
+            fewer = fitter.solve(kept, values, trial.begin, trial.clip, budget=12)
+            if (
+                fewer.promise > 0
+                and fewer.expected < trial.cost + SETTINGS.admission.plain_bic_gain
+            ):
+                fewer = fitter.further(fewer)
             self._without[name] = fewer
         return self._without[name]
 
@@ -166,13 +224,13 @@ class SearchState:
         """How far the search has come: a round that leaves it as it was ends the search."""
         return self.number, self.detectable
 
-    def share(self, done: float) -> float:
+    def share(self, progress: float) -> float:
         """The share of the whole search, where so much of the next stage is done.
 
         Nobody knows how many stages will come: each takes a part of what is left.
         """
-        left = _LEFT ** (self.number + done)
-        return SOUGHT - (SOUGHT - _COMPILED) * left
+        remaining = _LEFT ** (self.number + progress)
+        return SOUGHT - (SOUGHT - _COMPILED) * remaining
 
 
 def start_search(
@@ -185,50 +243,25 @@ def start_search(
 ) -> tuple[SearchContext, SearchState]:
     """Fit the model as it is, and compile the trials."""
     say("fitting the model as it is", 0.0)
-    clock, options = Clock(), fit.options if isinstance(fit, Fit) else {}
-    begun_with: dict[str, Any] = {}
-
-    def refit(
-        model: Model,
-        guesses: Sequence[Mapping[str, float]] = (),
-        tell: Progress | None = None,
-        starts: int = 0,
-        logs: tuple[Sequence[Log], Sequence[Log]] = (train, unseen),
-        segments: bool = False,
-        substeps: int = 0,
-    ) -> Fit:
-        starts = starts or _STARTS[bool(guesses)]
-        told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
-        with clock("refit"), warnings.catch_warnings(record=True) as seen:  # its notes say the same
-            warnings.simplefilter("always", CoarseStepWarning)
-            if begun_with:
-                alike = {n: v for n, v in begun_with.items() if not segments or n != "horizon"}
-                alike |= {"substeps": substeps} if substeps else {}
-                fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **alike)
-                if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in seen):
-                    return fitted
-                if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do
-                    model, told = fitted.model, {**told, "starts": 1, "guesses": ()}
-            return fit_model(model, logs[0], holdout=logs[1] or None, **told)
-
-    tell = part(say, 0.0, FITTED)
-    first = fit if isinstance(fit, Fit) else refit(fit, tell=tell)
+    clock = Clock()
+    options = fit.options if isinstance(fit, Fit) else {}
+    refit = Refit(train, unseen, {"seed": seed, **options}, clock)
+    progress = part(say, 0.0, FITTED)
+    first = fit if isinstance(fit, Fit) else refit(fit, progress=progress)
     guess = first.guess
     if first is fit and not _is_of_these_logs(first, train, unseen):
-        first = refit(first.model, tell=tell)
-    begun_with["substeps"] = first.substeps  # what the first fit took needs no second look
-    if first.horizon is None:
-        begun_with["horizon"] = None
+        first = refit(first.model, progress=progress)
+    settled = {"substeps": first.substeps}
+    refit = replace(refit, settled=settled | ({"horizon": None} if first.horizon is None else {}))
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
     levels = levels_when_asked(first.model, train)
     effects = [effect.scaled(levels) for effect in effects]
     say("compiling the trials", FITTED)
     with clock("compile"):
-        trials, trial = compiled_fitter(
-            first, effects, constants_of(first.model, wanted), train, unseen
-        )
-    tools = SearchContext(first.model, trials, tuple(unseen), refit, guess, say, clock)
-    return tools, SearchState(CurrentModel(trials, trial), (Stage((), first),), untestable)
+        constants = constants_of(first.model, wanted)
+        fitter, trial = compiled_fitter(first, effects, constants, train, unseen)
+    context = SearchContext(first.model, fitter, tuple(unseen), refit, guess, say, clock)
+    return context, SearchState(CurrentModel(fitter, trial), (Stage((), first),), untestable)
 
 
 def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> bool:
@@ -246,17 +279,18 @@ def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> 
 def compiled_fitter(
     fit: Fit,
     effects: Sequence[Effect],
-    held: Sequence[str],
+    constants: Sequence[str],
     train: Sequence[Log],
     unseen: Sequence[Log],
     present: TrialFit | None = None,
 ) -> tuple[CandidateFitter, TrialFit]:
     """The trials, and the first: the model as it is, or with what is ``present`` in another."""
     for substeps in dict.fromkeys((few_substeps(fit, train), fit.substeps)):
-        trials = CandidateFitter(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
-        first = trials.base(present.effects, present.values) if present else trials.base()
+        programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
+        fitter = CandidateFitter(programs)
+        first = fitter.base(present.effects, present.values) if present else fitter.base()
         if math.isfinite(first.cost):
-            return trials, first
+            return fitter, first
     raise _not_finite(fit, effects, train)
 
 
@@ -276,8 +310,8 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Log]) -> In
     for effect in effects:
         if type(effect) is EFFECTS.get(effect.name):
             continue
-        alone = CandidateFitter(fit.model, [effect], train, [], fit.substeps)
-        if not math.isfinite(alone.base().cost):
+        fitter = CandidateFitter(Programs(fit.model, [effect], train, [], fit.substeps))
+        if not math.isfinite(fitter.base().cost):
             return InputError(
                 f"The effect '{effect.name}' cannot be tried: at its null value the errors or "
                 "their derivatives are not finite.",

@@ -32,7 +32,7 @@ _Point = Mapping[str, float]
 
 
 def shortlist(
-    trials: CandidateFitter,
+    fitter: CandidateFitter,
     present: TrialFit,
     points: Mapping[str, tuple[Sequence[_Point], Sequence[_Point]]],
 ) -> tuple[dict[str, list[Promise]], list[str]]:
@@ -40,33 +40,33 @@ def shortlist(
 
     With what each promises from its points next to the null.
     """
-    response, gains, worth, nearby = present.response, {}, _worth(trials), {}
+    response, gains, worth, nearby = present.response, {}, _worth(fitter), {}
     for name, (near, far) in points.items():
-        effect = trials.candidates[name]
+        effect = fitter.candidates[name]
         acting = partial(acts, response, effect)
         far = [*far, *inside(effect, far, acting)]
-        found = promises(response, effect, near, far)
-        nearby[name] = found[: len(near)]
-        gains[name] = max((2 * one.gain for one in found), default=0.0)
+        promised = promises(response, effect, near, far)
+        nearby[name] = promised[: len(near)]
+        gains[name] = max((2 * promise.gain for promise in promised), default=0.0)
     least = max(worth, SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0))
     ranked = sorted(gains, key=lambda n: -gains[n])
     short = [n for n in ranked if gains[n] >= least][: SETTINGS.screening.most_fitted]
     return {name: nearby[name] for name in short}, ranked[len(short) :]
 
 
-def _worth(trials: CandidateFitter) -> float:
+def _worth(fitter: CandidateFitter) -> float:
     """The likelihood ratio from which on a fit is worth it."""
     return SETTINGS.screening.least_share_of_price * (
-        math.log(trials.samples) + SETTINGS.admission.least_bic_gain
+        math.log(fitter.samples) + SETTINGS.admission.least_bic_gain
     )
 
 
-def constants(trials: CandidateFitter, present: TrialFit, names: Sequence[str]) -> list[str]:
+def constants(fitter: CandidateFitter, present: TrialFit, names: Sequence[str]) -> list[str]:
     """Those of some held parameters that are worth a fit, each freed at its value."""
-    response, worth, found = present.response, _worth(trials), []
+    response, worth, promising = present.response, _worth(fitter), []
     problem = response.problem
     for name in names:
-        p = trials.model.parameters[name]
+        p = fitter.model.parameters[name]
         step = _APART * p.scale * (-1.0 if p.value + _APART * p.scale > p.limits[1] else 1.0)
         values = {**problem.numbers.values, name: np.asarray(p.value + step)}
         moved = batch_passes(replace(problem, numbers=replace(problem.numbers, values=values)))
@@ -76,8 +76,8 @@ def constants(trials: CandidateFitter, present: TrialFit, names: Sequence[str]) 
             continue
         q = response.quadratic(slopes)
         if 2 * promised_gain(q, ~response.held(q.gradient)) >= worth:
-            found.append(name)
-    return found
+            promising.append(name)
+    return promising
 
 
 def inside(

@@ -1,13 +1,12 @@
 """Trials fitted to whole runs: their problem with nothing that corrects the states.
 
-They share what is compiled for the innovations form, so that it costs little to know what an effect
-does to whole runs before the model is fitted anew with it.
+They share the programs of the innovations form, so that it costs little to know what an effect does
+to whole runs before the model is refitted with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -15,75 +14,69 @@ import numpy as np
 from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, ResidualClip, TrialFit
-from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import passes
 from diffthrust.simulation._errors import Errors, errors
 
 _FEW = 8
 """Steps from each start of a fit to whole runs."""
-_Pairs = list[dict[str, tuple[np.ndarray, np.ndarray]]]
+_Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
-def simulation_fitter(trials: CandidateFitter) -> CandidateFitter:
-    """The same trials without an observer: no random force, no lasting error is estimated."""
-    whole = copy(trials)
-    whole.nuisance = ()
-    return whole
+def simulation_fitter(fitter: CandidateFitter) -> CandidateFitter:
+    """Fits by the same programs without an observer: no random force or lasting error is estimated.
+
+    Started from gains of zero, nothing corrects the states.
+    """
+    return CandidateFitter(fitter.programs, observed=())
 
 
 def fitted_to_runs(
-    trials: CandidateFitter, last: Stage, effects: Sequence[str] | None = None
+    fitter: CandidateFitter, last: Stage, effects: Sequence[str] | None = None
 ) -> TrialFit:
     """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
     names = last.effects if effects is None else tuple(effects)
-    return _whole(trials, names, {*last.effects} - {*names}, _values_of(trials, last))
+    return _fitted(fitter, names, {*last.effects} - {*names}, _values_of(fitter, last))
 
 
-def fitted_without(trials: CandidateFitter, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
+def fitted_without(fitter: CandidateFitter, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
     """The model of a trial, or with fewer effects, fitted to whole runs from its values."""
-    values = {**trial.values, **_still(trials)}
-    return _whole(trials, effects, {*trial.effects} - {*effects}, values)
+    values = {**trial.values, **fitter.programs.uncorrected}
+    return _fitted(fitter, effects, {*trial.effects} - {*effects}, values)
 
 
-def _whole(
-    trials: CandidateFitter,
+def _fitted(
+    fitter: CandidateFitter,
     effects: Sequence[str],
     absent: Collection[str],
     values: Mapping[str, float],
 ) -> TrialFit:
     for name in absent:
-        values = trials.absent(name, values)
-    whole = simulation_fitter(trials)
-    return whole.further(whole.solve(effects, values, None, _free(trials)))
+        values = fitter.absent(name, values)
+    simulation = simulation_fitter(fitter)
+    return simulation.further(simulation.solve(effects, values, None, _unclipped(fitter)))
 
 
 def fitted_beside(
-    trials: CandidateFitter, last: Stage, trial: TrialFit, effects: Sequence[str]
+    fitter: CandidateFitter, last: Stage, trial: TrialFit, effects: Sequence[str]
 ) -> TrialFit:
     """The model of a stage with other effects, fitted to whole runs.
 
     From the values of a trial, and from those of the stage with the trial's for what it lacks; the
     better of both.
     """
-    there, still = _values_of(trials, last), _still(trials)
-    theirs = {n: v for n, v in trial.values.items() if n not in trials.nuisance}
-    lacking = {n: v for n, v in theirs.items() if n not in last.fit.model.parameters}
-    whole = simulation_fitter(trials)
-    begun = [
-        whole.solve(effects, {**there, **values, **still}, None, _free(trials), _FEW)
-        for values in (theirs, lacking)
+    stage_values, uncorrected = _values_of(fitter, last), fitter.programs.uncorrected
+    trial_values = {n: v for n, v in trial.values.items() if n not in fitter.nuisance}
+    lacking = {n: v for n, v in trial_values.items() if n not in last.fit.model.parameters}
+    simulation, clip = simulation_fitter(fitter), _unclipped(fitter)
+    ends = [
+        simulation.solve(effects, {**stage_values, **values, **uncorrected}, None, clip, _FEW)
+        for values in (trial_values, lacking)
     ]
-    return whole.further(min(begun, key=lambda end: end.expected))
+    return simulation.further(min(ends, key=lambda end: end.expected))
 
 
-def share_between(trials: CandidateFitter, before: TrialFit, after: TrialFit) -> Worth:
-    """What one trial removes of the errors of another, on unseen logs if there are any."""
-    one, other = _held(trials, before, after), _held(trials, after, before)
-    return explained_share(_pairs(one.unseen or one.trained, other.unseen or other.trained))
-
-
-class WholeRuns(NamedTuple):
-    """What trials over whole runs say of a change, as `Stage` does of fits.
+class SimulationErrors(NamedTuple):
+    """Errors of a trial over whole runs, as `Stage` has those of a fit.
 
     Args:
         train: errors on training logs.
@@ -94,8 +87,8 @@ class WholeRuns(NamedTuple):
     holdout: Errors | None
 
 
-class WholeChange(NamedTuple):
-    """Whole runs before a change and after it.
+class SimulationChange(NamedTuple):
+    """Errors over whole runs before a change and after it.
 
     Args:
         before: without it.
@@ -104,68 +97,87 @@ class WholeChange(NamedTuple):
         everywhere: on training and unseen logs together.
     """
 
-    before: WholeRuns
-    after: WholeRuns
+    before: SimulationErrors
+    after: SimulationErrors
     worth: Worth
     everywhere: Worth
 
 
-def change_between(trials: CandidateFitter, before: TrialFit, after: TrialFit) -> WholeChange:
+def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> SimulationChange:
     """What whole runs say of one trial in place of another."""
-    one, other = _held(trials, before, after), _held(trials, after, before)
-    trained, unseen = _pairs(one.trained, other.trained), _pairs(one.unseen, other.unseen)
-    worth = explained_share(unseen or trained), explained_share([*trained, *unseen])
-    return WholeChange(one.errors, other.errors, *worth)
+    baseline, updated = _runs(fitter, first, second), _runs(fitter, second, first)
+    trained = _pairs(baseline.trained, updated.trained)
+    unseen = _pairs(baseline.unseen, updated.unseen)
+    return SimulationChange(
+        before=baseline.errors,
+        after=updated.errors,
+        worth=explained_share(unseen or trained),
+        everywhere=explained_share([*trained, *unseen]),
+    )
 
 
-class _Held(NamedTuple):
+def share_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
+    """What one trial removes of the errors of another, on unseen logs if there are any."""
+    baseline, updated = _runs(fitter, first, second), _runs(fitter, second, first)
+    pairs = _pairs(baseline.unseen or baseline.trained, updated.unseen or updated.trained)
+    return explained_share(pairs)
+
+
+class _Runs(NamedTuple):
     """A trial over whole runs: measurements and errors by log and channel."""
 
-    trained: _Pairs
-    unseen: _Pairs
+    trained: _Residuals
+    unseen: _Residuals
 
     @property
-    def errors(self) -> WholeRuns:
-        return WholeRuns(_pooled(self.trained), _pooled(self.unseen) if self.unseen else None)
-
-
-def _held(trials: CandidateFitter, trial: TrialFit, beside: TrialFit) -> _Held:
-    there = trials.ready({*trial.effects, *beside.effects})
-    found: list[_Pairs] = []
-    for on, begin in ((there.problem, trial.begin), (there.unseen, None)):
-        runs = (
-            [] if on is None else passes(trial.limit.on(on.focus(trial.names, trial.values, begin)))
+    def errors(self) -> SimulationErrors:
+        return SimulationErrors(
+            _pooled(self.trained), _pooled(self.unseen) if self.unseen else None
         )
-        found.append(
+
+
+def _runs(fitter: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
+    """The runs of a trial, by a program that has the effects of its rival as well.
+
+    Both are then integrated by the same code: rounding does not count as a difference.
+    """
+    program = fitter.ready({*trial.effects, *rival.effects})
+    by_problem: list[_Residuals] = []
+    for problem, starts in ((program.problem, trial.begin), (program.unseen, None)):
+        logs = (
+            []
+            if problem is None
+            else passes(trial.clip.on(problem.focus(trial.names, trial.values, starts)))
+        )
+        by_problem.append(
             [
-                dict(zip(trials.channels, zip(one.measured, one.errors, strict=True), strict=True))
-                for one in runs
+                dict(zip(fitter.channels, zip(log.measured, log.errors, strict=True), strict=True))
+                for log in logs
             ]
         )
-    return _Held(*found)
+    return _Runs(*by_problem)
 
 
-def _pairs(before: _Pairs, after: _Pairs) -> list[dict[str, BeforeAfter]]:
+def _pairs(first: _Residuals, second: _Residuals) -> list[dict[str, BeforeAfter]]:
     return [
-        {name: BeforeAfter(seen, rest, late[name][1]) for name, (seen, rest) in early.items()}
-        for early, late in zip(before, after, strict=True)
+        {
+            name: BeforeAfter(measured, residual, updated[name][1])
+            for name, (measured, residual) in baseline.items()
+        }
+        for baseline, updated in zip(first, second, strict=True)
     ]
 
 
-def _pooled(runs: _Pairs) -> Errors:
+def _pooled(runs: _Residuals) -> Errors:
     return errors({name: [run[name] for run in runs] for name in runs[0]})
 
 
-def _values_of(trials: CandidateFitter, stage: Stage) -> dict[str, float]:
+def _values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
     """The values of a stage, with all that is no part of it at its null and nothing corrected."""
-    values = {n: p.value for n, p in trials.ready(stage.effects).problem.named.items()}
+    values = {n: p.value for n, p in fitter.ready(stage.effects).problem.named.items()}
     values |= {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
-    return {**values, **_still(trials)}
+    return {**values, **fitter.programs.uncorrected}
 
 
-def _still(trials: CandidateFitter) -> Mapping[str, float]:
-    return {n: 0.0 for n in trials.problem.nuisance if not is_memory(n)}
-
-
-def _free(trials: CandidateFitter) -> ResidualClip:
-    return ResidualClip(np.full(len(trials.channels), np.inf))
+def _unclipped(fitter: CandidateFitter) -> ResidualClip:
+    return ResidualClip(np.full(len(fitter.channels), np.inf))

@@ -80,7 +80,7 @@ class Made:
     names: tuple = ("alpha", "effect.size", *NOISE)
     effects: tuple = ("effect",)
     begin: None = None
-    limit: None = None
+    clip: None = None
     known: float = 0.0
 
     @property

@@ -14,7 +14,8 @@ from short_logs import made_log
 import diffthrust as dft
 from diffthrust.diagnosis._findings import OddLog  # private: made by hand
 from diffthrust.diagnosis._innovations_fit import (
-    CandidateFitter,  # private: as a diagnosis makes them
+    CandidateFitter,
+    Programs,  # private: as a diagnosis makes them
 )
 from diffthrust.diagnosis._log_slopes import Slopes, deviations  # private: the test alone
 from diffthrust.diagnosis._outlier_logs import (
@@ -94,7 +95,7 @@ def said_of(ct, seed):
     logs = list(thrusters(np.random.default_rng(seed), ct))
     train, unseen = logs[:-2], logs[-2:]
     fit = dft.fit(dft.Thruster().replace(thruster.JASON), train, starts=1, doubts=False)
-    trials = CandidateFitter(fit.model, [], train, unseen, fit.substeps)
+    trials = CandidateFitter(Programs(fit.model, [], train, unseen, fit.substeps))
     trained = dft.compare(fit, train, initial=fit.initial).runs
     runs = (*trained, *dft.compare(fit, unseen).runs)
     return odd_logs(trials, trials.base(), runs)
@@ -194,7 +195,7 @@ def test_corrections_that_run_away_do_not_stop_a_diagnosis(spike):
     log = dft.Log(log.time, log.inputs, {**log.measured, "speed": speed})
     fit = dft.fit(dft.Thruster(), log, loss="student_t", doubts=False)
     assert fit.status.ok
-    begun = CandidateFitter(fit.model, [], [log], []).base()
+    begun = CandidateFitter(Programs(fit.model, [], [log], [])).base()
     assert math.isfinite(begun.cost)
     for name in ("alpha", "beta", "ct"):  # and the spike did not take it anywhere
         assert begun.values[name] == pytest.approx(fit.parameters[name].value, rel=0.02)

@@ -9,7 +9,10 @@ from problems import jacobians
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._innovations_fit import CandidateFitter  # private: the trials alone
+from diffthrust.diagnosis._innovations_fit import (  # private: the trials alone
+    CandidateFitter,
+    Programs,
+)
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
     answered,
     promises,
@@ -37,7 +40,7 @@ def trials():
                 for n, v in record.measured.items()}  # fmt: skip
         logs.append(dft.Log(record.time, record.inputs, seen))
     made = CandidateFitter(
-        dft.Thruster(), [dft.effects.EFFECTS[n]() for n in NAMES], logs, [], substeps=2
+        Programs(dft.Thruster(), [dft.effects.EFFECTS[n]() for n in NAMES], logs, [], substeps=2)
     )
     return made, made.base()
 
@@ -77,7 +80,7 @@ def test_the_answer_to_an_effect_is_its_derivative_in_a_pass(trials, name):
     ]
     by_scan = [
         [errors for errors, _ in jax.jit(jacobians, static_argnums=0)(
-            one.layout, base.limit.on(one).numbers, one.start())]
+            one.layout, base.clip.on(one).numbers, one.start())]
         for one in costs
     ]  # fmt: skip
     exact = np.concatenate([(a - b).ravel() for a, b in zip(*by_scan, strict=True)])
@@ -97,7 +100,7 @@ def test_a_promise_tells_what_is_worth_a_fit(trials, name, point):
     made, base = trials
     point = {f"{name}.{n}": value for n, value in point.items()}
     (promised,) = promises(base.response, made.candidates[name], [point], [])
-    fitted = made.solve((name,), {**base.values, **point}, base.begin, base.limit)
+    fitted = made.solve((name,), {**base.values, **point}, base.begin, base.clip)
     gained = base.cost - fitted.cost
     assert (promised.gain > 20) == (gained > 20)  # a damping is there, a wrong scale is not
     assert promised.gain == pytest.approx(gained, rel=0.7, abs=1.5)

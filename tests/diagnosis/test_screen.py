@@ -9,7 +9,10 @@ from observers import WIDE
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._innovations_fit import CandidateFitter  # private: the screen alone
+from diffthrust.diagnosis._innovations_fit import (  # private: the screen alone
+    CandidateFitter,
+    Programs,
+)
 from diffthrust.diagnosis._predicted_gain import promises  # private: what is hoped for, alone
 from diffthrust.diagnosis._probes import probes  # private: the screen alone
 from diffthrust.diagnosis._screen import (  # private: the screen alone
@@ -31,7 +34,7 @@ class Made:
     values: dict = field(default_factory=dict)
     effects: tuple = ("effect",)
     begin: None = None
-    limit: None = None
+    clip: None = None
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +50,13 @@ def trials():
     fit = dft.fit(dft.Thruster(), logs, starts=2)
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "thrust_sensor_offset", "command_saturation")
-    made = CandidateFitter(fit.model, [known[n]() for n in names], logs, [])
+    made = CandidateFitter(Programs(fit.model, [known[n]() for n in names], logs, []))
     return made, made.base()
 
 
 def test_an_effect_whose_null_is_infinite_begins_at_the_value_that_is_given(trials):
     made, base = trials
-    given = {"command_saturation.limit": 0.9 * np.abs(made.logs[0].inputs["command"]).max()}
+    given = {"command_saturation.clip": 0.9 * np.abs(made.logs[0].inputs["command"]).max()}
     there = made.base(("command_saturation",), {**base.values, **given})
     assert np.isfinite(there.cost)
     assert there.cost < base.cost + 1.0  # it ends at least as well as without it
@@ -67,7 +70,7 @@ def test_next_to_a_null_is_promised_what_a_step_of_a_fit_from_there_promises(tri
         effect = made.candidates[name]
         point, *_ = near = probes(effect, levels)[0]
         promised, *_ = promises(base.response, effect, near, [])
-        step = made.solve((name,), {**base.values, **point}, base.begin, base.limit, budget=1)
+        step = made.solve((name,), {**base.values, **point}, base.begin, base.clip, budget=1)
         assert promised.gain == pytest.approx(base.cost - step.expected, abs=0.05)
         gain[name] = 2 * promised.gain
     assert gain["coulomb_friction"] > 50 > 15 > gain["thrust_sensor_offset"]
@@ -87,7 +90,7 @@ def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
 def test_an_effect_at_its_null_is_idle(trials):
     made, base = trials
     values = {**base.values, "coulomb_friction.level": 20.0}
-    there = made.solve(("coulomb_friction",), values, None, base.limit)
+    there = made.solve(("coulomb_friction",), values, None, base.clip)
     assert not is_at_null(made, there)
     assert is_at_null(made, replace(there, values=made.absent("coulomb_friction", there.values)))
 
@@ -101,7 +104,7 @@ def test_an_instant_is_found_wherever_it_lies():
     record.measured["thrust"] = record.measured["thrust"] * lost
     record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
     log = dft.Log(record.time, record.inputs, record.measured)
-    made = CandidateFitter(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], [])
+    made = CandidateFitter(Programs(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], []))
     base = made.base()
     found = screened(made, ["thrust_degradation"], base, levels_of(made, base))
     values = found["thrust_degradation"].values
@@ -122,10 +125,10 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     record = thruster.simulate(TIME, np.clip(command, -limit, limit), method="rk4")
     record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
     log = dft.Log(record.time, {"command": command}, record.measured)
-    made = CandidateFitter(dft.Thruster(), [dft.effects.CommandSaturation()], [log], [])
+    made = CandidateFitter(Programs(dft.Thruster(), [dft.effects.CommandSaturation()], [log], []))
     base = made.base()
     found = screened(made, ["command_saturation"], base, levels_of(made, base))
-    assert found["command_saturation"].values["command_saturation.limit"] == pytest.approx(
+    assert found["command_saturation"].values["command_saturation.clip"] == pytest.approx(
         limit, rel=5e-3
     )
 
@@ -135,10 +138,10 @@ def test_trials_of_a_few_effects_share_one_compilation(trials):
     screened(made, list(made.candidates), base, levels_of(made, base))
     before = compilations("solved")
     screened(made, list(made.candidates), base, levels_of(made, base))
-    made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
+    made.settled(("coulomb_friction",), base.values, base.begin, base.clip)
     assert compilations("solved") == before
     fresh = CandidateFitter(
-        made.model, list(made.candidates.values()), made.logs[:1], [], substeps=3
+        Programs(made.model, list(made.candidates.values()), made.logs[:1], [], substeps=3)
     )
     fresh.base()
     assert compilations("solved") == before + 1  # from the first guess to the last limit of errors
@@ -152,7 +155,7 @@ def test_what_promises_nothing_is_neither_compiled_nor_fitted():
     log = dft.Log(record.time, record.inputs, record.measured)
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "linear_damping", "actuator_lag", "command_offset")
-    made = CandidateFitter(dft.Thruster(), [known[n]() for n in names], [log], [])
+    made = CandidateFitter(Programs(dft.Thruster(), [known[n]() for n in names], [log], []))
     base = made.base()
     before = compilations("solved")
     assert not screened(made, names, base, levels_of(made, base))
@@ -173,8 +176,8 @@ def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
     if what != "jolts":
         record.measured["speed"] = record.measured["speed"] + 10.0 * jolts
     log = dft.Log(record.time, {"command": command}, record.measured)
-    made = CandidateFitter(dft.Thruster(), [], [log], [])
-    assert made.base().limit.reach == reach
+    made = CandidateFitter(Programs(dft.Thruster(), [], [log], []))
+    assert made.base().clip.reach == reach
 
 
 class Astray:

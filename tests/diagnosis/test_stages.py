@@ -16,10 +16,10 @@ from diffthrust.diagnosis._findings import (  # private: made by hand
 )
 from diffthrust.diagnosis._rating import other_values, stopped  # private: one step alone
 from diffthrust.diagnosis._search_state import (  # private: one step alone
-    PLAIN,
     CurrentModel,
     SearchState,
 )
+from diffthrust.diagnosis._settings import SETTINGS  # private: its numbers
 from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
     next_stage,
@@ -27,6 +27,8 @@ from diffthrust.diagnosis._stepwise import (  # private: one step alone
     refusing,
     still_refused,
 )
+
+PLAIN = SETTINGS.admission.plain_bic_gain
 
 
 @pytest.fixture
@@ -69,7 +71,7 @@ def without(loss, promise):
         cost = 100.0 + loss
         return SimpleNamespace(cost=cost, promise=promise, expected=cost - promise)
 
-    trial = SimpleNamespace(effects=("a", "b"), values={}, begin=None, limit=None, cost=100.0)
+    trial = SimpleNamespace(effects=("a", "b"), values={}, begin=None, clip=None, cost=100.0)
     trials = SimpleNamespace(
         absent=lambda name, values: values,
         solve=lambda rest, values, begin, limit, budget: result(budget),
@@ -86,7 +88,10 @@ def test_a_fit_without_an_effect_ends_early_where_much_is_lost():
 
 
 def test_it_is_carried_to_the_end_where_the_loss_may_be_small():
-    assert without(loss=PLAIN + 50.0, promise=60.0) == [12, "to the end"]
+    assert without(loss=PLAIN + 50.0, promise=60.0) == [
+        12,
+        "to the end",
+    ]
     assert without(loss=3.0, promise=1.0) == [12, "to the end"]
 
 
@@ -99,9 +104,8 @@ def values_besides(nrmse, beta, guess):
     model = dft.Thruster(beta=42.0).fix("ct")
     fit = SimpleNamespace(model=model)
     stage = SimpleNamespace(fit=fit, train=SimpleNamespace(nrmse=nrmse))
-    problem = SimpleNamespace(named=model.parameters)
     tools = SimpleNamespace(
-        guess=guess, fitter=SimpleNamespace(free=("alpha", "beta"), problem=problem)
+        guess=guess, fitter=SimpleNamespace(free=("alpha", "beta"), model=model)
     )
     trial = SimpleNamespace(values={"alpha": 0.037, "beta": beta})
     return other_values(tools, SearchState(SimpleNamespace(trial=trial), (stage,), {}))
