@@ -121,7 +121,8 @@ def known():
     train, unseen = logs[:2], logs[2:]
     fit = dft.fit(dft.Thruster(), train, holdout=unseen, starts=2)
     names = ("coulomb_friction", "actuator_lag")
-    trials = CandidateFitter(fit.model, [dft.effects.EFFECTS[n]() for n in names], train, unseen, 2)
+    effects = [dft.effects.EFFECTS[n]() for n in names]
+    trials = CandidateFitter(Programs(fit.model, effects, train, unseen, 2))
     return SimpleNamespace(
         train=train, unseen=unseen, trials=trials, stage=SimpleNamespace(effects=(), fit=fit)
     )
@@ -129,7 +130,7 @@ def known():
 
 def start_search(trials, name):
     base = trials.base()
-    return trials.settled((name,), base.values, base.begin, base.limit)
+    return trials.settled((name,), base.values, base.begin, base.clip)
 
 
 def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
