@@ -6,7 +6,32 @@ import numpy as np
 from reference import inputs, thruster
 
 import diffthrust as dft
-from diffthrust.uncertainty._profile_curve import Profile  # private: a profile of one's own
+from diffthrust.uncertainty._intervals_row import (  # private: rows that no logs give
+    Interval,
+    Row,
+    scaled,
+)
+from diffthrust.uncertainty._prediction.draws import draws_of  # private: no result keeps its draws
+from diffthrust.uncertainty._profile_curve import Profile  # private: with arms that no logs give
+from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: its density alone
+from diffthrust.uncertainty._sampling.propriety import open_ends  # private: before any draw
+
+__all__ = [
+    "NOISE",
+    "PRIORS",
+    "PROFILE",
+    "TRUE",
+    "Interval",
+    "Row",
+    "draws_of",
+    "exact_line",
+    "line",
+    "open_ends",
+    "posterior_of",
+    "scaled",
+    "thruster_fit",
+    "thruster_log",
+]
 
 NOISE = 0.2
 PRIORS = {"slope": dft.Normal(0.25, 0.05), "offset": dft.Normal(-0.2, 0.1)}

@@ -6,16 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from trajectories import bridged, inputs_of, measured_start, starting_states
 
 import diffthrust as dft
 from diffthrust import InputError, Log, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband
-from diffthrust.simulation._fixed_step import starting_states  # private: likewise
-from diffthrust.simulation._inputs import (  # private: before a run
-    bridged,
-    inputs_of,
-    measured_start,
-)
 
 # The unit of time.
 

@@ -1,6 +1,34 @@
-"""Simulations that JAX differentiates and maps: `simulate` returns arrays that it cannot trace."""
+"""What a simulation is made from: a log's inputs and starts, a model's forms, the traced run.
 
-from diffthrust.simulation._inputs import hold_of, inputs_of  # private: what a Grid is made from
-from diffthrust.simulation._trajectory import Grid, trajectory  # private: the traced part alone
+`simulate` returns arrays that JAX can neither differentiate nor map, and shows no step before it.
+"""
 
-__all__ = ["Grid", "hold_of", "inputs_of", "trajectory"]
+from diffthrust.simulation._dependence import states_behind  # private: it decides which form runs
+from diffthrust.simulation._fixed_step import starting_states  # private: no run returns its start
+from diffthrust.simulation._inputs import (  # private: what a Grid is made from
+    bridged,
+    hold_of,
+    inputs_of,
+    measured_start,
+)
+from diffthrust.simulation._trajectory import (  # private: the traced part alone
+    Grid,
+    Key,
+    equations_of,
+    starting_point,
+    trajectory,
+)
+
+__all__ = [
+    "Grid",
+    "Key",
+    "bridged",
+    "equations_of",
+    "hold_of",
+    "inputs_of",
+    "measured_start",
+    "starting_point",
+    "starting_states",
+    "states_behind",
+    "trajectory",
+]

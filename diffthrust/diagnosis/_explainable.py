@@ -32,11 +32,13 @@ from diffthrust._support.correlation import autocorrelation, integral
 from diffthrust.diagnosis._settings import SETTINGS
 
 _RANDOM_CURVES = 100
+"""Numerics: random features of the curved forms. Ridge regression takes care of too many."""
 _FILTERS = 5
+"""Numerics: first-order lags of each signal, spaced evenly in logarithm."""
 _RIDGES = 10.0 ** np.arange(-6.0, 3.0)
-"""Ridge, as a share of the samples."""
+"""Numerics: ridge, as a share of the samples."""
 _CLIPPED_AT = 4.0
-"""Standard deviations beyond which a signal counts as this far: no extrapolation."""
+"""Numerics: standard deviations beyond which a signal counts as this far: no extrapolation."""
 
 
 class Rung(StrEnum):
@@ -286,7 +288,7 @@ def _left_out(blocks: Sequence[_Sums]) -> np.ndarray:
 
 
 _SPLITS = 4
-"""So often the records to learn from are split in halves."""
+"""Numerics: random halvings of the records, over which the shortfall is averaged."""
 
 
 class Explainable(NamedTuple):

@@ -25,11 +25,12 @@ if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
 _STRETCHES = 4
-"""Stretches that one record or two are cut into, so that some can be left out, and halved;"""
+"""Numerics: stretches into which one record or two are cut, so that some can be left out and
+halved."""
 _FEWEST_RECORDS = 3
-"""so many records are left whole."""
+"""Numerics: records from which on none is cut."""
 _MOST_SAMPLES = 20_000
-"""Samples that are used; more are thinned."""
+"""Numerics: samples that are used; more are thinned, so that the regressions stay quick."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.models._base.made_effect import ARRIVING
 
 _POINTS = 121
-"""Values of the signal over which a curve is drawn."""
+"""Numerics: values of the signal over which a curve is drawn."""
 
 
 @dataclass(frozen=True, repr=False)

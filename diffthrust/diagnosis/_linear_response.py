@@ -27,8 +27,8 @@ from diffthrust.estimation._one_step import batch_passes
 from diffthrust.estimation._problem import Problem
 
 _NARROW, _WIDE = 32, 128
-"""Series that go through a log together, padded with zeros to one of two widths so that two
-programs serve all: a step of the loop takes hardly longer with them."""
+"""Numerics: series that go through a log together, padded with zeros to one of two widths so that
+two programs serve all: a step of the loop takes hardly longer with them."""
 
 
 class LinearResponse:

@@ -20,9 +20,10 @@ from diffthrust.estimation._one_step import Pass, passes, settled_start
 from diffthrust.estimation._problem import Problem
 
 _STEP = 1e-4
-"""Derivatives are differences over so much of a coordinate."""
+"""Numerics: share of a coordinate over which derivatives are differences."""
 _BLIND = 1e-6
-"""A log tells nothing of a parameter of which it has less than this share of all information."""
+"""Numerics: a log tells nothing of a parameter of which it has less than this share of all
+information."""
 
 
 @dataclass(frozen=True)

@@ -37,16 +37,17 @@ from diffthrust.models._base.model import Model
 
 _RULES = SETTINGS.structure
 _SIGNAL_SIZES = 10.0 ** np.linspace(-3.0, 1.5, 10)
-"""Sizes that are tried: what the signal does within a sample, over the noise."""
+"""Numerics: sizes that are tried: what the signal does within a sample, over the noise."""
 _SIGNAL_MEMORIES = (3.0, 15.0, 75.0)
-"""Memories of the signal that are tried, in samples."""
+"""Numerics: memories of the signal that are tried, in samples."""
 _LASTING_SIZES = (0.0, 0.5, 2.0, 8.0)
-"""Sizes of the lasting noise that are tried, over the white noise."""
+"""Numerics: sizes of the lasting noise that are tried, over the white noise."""
 _TUNING_SAMPLES = 500
-"""Samples of each log that choose among these: the filter is a loop in Python over 120 points."""
+"""Numerics: samples of each log that choose among these: the filter is a loop in Python over 120
+points."""
 _TIME_BLOCKS = 12
-"""Blocks of time in a log for the jackknife: what the mean of a signal leaves lasts, but for less
-than a block."""
+"""Numerics: blocks of time in a log for the jackknife: what the mean of a signal leaves lasts, but
+for less than a block."""
 
 ErrorCurve = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Knots, means and standard errors of a mean over a signal."""

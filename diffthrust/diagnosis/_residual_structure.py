@@ -24,14 +24,15 @@ from diffthrust.simulation._linearise import slopes_at
 
 _RULES = SETTINGS.structure
 _MEAN_SAMPLES = (20, 100)
-"""Samples over which the past of a signal is averaged: states that the model lacks follow it so."""
+"""Numerics: samples over which the past of a signal is averaged: states that the model lacks follow
+it so."""
 _HEAT_SAMPLES = 300
-"""The same for its square, which heats what is cold at the start of a log: a slow state that shows
-in nothing else."""
+"""Numerics: the same for its square, which heats what is cold at the start of a log: a slow state
+that shows in nothing else."""
 _MOST_NUMBERS = 1000
-"""Wave numbers that are looked at: the periodogram is a product of as many columns."""
+"""Numerics: wave numbers that are looked at: the periodogram is a product of as many columns."""
 _REFINED_NUMBERS = 41
-"""Wave numbers about the best: a fortieth of the way between neighbours."""
+"""Numerics: wave numbers about the best: a fortieth of the way between neighbours."""
 
 
 class ObservedSignals(NamedTuple):

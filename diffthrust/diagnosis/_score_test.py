@@ -11,11 +11,12 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._likelihood import Quadratic
 
 _MOST_REMOVED = 0.9
-"""Share of the squared errors that a step is credited with removing at most: the logarithm of what
-remains has no bound, and a linear response far from the null is not to be trusted so far."""
+"""Numerics: share of the squared errors that a step is credited with removing at most: the
+logarithm of what remains has no bound, and a linear response far from the null is not to be trusted
+so far."""
 _REDUNDANT = 1e-6
-"""An effect is redundant if it keeps less than this of its information beside the others: rounding
-errors of the projection are some 1e-9."""
+"""Numerics: an effect is redundant if it keeps less than this of its information beside the others:
+rounding errors of the projection are some 1e-9."""
 
 
 def project_out(

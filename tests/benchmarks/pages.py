@@ -181,7 +181,7 @@ def bench_page(found: Run) -> str:
     close = [run["close"] for run in runs]
     cells = [f"{c[0]} of {c[1]}" if c else "" for c in close]
     rows.append([CLOSE, *cells, "all", ""])
-    heads = ["class", *(f"seed {run['seed']}" for run in runs), "asked for", "share, 95 %"]
+    heads = ["class", *(f"seed {run['seed']}" for run in runs), "target", "share, 95 %"]
     return "\n".join(
         [
             MADE,
@@ -189,25 +189,25 @@ def bench_page(found: Run) -> str:
             "# The bench of hidden effects",
             "",
             "The bench draws a plant, hides something in it, simulates two training logs and an",
-            "unseen one with the noise of sensors, and asks for a diagnosis with the whole",
-            "catalogue. A set counts as right if exactly what was hidden is named and no more.",
-            "Each seed was new to the code that it judged, unless the remark says otherwise. The",
-            "last column is the interval of the share over all seeds (Wilson 1927).",
+            "unseen one with sensor noise, and runs a diagnosis with the full catalogue. A set",
+            "counts as right if exactly the hidden effects are named. Each seed was new to the",
+            "code under test, unless the remark says otherwise. The last column is the interval",
+            "of the share over all seeds (Wilson 1927).",
             "",
             *_table(heads, rows),
             "",
             *textwrap.wrap(found["notes"], 96),
             "",
-            "What these figures do not cover stands in",
+            "What these figures do not cover is described in",
             "[How a diagnosis decides]"
             "(../explanation/diagnosis.md#what-these-figures-do-not-cover).",
             "",
-            "## Where they are from",
+            "## Origin",
             "",
             *_origins(runs, "seed"),
             "",
-            "The commit is that of the code or, where marked so, the one that wrote the figures",
-            "down. The machine changes only the seconds. Again, with a seed of your own:",
+            "The commit is that of the code or, if marked so, the one that recorded the figures.",
+            "The machine affects only the times. To repeat with another seed:",
             "",
             "```console",
             "$ cd tests",
@@ -226,14 +226,14 @@ def peers_page(found: Run) -> str:
         "",
         "# Speed beside peers",
         "",
-        "Each job by this package and by what a user of numba, CasADi, diffrax or emcee would",
-        "write. All tools of a row take turns, each in a process of its own, and their answers",
-        "must agree. Given are the time of a warm run by this package, and for the others their",
-        "time over it: above 1 they are slower. Growth is the exponent of the time over the size;",
-        "memory is what the job added to the imports at the largest size.",
+        "Each job by this package and by typical code with numba, CasADi, diffrax or emcee. All",
+        "tools of a row take turns, each in a separate process, and their answers must agree. The",
+        "table gives the time of a warm run of this package, and for the others the ratio to it:",
+        "above 1 they are slower. Growth is the exponent of the time over the size; memory is that",
+        "of the job beyond the imports, at the largest size.",
         "",
-        "Short logs are where peers are ahead: a fit of 1000 samples spends its time on checks,",
-        "comparison and status, which numba and SciPy leave out. No ratio holds the first call,",
+        "Peers are ahead for short logs: a fit of 1000 samples spends its time on checks,",
+        "comparison and status, which numba and SciPy leave out. Ratios exclude the first call,",
         "which compiles.",
         "",
         *textwrap.wrap(found["notes"], 96),
@@ -253,7 +253,7 @@ def peers_page(found: Run) -> str:
             "",
         ]
     lines += [
-        "## Again",
+        "## Repeat",
         "",
         "```console",
         "$ python -m pip install -e '.[test,benchmark]'",

@@ -20,13 +20,13 @@ from places import ROOT
 from problems import build, evaluate, solve
 from rich.console import Console
 from rich.table import Table
+from trajectories import hold_of
 
 import diffthrust as dft
 from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
 from benchmarks.peers._problem import GUESS, TRUTH, guesses, record
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.simulation import _fixed_step, _trajectory
-from diffthrust.simulation._inputs import hold_of  # private: the compiled core alone
 
 pytestmark = pytest.mark.benchmark
 

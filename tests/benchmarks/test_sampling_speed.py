@@ -10,13 +10,13 @@ import time
 import emcee
 import numpy as np
 import pytest
+from posterior_cases import posterior_of
 
 import diffthrust as dft
 from benchmarks.peers._jobs import fewest
 from benchmarks.peers._numba import numba_rk4
 from benchmarks.test_benchmarks import make_log, show
 from diffthrust.uncertainty import sample
-from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: the density alone
 
 pytestmark = pytest.mark.benchmark
 

@@ -9,9 +9,6 @@ import numpy as np
 import pytest
 from places import FITS
 
-from diffthrust import InputError
-from diffthrust.cli._map import grid_points  # private: words of an option alone
-
 JASON = FITS / "jason_thruster"
 
 
@@ -43,7 +40,7 @@ def test_map_prints_and_writes(tmp_path):
 
 def test_draws_give_intervals(tmp_path):
     out, picture = tmp_path / "band.json", tmp_path / "band.png"
-    options = ("--amplitudes", "1,2", "--frequencies", "0.1,1", "--method", "consistent")
+    options = ("--amplitudes", "2, 1,1", "--frequencies", "0.1,1", "--method", "consistent")
     result = run(JASON, *options, "--draws", 50, "--json", out, "--figure", picture)
     assert "50 draws from the covariance" in result.stdout
     assert "95 % from" in result.stdout
@@ -73,6 +70,11 @@ def test_formulas_and_amplitudes_from_the_logs(tmp_path):
     [
         (("--amplitudes", "big"), "--amplitudes: expected numbers"),
         (("--frequencies", "3:1:5"), "--frequencies: expected numbers"),
+        (("--frequencies", "1:2"), "--frequencies: expected numbers"),
+        (("--frequencies", "1:2:x"), "--frequencies: expected numbers"),
+        (("--frequencies", "0:1:4"), "--frequencies: expected numbers"),
+        (("--frequencies", "1:2:1"), "--frequencies: expected numbers"),
+        (("--frequencies", "a,b"), "--frequencies: expected numbers"),
         (("--amplitudes", "0,1"), "expected positive numbers, found 0"),
         (("--output", "trust"), "nearest is 'thrust'"),
         (("--input", "speeed", "--amplitudes", "1"), "nearest is 'speed'"),
@@ -83,11 +85,3 @@ def test_formulas_and_amplitudes_from_the_logs(tmp_path):
 def test_bad_words_end_with_status_2(words, match):
     result = run(JASON, "--no-fit", *words, status=2)
     assert match in result.stderr
-
-
-def test_grid_points():
-    np.testing.assert_allclose(grid_points("x", "2, 1,1"), [1.0, 2.0])
-    np.testing.assert_allclose(grid_points("x", "0.1:10:3"), [0.1, 1.0, 10.0])
-    for text in ("1:2", "1:2:x", "0:1:4", "1:2:1", "a,b"):
-        with pytest.raises(InputError):
-            grid_points("x", text)

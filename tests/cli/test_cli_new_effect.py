@@ -7,7 +7,6 @@ import numpy as np
 
 import diffthrust as dft
 from diffthrust.specs import load_spec
-from diffthrust.specs._new import new_fit  # private: a folder to try it in
 
 
 def run(*words, status=0):
@@ -16,7 +15,8 @@ def run(*words, status=0):
 
 def test_a_class_is_written_and_taken_by_a_spec(tmp_path, monkeypatch):
     monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
-    folder = new_fit("bollard", "thruster", tmp_path)
+    command_line.run("new", "bollard", "--directory", tmp_path)
+    folder = tmp_path / "bollard"
     law = ("--formula", "-a * speed * abs(speed)**p", "--port", "shaft")
     more = ("--parameter", "a=rad/s^2", "--parameter", "p={ value = 1.5, bounds = [0.5, 3] }")
     told = run("tip_loss", *law, *more, "--directory", folder, "--doc", "Tips lose thrust.")

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from problems import LOSSES, NOISE_MODELS
 from scipy.signal import lfilter
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from diffthrust._support.correlation import (  # private: against closed forms
     autocorrelation,
     covariance,
     ljung_box,
 )
+from diffthrust.comparison._noise_advice import noise_advice  # private: made residuals alone
+from diffthrust.comparison._outstanding import outstanding  # private: of errors made by hand
 from diffthrust.comparison._residual_tests import (  # private: the tests on made residuals alone
     cross_correlation,
     residual_tests,
@@ -121,3 +128,87 @@ def test_nothing_to_test():
     assert residual_tests("speed", [np.zeros(100)], [{}], step=0.1) is None
     assert residual_tests("speed", [np.full(100, np.inf)], [{}], step=0.1) is None
     assert residual_tests("speed", [np.ones(4)], [{}], step=0.1) is None
+
+
+def runs(rmse, spread):
+    """Runs of one channel with given errors, beside how much varies in each."""
+    made = []
+    for k, (error, size) in enumerate(zip(rmse, spread, strict=True)):
+        one = SimpleNamespace(rmse=error, nrmse=error / size, samples=100, shown=(error, "rad/s"))
+        errors = SimpleNamespace(channels={"speed": one})
+        made.append(SimpleNamespace(name=f"run {k}", channels={"speed": None}, errors=errors))
+    return made
+
+
+def test_a_run_with_a_large_error_stands_out():
+    (one,) = outstanding(runs([1.0, 1.2, 5.0, 0.9], [10.0, 10.0, 10.0, 10.0]))
+    assert (one.place, one.run) == (2, "run 2")
+    assert one.ratio == pytest.approx(5.0 / 1.1)
+    assert one.share == pytest.approx(25.0 / 28.25)
+
+
+@pytest.mark.parametrize("size", [8.0, 1 / 8.0])
+def test_a_larger_or_smaller_manoeuvre_does_not(size):
+    """A larger one errs by as large a share, a smaller one by as much."""
+    error = max(size, 1.0)
+    assert outstanding(runs([1.0, 1.0, error, 1.0], [10.0, 10.0, 10.0 * size, 10.0])) == []
+
+
+def test_of_two_runs_none_stands_out():
+    assert outstanding(runs([1.0, 9.0], [10.0, 10.0])) == []
+
+
+def advice(rests, step=0.1):
+    time = np.arange(rests.size) * step
+    return noise_advice({"speed": [rests]}, {"speed": [time]})
+
+
+def lasting(new, kept):
+    out = np.zeros(new.size)
+    for i, value in enumerate(new):
+        out[i] = kept * out[i - 1] + value
+    return out
+
+
+@pytest.mark.parametrize("noise_model", NOISE_MODELS)
+@pytest.mark.parametrize("loss", LOSSES)
+def test_the_law_of_the_noise_is_recommended(noise_model, loss):
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        new = rng.standard_t(4, 600) if loss == "student_t" else rng.normal(size=600)
+        found = advice(lasting(new, 0.8) if noise_model == "ar1" else new)
+        assert (found.noise_model, found.loss) == (noise_model, loss)
+        assert min(found.bic.values()) == 0.0
+
+
+def test_white_noise_is_rarely_taken_for_more():
+    rng = np.random.default_rng(2)
+    wrong = sum(advice(rng.normal(size=400)).noise_model != "white" for _ in range(200))
+    # the criterion errs where a likelihood ratio exceeds log(400) = 6: one-sided, 0.7 %
+    assert wrong <= 6  # more than 6 of 200 at 0.7 %: once in 1000
+
+
+def test_correlation_time_and_widening_are_told():
+    rng = np.random.default_rng(3)
+    found = advice(lasting(rng.normal(size=5000), 0.8))
+    assert found.correlation["speed"] == pytest.approx(-0.1 / np.log(0.8), rel=0.15)
+    assert found.widening["speed"] == pytest.approx(3.0, rel=0.1)
+    assert "noise_model='ar1'" in found.sentence
+    assert "3" in found.sentence
+
+
+def test_gaps_of_missing_samples_do_not_matter():
+    rng = np.random.default_rng(4)
+    rests = lasting(rng.normal(size=4000), 0.8)
+    rests[rng.random(4000) < 0.3] = np.nan
+    assert advice(rests).correlation["speed"] == pytest.approx(-0.1 / np.log(0.8), rel=0.2)
+
+
+def test_costs_are_those_of_scipy():
+    rests = np.random.default_rng(5).standard_t(4, 300)
+    level = np.sqrt(np.mean(rests**2))
+    cost = LOSSES["gaussian"].level_cost(rests)
+    assert cost == pytest.approx(-norm(scale=level).logpdf(rests).sum())
+    scale = student.fit(rests, f0=4, floc=0)[2]
+    least = -student(4, scale=scale).logpdf(rests).sum()
+    assert LOSSES["student_t"].level_cost(rests) == pytest.approx(least, rel=1e-6)

@@ -17,11 +17,11 @@ import written_fits
 import xarray as xr
 from compilations import compilations
 from places import EXAMPLES
+from trajectories import states_behind
 
 import diffthrust as dft
 from diffthrust import effects
 from diffthrust.describing import DescribingMap, Reason, describing_function, uncertainty
-from diffthrust.simulation._dependence import states_behind  # private: no model shows it
 
 AMPLITUDES = np.geomspace(0.05, 10.0, 8)
 FREQUENCIES = np.geomspace(0.1, 30.0, 8)

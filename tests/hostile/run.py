@@ -26,11 +26,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from processes import LineProcess, ProcessDied, ProcessLate
+from processes import LineProcess, ProcessDied, ProcessLate, on_processes
 from rich.console import Console
 from rich.table import Table
-
-from diffthrust._support._running.pool import on_processes
 
 from . import logs, specs
 from .commands import TOLD

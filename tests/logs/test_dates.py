@@ -6,9 +6,9 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 from file_contents import contents
+from text_readers import BadCell, many_dates, seconds_of
 
 from diffthrust import Column, InputError, read_log
-from diffthrust.logs._tables import dates  # private: both ways, whatever the size
 from diffthrust.specs import load_spec
 
 SECONDS = [0.0, 0.5, 1.0, 2.5]
@@ -115,13 +115,13 @@ def test_many_dates_read_as_few_do(monkeypatch, form):
     moments = [datetime(2025, 3, 21, 23, 58) + timedelta(seconds=float(s)) for s in seconds]
     cells = [m.strftime(form) for m in moments]
     cells[3:5] = [None, "n/a"]
-    few = dates.seconds_of(cells, {"n/a"}, form)
-    monkeypatch.setattr(dates, "_MANY", 0)
-    many = dates.seconds_of(cells, {"n/a"}, form)
+    few = seconds_of(cells, {"n/a"}, form)
+    many_dates(monkeypatch)
+    many = seconds_of(cells, {"n/a"}, form)
     np.testing.assert_allclose(many, few, atol=1e-9)
     seen = np.isfinite(many)
     assert np.flatnonzero(~seen).tolist() == [3, 4]
     np.testing.assert_allclose(many[seen], seconds[seen], atol=1e-9)
-    with pytest.raises(dates.BadCell) as caught:
-        dates.seconds_of([*cells[:6], "x", *cells[6:]], {"n/a"}, form)
+    with pytest.raises(BadCell) as caught:
+        seconds_of([*cells[:6], "x", *cells[6:]], {"n/a"}, form)
     assert caught.value.index == 6

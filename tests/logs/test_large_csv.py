@@ -10,10 +10,10 @@ import sys
 import numpy as np
 import pytest
 from file_contents import contents
+from text_readers import LARGE, in_blocks, in_one_go, read_csv
 
 from diffthrust import InputError
 from diffthrust.logs import Column, read_log
-from diffthrust.logs._tables import csv, large_csv  # private: how long a large file is
 
 ROWS = 1200
 RNG = np.random.default_rng(0)
@@ -101,27 +101,13 @@ def outcome(path):
         return read, str(error)
 
 
-@pytest.fixture
-def in_blocks(monkeypatch):
-    """Makes small files large, with a few hundred lines in a block."""
-
-    def patch():
-        monkeypatch.setattr(csv, "LARGE", 1000)
-        monkeypatch.setattr(large_csv, "_TOP", 20_000)
-        monkeypatch.setattr(large_csv, "_BLOCK", 8_000)
-
-    return patch
-
-
 @pytest.mark.parametrize("name", [*PLAIN, *ODD])
-def test_a_file_says_the_same_in_blocks(tmp_path, in_blocks, monkeypatch, name):
+def test_a_file_says_the_same_in_blocks(tmp_path, monkeypatch, name):
     path = tmp_path / "run.csv"
     path.write_bytes({**PLAIN, **ODD}[name].encode())
-    monkeypatch.setattr(csv, "SMALL", 0)
+    in_one_go(monkeypatch)
     whole = outcome(path)
-    in_blocks()
-    if name in PLAIN:  # what is plain is never held as a whole
-        monkeypatch.setattr(csv, "_read_all_lines", None)
+    in_blocks(monkeypatch, never_whole=name in PLAIN)
     assert outcome(path) == whole
 
 
@@ -131,7 +117,7 @@ def test_a_large_file_takes_a_little_more_than_its_columns(tmp_path):
     remark = "words " * 12
     lines = (f"{k / 100:.2f},{k % 97},{k % 89}.123456789,{remark}\n" for k in range(count))
     path.write_text("t,u,rpm,remark\n" + "".join(lines))
-    assert path.stat().st_size > large_csv.LARGE
+    assert path.stat().st_size > LARGE
     code = """
 import resource, sys
 import pandas
@@ -158,11 +144,11 @@ def test_a_file_of_zeros_alone_is_no_table(tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < before + 100_000
 
 
-def test_a_file_that_is_cut_while_it_is_read_is_told(tmp_path, in_blocks):
+def test_a_file_that_is_cut_while_it_is_read_is_told(tmp_path, monkeypatch):
     path = tmp_path / "run.csv"
     path.write_text(table())
-    in_blocks()
-    opened = csv.read_csv(path, ["t", "u"])
+    in_blocks(monkeypatch)
+    opened = read_csv(path, ["t", "u"])
     os.truncate(path, path.stat().st_size // 2)
     with pytest.raises(InputError, match="was changed while it was read"):
         opened.read(["t", "u"], ())

@@ -9,9 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 import scipy.sparse
 from scipy.io import savemat
+from text_readers import in_one_go
 
 from diffthrust import Column, InputError, read_log
-from diffthrust.logs._tables import csv  # private: both readers of text, whatever the size
 from tests.shared_data import data_folder
 
 NAN = float("nan")
@@ -34,7 +34,7 @@ def read(path, **more):
 @pytest.fixture(params=["cell by cell", "in one go"])
 def way(request, monkeypatch):
     """Both ways through the text reader must agree."""
-    monkeypatch.setattr(csv, "SMALL", 10**9 if request.param == "cell by cell" else -1)
+    in_one_go(monkeypatch, 10**9 if request.param == "cell by cell" else -1)
 
 
 def check_good(log):

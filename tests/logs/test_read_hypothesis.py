@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
+from text_readers import in_one_go
 
 from diffthrust import Column, InputError, Log, read_log
-from diffthrust.logs._tables import csv  # private: both readers of text, whatever the size
 
 common = settings(
     max_examples=150,
@@ -131,7 +131,7 @@ def test_random_bytes_behind_a_valid_beginning(tail, kind):
 @given(changes=changes, small=small, interpolate=st.booleans())
 def test_mutated_text(changes, small, interpolate):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(csv, "SMALL", small)
+        in_one_go(patch, small)
         check(mutate(valid(".csv"), changes), ".csv", interpolate_inputs=interpolate)
 
 
@@ -180,7 +180,7 @@ def test_random_cells_read_the_same_either_way(rows, delimiter, column):
     logs = []
     for small in (10**9, -1):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(csv, "SMALL", small)
+            in_one_go(patch, small)
             logs.append(check(content, ".csv", missing_values=["n/a"]))
     one, other = logs
     assert (one is None) == (other is None)

@@ -6,17 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from trajectories import Key, equations_of, starting_point, states_behind
 
 import diffthrust as dft
 from diffthrust import InputError, Log
 from diffthrust.models import Relaxing, Signals
 from diffthrust.simulation import simulate
-from diffthrust.simulation._dependence import states_behind  # private: told by no result
-from diffthrust.simulation._trajectory import (  # private: as a simulation calls them
-    Key,
-    equations_of,
-    starting_point,
-)
 
 
 class Given(dft.Model):

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from stored_logs import thruster_logs, vessel_logs
+from trajectories import starting_states
 
 import diffthrust as dft
 from diffthrust import InputError, Log
 from diffthrust.simulation import _starts, _step_size  # private: the search, the choice alone
 from diffthrust.simulation._errors import errors, unwrapped, wrapped  # private: each alone
-from diffthrust.simulation._fixed_step import checked_initial, starting_states  # private: as above
+from diffthrust.simulation._fixed_step import checked_initial  # private: as above
 from diffthrust.simulation._linearise import slopes_at  # private: told by no result
 from diffthrust.simulation._overflow import overflow, too_large  # private: the sentences alone
 from diffthrust.simulation._remembered import remembered, simulated_once  # private: as a run does

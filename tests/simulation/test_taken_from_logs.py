@@ -5,19 +5,16 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from trajectories import bridged, hold_of, inputs_of, measured_start
 
 import diffthrust as dft
 from diffthrust import InputError, Log
 from diffthrust.simulation._bare import bare  # private: told by no result
 from diffthrust.simulation._commands import adopted, command_kind  # private: as a fit calls them
 from diffthrust.simulation._inputs import (  # private: each alone
-    bridged,
     check_samples,
-    hold_of,
     input_ranges,
-    inputs_of,
     measured_outputs,
-    measured_start,
 )
 from diffthrust.simulation._levels import levels_over, levels_when_asked  # private: each alone
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from posterior_cases import PROFILE
+from posterior_cases import PROFILE, Interval
 from scipy.stats import chi2, f, norm
 from scipy.stats import t as student
 
@@ -17,7 +17,6 @@ from diffthrust.uncertainty._interval_words import (  # private: the sentences a
     heading,
     sentences,
 )
-from diffthrust.uncertainty._intervals_row import Interval  # private: told by a call
 from diffthrust.uncertainty._profile import threshold_of  # private: the threshold alone
 
 

@@ -4,14 +4,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from posterior_cases import NOISE, PRIORS, TRUE, exact_line, line, thruster_fit, thruster_log
+from posterior_cases import (
+    NOISE,
+    PRIORS,
+    TRUE,
+    exact_line,
+    line,
+    posterior_of,
+    thruster_fit,
+    thruster_log,
+)
 from scipy.integrate import quad
 from scipy.stats import norm
 from scipy.stats import t as student
 
 import diffthrust as dft
 from diffthrust.uncertainty._sampling import density, nuts  # private: caches, coordinates
-from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: the density alone
 
 
 def around(posterior, count=20, width=1.0, seed=0):

@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from posterior_cases import PROFILE
-
-from diffthrust.uncertainty._intervals_row import Interval, Row, scaled  # private: told by a call
+from posterior_cases import PROFILE, Interval, Row, scaled
 
 
 def test_the_unit_for_people():

@@ -6,12 +6,11 @@ import re
 import numpy as np
 import pytest
 from made_posterior import made_posterior
+from posterior_cases import open_ends, posterior_of
 from reference import axis
 from scipy.integrate import quad
 
 import diffthrust as dft
-from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: before any draw
-from diffthrust.uncertainty._sampling.propriety import open_ends  # private: what a status is from
 
 NOISE = 0.1
 END = 35.0

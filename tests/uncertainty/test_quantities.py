@@ -12,11 +12,11 @@ import pytest
 import written_fits
 from compilations import compilations
 from made_posterior import made_posterior
+from posterior_cases import draws_of
 
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.uncertainty import quantities
-from diffthrust.uncertainty._prediction.draws import draws_of  # private: the draws themselves
 
 SIZES = [-3.0, 0.5, 1.0, 2.0, 4.0]
 STEP = 1 - math.exp(-1)

@@ -10,6 +10,7 @@ from diffthrust.diagnosis._findings import Findings, Missing
 from diffthrust.diagnosis._ports import place_words
 from diffthrust.diagnosis._report.learned import effects_of
 from diffthrust.diagnosis._report.text import beyond_bound, measured, odd_words, stage_words
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._origin import effects_line, form_lines, python_line
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -56,7 +57,7 @@ def missing_words(missing: Missing, model: Model) -> str:
     size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
     words = f"At {place} a signal of {size} (RMS) is missing; "
     chance = probability(missing.p_value)
-    if missing.depends_on is None and missing.p_value < 0.05:
+    if missing.depends_on is None and missing.p_value < SETTINGS.structure.dependence_level:
         return f"{words}no signal of the model on which it depends explains 1 % of it."
     if missing.depends_on is None:
         return f"{words}it depends on none of the model's signals ({chance})."

@@ -19,6 +19,7 @@ from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._ports import place_words
 from diffthrust.diagnosis._report.learned import learned_words, share_words
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.model import Model
@@ -26,8 +27,6 @@ from diffthrust.simulation._errors import Errors
 
 _NAMED = 2
 """Channels that the summary names (more are summed up by their mean), and hints it repeats."""
-_GROWN = 4.0
-"""Errors over whole runs are set against one-step errors from this multiple of them on."""
 
 
 def summary(diag: Findings) -> str:
@@ -286,7 +285,7 @@ def forced_words(diag: Findings) -> list[str]:
         n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step
     }
     name = max(growth, key=lambda n: _rank(growth[n]), default="")
-    if not name or not growth[name] > _GROWN:
+    if not name or not growth[name] > SETTINGS.verdict.far_above_one_step:
         return []
     size, unit = errors.channels[name].shown
     words = (

@@ -117,13 +117,15 @@ FORMS = (
 
 # Grids on which a form is first placed, and limits of its parameters, over the signal's range.
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
+"""Numerics: grid of first guesses: places, widths over the range of the signal, and exponents."""
 _LEAST_WIDTH, _LARGEST_WIDTH = 0.01, 2.0
+"""Numerics: bounds of widths, over the range of the signal."""
 _PLACE_MARGIN, _FAR_PLACE_MARGIN = 0.1, 4.0
-"""How far beyond the range of the signal a place may lie: that of a line may be its far zero. A
-closer limit makes the starts of a later fit agree."""
+"""Numerics: how far beyond the range of the signal a place may lie: that of a line may be its far
+zero. A closer limit makes the starts of a later fit agree."""
 _MOST_WAVES = 9
-"""A ripple of more waves over the range is not looked for: as many pieces has a curve. More are
-found by the periodogram (`wave_along`)."""
+"""Numerics: a ripple of more waves over the range is not looked for: as many pieces has a curve.
+More are found by the periodogram (`wave_along`)."""
 
 
 class Match(NamedTuple):

@@ -29,28 +29,31 @@ from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 
 _BENDS = np.geomspace(0.01, 30.0, 15)
-"""Stiffnesses that are tried: standard deviations of the bends, over the curve's size."""
+"""Numerics: stiffnesses that are tried: standard deviations of the bends, over the curve's size."""
 _SIZES = np.geomspace(0.003, 1.0, 6)
-"""Sizes of the curve that are tried, over the signal at the port (over 1 if it scales that)."""
+"""Numerics: sizes of the curve that are tried, over the signal at the port (over 1 if it scales
+that)."""
 _REDUNDANT = 0.01
-"""A coefficient that keeps less of its information beside the model's parameters is held at zero:
-these do its work already, and a fit of both would be ill-conditioned."""
+"""Numerics: a coefficient that keeps less of its information beside the model's parameters is held
+at zero: these do its work already, and a fit of both would be ill-conditioned."""
 _SLOPE_INDEX = 1
-"""Index of the slope among the coefficients of a curve."""
+"""Numerics: index of the slope among the coefficients of a curve."""
 _TUNING_RANGE = 5.0
-"""A time constant or width is tuned within this factor of its first guess: to the next guess."""
+"""Numerics: a time constant or width is tuned within this factor of its first guess: to the next
+guess."""
 _TUNING_OPTIONS = {"maxiter": 10, "xatol": 0.03}
-"""Tuned to 3 %: the fit to whole runs estimates it further."""
+"""Numerics: tuned to 3 %: the fit to whole runs estimates it further."""
 _BATCH_TERMS, _BATCH_SAMPLES = 11, 1e5
-"""Terms, and samples, that go through the logs together: eleven terms of eleven coefficients fill
-the 128 columns of a wide pass (`LinearResponse`); more samples leave the cache."""
+"""Numerics: terms, and samples, that go through the logs together: eleven terms of eleven
+coefficients fill the 128 columns of a wide pass (`LinearResponse`); more samples leave the
+cache."""
 _FINE_PIECES = 29
-"""Pieces of the spline basis on which any shape is represented."""
+"""Numerics: pieces of the spline basis on which any shape is represented."""
 _GRID_POINTS = 241
-"""Values of the signal at which shapes are compared: eight for each fine piece."""
+"""Numerics: values of the signal at which shapes are compared: eight for each fine piece."""
 _WAY_TO_BOUND = 0.9
-"""Beside another shape a parameter moves at most this share of the way to its bound: a fit that
-begins on a bound has no gradient there."""
+"""Numerics: beside another shape a parameter moves at most this share of the way to its bound: a
+fit that begins on a bound has no gradient there."""
 
 
 class LikelyCurve(NamedTuple):

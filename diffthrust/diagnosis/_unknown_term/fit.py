@@ -54,16 +54,17 @@ from diffthrust.simulation._step_size import choose_substeps
 
 _RULES, _FORM_RULES = SETTINGS.unknown_term, SETTINGS.closed_form
 _RANGE_EXCEEDED, _RANGE_UNUSED = 0.05, 0.4
-"""A curve is moved to the range of its signal if this exceeds the curve's by more than 5 % of it,
-or leaves 40 % of it unused: beyond its grid a curve goes back to zero, and unused pieces cost
-evidence."""
+"""Numerics: a curve is moved to the range of its signal if this exceeds the curve's by more than 5
+% of it, or leaves 40 % of it unused: beyond its grid a curve goes back to zero, and unused pieces
+cost evidence."""
 _GRID_POINTS = 241
-"""Values of the signal at which a curve is transferred to another range."""
+"""Numerics: values of the signal at which a curve is transferred to another range."""
 _TIED_BIC = 0.2
-"""Criteria this close are ties: of a signal of one sign, two forms are the same function."""
+"""Numerics: criteria this close are ties: of a signal of one sign, two forms are the same
+function."""
 _SIMILAR_GAIN = 0.95
-"""A form that gains this share of what the fitted curve gains is first fitted from where it is most
-like the curve; whole runs know the curve better than one-step errors do."""
+"""Numerics: a form that gains this share of what the fitted curve gains is first fitted from where
+it is most like the curve; whole runs know the curve better than one-step errors do."""
 
 
 def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: bool = False) -> Fit:

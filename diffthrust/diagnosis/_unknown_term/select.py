@@ -54,7 +54,7 @@ from diffthrust.models._base.made_effect import ARRIVING
 
 _RULES = SETTINGS.unknown_term
 _SAME_EVIDENCE = 0.1
-"""Terms whose evidence is this close are one term in two notations, and no rivals."""
+"""Numerics: terms whose evidence is this close are one term in two notations, and no rivals."""
 
 
 def learned_law(

@@ -40,15 +40,16 @@ NUMBER, PHASE = "wave_number", "phase"
 # First guesses of memories. A factor of some five between them is close enough for the linear
 # evidence to see a memory; the likeliest are then tuned (`tune_memory`).
 _LAG_SAMPLES = (20, 100, 500)
-"""Time constants of a lag, in samples."""
+"""Numerics: time constants of a lag, in samples."""
 _HEAT_SAMPLES = (100, 250, 600)
-"""Time constants of a squared signal, which heats what is cold at the start of a log."""
+"""Numerics: time constants of a squared signal, which heats what is cold at the start of a log."""
 _PLAY_SHARES = (0.02, 0.06, 0.18)
-"""Half-widths of a play, over the range of its signal."""
+"""Numerics: half-widths of a play, over the range of its signal."""
 _WIDEST_PLAY = 0.25
-"""Largest half-width: a wider play is hardly pushed at all, and its curve is not identifiable."""
+"""Numerics: largest half-width: a wider play is hardly pushed at all, and its curve is not
+identifiable."""
 _PARAMETER_RANGE = 100.0
-"""A time constant or half-width is estimated within this factor of its first guess."""
+"""Numerics: a time constant or half-width is estimated within this factor of its first guess."""
 
 Parameters = Mapping[str, Mapping[str, Any]]
 """The parameters of a signal, each with its fields: "value", "unit", "bounds"."""

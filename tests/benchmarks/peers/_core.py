@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from problems import build, solve
+from trajectories import hold_of
 
 from diffthrust.simulation import _fixed_step, _trajectory  # private: likewise
-from diffthrust.simulation._inputs import hold_of  # private: likewise
 
 from . import _problem
 from ._diffthrust import NAMES, log_of, thruster
