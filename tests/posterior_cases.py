@@ -11,9 +11,21 @@ from diffthrust.uncertainty._intervals_row import (  # private: rows that no log
     Row,
     scaled,
 )
+from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: a closed form
 from diffthrust.uncertainty._prediction.draws import draws_of  # private: no result keeps its draws
+from diffthrust.uncertainty._prediction.tables import interval_text  # private: digits alone
 from diffthrust.uncertainty._profile_curve import Profile  # private: with arms that no logs give
-from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: its density alone
+from diffthrust.uncertainty._sampling import chain_file, nuts  # private: coordinates; marks
+from diffthrust.uncertainty._sampling.arviz import arviz  # private: without its warning
+from diffthrust.uncertainty._sampling.identity import problem_identity  # private: whose a file is
+from diffthrust.uncertainty._sampling.moves import (  # private: proposals of a law not their own
+    independent_proposals,
+    learned,
+)
+from diffthrust.uncertainty._sampling.posterior import (
+    Posterior,  # private: made to fail
+    posterior_of,  # private: its density alone
+)
 from diffthrust.uncertainty._sampling.propriety import open_ends  # private: before any draw
 
 __all__ = [
@@ -22,12 +34,21 @@ __all__ = [
     "PROFILE",
     "TRUE",
     "Interval",
+    "Posterior",
     "Row",
+    "arviz",
+    "chain_file",
     "draws_of",
     "exact_line",
+    "independent_proposals",
+    "interval_text",
+    "learned",
     "line",
+    "mixed_quantile",
+    "nuts",
     "open_ends",
     "posterior_of",
+    "problem_identity",
     "scaled",
     "thruster_fit",
     "thruster_log",

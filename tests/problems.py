@@ -3,7 +3,9 @@
 They are held against closed forms, finite differences and SciPy at points that no fit returns.
 """
 
+from diffthrust.estimation._ar1 import linked  # private: which samples a noise links
 from diffthrust.estimation._arrange import build, restarts  # private: logs as a search has them
+from diffthrust.estimation._held_out import parts_of, without  # private: what a choice hides
 from diffthrust.estimation._likelihood import (  # private: costs and slopes beside the optimum
     Quadratic,
     errors_at,
@@ -44,8 +46,11 @@ __all__ = [
     "jacobians",
     "judge",
     "likelihood_of",
+    "linked",
     "marginal_spread",
+    "parts_of",
     "problem_of",
     "restarts",
     "solve",
+    "without",
 ]

@@ -1,4 +1,4 @@
-"""Where in a model something may be missing: ports, what they drive, and the signals there."""
+"""Where in a model something may be missing: its ports, and what each drives."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class DrivingPort:
 
 
 def words_and_unit(model: Model, port: str) -> tuple[str, str]:
-    """What the signal at a port is, in words, and its unit, with which its description ends."""
+    """The signal at a port in words, and its unit, with which the description of the port ends."""
     parts = re.fullmatch(r"(.*?) *\[([^]]*)\]", model.ports[port], re.DOTALL)
     return (parts[1], parts[2]) if parts else (model.ports[port], "")
 
@@ -62,20 +62,19 @@ def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
 def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingPort, ...]:
     """One port for every state that a port drives, and one for every measured output that one does.
 
-    States that the log prescribes are driven by nothing.
-
-    Of several ports that come to the same, the last: the sum of all that acts there.
+    Nothing drives a state that the log prescribes. Of several ports that drive the same, the last
+    one is taken: the sum of all that acts there.
     """
     rates, outputs = slopes_at(model, log)
     places: list[DrivingPort] = []
     for state in model.states:
         if state in log.inputs:
-            continue  # it is given: nothing drives it
+            continue
         pushing = [p for p in model.ports if state in rates and rates[state][1][p] != 0]
         if pushing:
-            # the port nearest to the state: it drives no other as well, if there is such a one
-            alone = [p for p in pushing if sum(bool(r[1][p] != 0) for r in rates.values()) == 1]
-            places.append(DrivingPort((alone or pushing)[-1], state, None))
+            # a port that drives no other state as well, if there is one: it is nearest to the state
+            single = [p for p in pushing if sum(bool(r[1][p] != 0) for r in rates.values()) == 1]
+            places.append(DrivingPort((single or pushing)[-1], state, None))
     taken = {place.port for place in places}
     for output in outputs:
         pushing = [p for p in model.ports if outputs[output][1][p] != 0 and p not in taken]
@@ -87,9 +86,9 @@ def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingP
 def slopes_along(
     model: Model, series: Mapping[str, np.ndarray], place: DrivingPort
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of what a place drives, by its own state (zero of an output) and by its port.
+    """Derivatives of what a place drives by its state and by its port, at every sample, ``(T,)``.
 
-    Of the rate of the place's state, or of its output, at every sample of a log, ``(T,)`` each.
+    What it drives is the rate of its state; or an output, whose derivative by a state is zero.
     """
     signals = {name: jnp.asarray(value, float) for name, value in series.items()}
     state, still = signals.get(place.state or "", jnp.zeros(())), jnp.zeros_like(signals["time"])

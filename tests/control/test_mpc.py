@@ -5,6 +5,7 @@ import math
 import jax
 import numpy as np
 import pytest
+from bounded_squares import least_squares_within
 from compilations import compilations
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear, minimize
@@ -12,7 +13,6 @@ from scipy.optimize import lsq_linear, minimize
 import diffthrust as dft
 from diffthrust import InputError, control, effects
 from diffthrust.control import MPC, HarmonicPath, StraightPath, VesselLoop
-from diffthrust.control._bounded_lsq import least_squares_within  # private: the solver alone
 
 RUDDER = math.radians(24.0)
 LIMITS = {"propeller_speed": (0.0, 150.0), "rudder_angle": (-RUDDER, RUDDER)}

@@ -5,13 +5,13 @@ import math
 import jax
 import numpy as np
 import pytest
+from bounded_squares import least_squares_below
 from scipy.integrate import solve_ivp
 from scipy.optimize import LinearConstraint, minimize
 
 import diffthrust as dft
 from diffthrust import InputError, control
 from diffthrust.control import MPC, HarmonicPath, StraightPath, VesselLoop
-from diffthrust.control._rows_lsq import least_squares_below  # private: the solver alone
 
 RUDDER = math.radians(24.0)
 LIMITS = {"propeller_speed": (0.0, 150.0), "rudder_angle": (-RUDDER, RUDDER)}

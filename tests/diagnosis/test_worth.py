@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
-
-from diffthrust.diagnosis._explained_share import (  # private: each measure alone
+from made_diagnosis import (
     BeforeAfter,
+    ChannelError,
+    Errors,
     Worth,
     explained_share,
+    far_above_noise,
     matters,
 )
-from diffthrust.diagnosis._verdict import far_above_noise  # private: the measure alone
-from diffthrust.simulation._errors import ChannelError, Errors  # private: made by hand
+from scipy.signal import lfilter
 
 
 def lasting(rng, size=1500, memory=0.97):

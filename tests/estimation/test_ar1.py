@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from problems import NOISE_MODELS, SimulationError, build, problem_of, restarts, solve
+from problems import NOISE_MODELS, SimulationError, build, linked, problem_of, restarts, solve
 from scipy.stats import multivariate_normal
 
 import diffthrust as dft
-from diffthrust.estimation._ar1 import linked  # private: told by no result
 
 STEP = 0.05
 LASTING = SimulationError(NOISE_MODELS["ar1"])

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from compilations import compilations
 from gusty_runs import MISSING, gusty_runs, model_of
-from problems import build, solve
+from problems import build, parts_of, solve, without
 
 import diffthrust as dft
-from diffthrust.estimation._held_out import parts_of, without  # private: what is hidden
 
 
 def error(logs, horizon, length):

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from observers import Limits, direction, guesses, innovations, limited, one_step, with_clip
+from places import FITS
 from problems import build, errors_at, evaluate, examine, likelihood_of, solve
 from reference import axis, inputs, noise, thruster
 from scipy.stats import chi2
@@ -17,7 +18,6 @@ from scipy.stats import chi2
 import diffthrust as dft
 from diffthrust import InputError, Log, Status
 from diffthrust.effects import ActuatorLag, LinearDamping
-from diffthrust.specs._parts import FitPart  # private: the words that a spec takes
 
 compiled = jax.jit(evaluate, static_argnums=0)
 GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
@@ -476,9 +476,10 @@ def test_gaps_in_time_are_crossed():
 
 
 def test_a_spec_file_may_ask_for_it():
-    part = FitPart(likelihood="innovations")
+    words = type(dft.load_spec(FITS / "depth_sensor").file.fit)
+    part = words(likelihood="innovations")
     assert part.model_dump(exclude_unset=True) == {"likelihood": "innovations"}
-    assert set(FitPart.model_fields) <= set(inspect.signature(dft.fit).parameters)
+    assert set(words.model_fields) <= set(inspect.signature(dft.fit).parameters)
 
 
 @pytest.mark.parametrize(

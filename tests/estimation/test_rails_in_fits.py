@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from error_laws import Censored, Gaussian
-from problems import SimulationError, build
+from error_laws import Censored, Gaussian, are_censored, rail_notes
+from problems import SimulationError, build, likelihood_of
 
 import diffthrust as dft
-from diffthrust.estimation import _registry  # private: the laws by their words
-from diffthrust.estimation._censored import are_censored, rail_notes  # private: each alone
 
 
 def log(count, *, censored=("thrust",), scale=1.0, **more):
@@ -64,5 +62,5 @@ def test_what_is_told_of_them():
 def test_which_law_is_taken(censored):
     logs = [log(17, censored=("thrust",) if censored else ())]
     words = {"likelihood": "simulation", "noise_model": "white", "loss": "gaussian"}
-    law = _registry.likelihood_of(dft.Thruster(), logs, **words).law
+    law = likelihood_of(dft.Thruster(), logs, **words).law
     assert law.censors == censored

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from posterior_cases import chain_file
 
 from diffthrust import Column, InputError, read_log
 from diffthrust.specs import load_spec
 from diffthrust.specs._file import parse_spec  # private: the text alone, without its logs
-from diffthrust.uncertainty._sampling import chain_file  # private: what reads a chain
 
 from . import run
 from .logs import FORMATS, hostile_log

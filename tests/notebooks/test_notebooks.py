@@ -12,8 +12,6 @@ import pytest
 from nbclient import NotebookClient
 from places import ROOT
 
-from diffthrust._support import figures  # private: how many wait
-
 TUTORIALS = ROOT / "docs" / "getting-started"
 CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PLOT = "dft.compare(dft.Thruster(), log).plot()"
@@ -112,7 +110,7 @@ def test_what_a_notebook_shows(kernel, tmp_path):
 
 
 def test_no_more_figures_wait_than_pyplot_takes_without_a_warning():
-    assert matplotlib.rcParamsDefault["figure.max_open_warning"] >= figures._MOST
+    assert matplotlib.rcParamsDefault["figure.max_open_warning"] >= 20  # as many stay open
 
 
 @pytest.mark.slow  # the site's build runs them, too, and stops at an error

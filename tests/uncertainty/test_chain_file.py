@@ -14,12 +14,17 @@ import h5py
 import numpy as np
 import pytest
 from places import TESTS
-from posterior_cases import line, posterior_of, thruster_fit, thruster_log
+from posterior_cases import (
+    chain_file,
+    line,
+    posterior_of,
+    problem_identity,
+    thruster_fit,
+    thruster_log,
+)
 
 import diffthrust as dft
 from diffthrust.uncertainty import sample
-from diffthrust.uncertainty._sampling import chain_file  # private: the file alone
-from diffthrust.uncertainty._sampling.identity import problem_identity  # private: not the file
 
 RUN = dict(draws=60, warmup=20, seed=3)
 

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from posterior_cases import interval_text
 
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.uncertainty import plot_corner, plot_trace
-from diffthrust.uncertainty._prediction.tables import interval_text  # private: digits alone
 
 UNITS = {"alpha": "1/rad", "beta": "rad/(V s^2)", "actuator_lag.time_constant": "s"}
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from error_laws import Gaussian, StudentT
 from made_posterior import made_posterior
+from posterior_cases import mixed_quantile
 from scipy import stats
 from test_quantities import log
 
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.uncertainty import predict
-from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: the mixture alone
 
 TRUE = dft.Thruster()
 

@@ -7,18 +7,21 @@ import emcee
 import matplotlib
 import numpy as np
 import pytest
-from posterior_cases import TRUE, exact_line, line, thruster_fit, thruster_log
+from compilations import compilations
+from posterior_cases import (
+    TRUE,
+    Posterior,
+    arviz,
+    exact_line,
+    independent_proposals,
+    learned,
+    line,
+    thruster_fit,
+    thruster_log,
+)
 
 import diffthrust as dft
 from diffthrust.uncertainty import convergence, sample
-from diffthrust.uncertainty._sampling import nuts  # private: its caches
-from diffthrust.uncertainty._sampling.arviz import arviz  # private: without its warning
-from diffthrust.uncertainty._sampling.convergence import Mixing  # private: the words of a status
-from diffthrust.uncertainty._sampling.moves import (  # private: proposals by themselves
-    independent_proposals,
-    learned,
-)
-from diffthrust.uncertainty._sampling.posterior import Posterior  # private: made to fail
 
 matplotlib.use("Agg")
 
@@ -145,11 +148,12 @@ def test_equal_seeds_give_equal_draws():
 def test_nuts_compiles_once_for_any_log_of_the_same_length():
     fit, log = thruster_fit()
     sample(fit, log, method="nuts", **SHORT["nuts"])
-    before = nuts.draw_block.traces, nuts.warm_up.traces
+    before = compilations("draw_block"), compilations("warm_up")
     other = thruster_log(seed=7)
     theirs = dft.fit(dft.Thruster(**TRUE), other, starts=4, substeps=1)
     sample(theirs, other, method="nuts", **SHORT["nuts"])
-    assert (nuts.draw_block.traces, nuts.warm_up.traces) == before
+    assert min(before) > 0
+    assert (compilations("draw_block"), compilations("warm_up")) == before
 
 
 def test_the_independent_proposal_keeps_a_law_that_is_not_its_own():
@@ -192,20 +196,20 @@ def test_convergence_in_words():
     rng = np.random.default_rng(0)
     white = rng.normal(size=(4, 1000))
     told = convergence(made(white))
-    assert told.status is Mixing.CONVERGED
+    assert told.status.name == "CONVERGED"
     assert told.status.ok
     assert told.autocorrelation["beta"] == pytest.approx(1.0, abs=0.2)
     apart = convergence(made(white + np.array([[0.0], [0.0], [0.5], [0.5]])))
-    assert apart.status is Mixing.NOT_MIXED
+    assert apart.status.name == "NOT_MIXED"
     assert "R-hat of beta 1.0" in apart.message
     assert "times as many" in apart.message
     short = convergence(made(white[:, :60]))
-    assert short.status is Mixing.TOO_SHORT
+    assert short.status.name == "TOO_SHORT"
     assert "240 draws of beta are worth only" in short.message
     lost = np.zeros((4, 1000), bool)
     lost[0, :30] = True
     bent = convergence(made(white, lost))
-    assert bent.status is Mixing.DIVERGENT
+    assert bent.status.name == "DIVERGENT"
     assert bent.divergences == 30
     assert "30 of 4000 draws diverged" in bent.message
     with np.errstate(all="ignore"), warnings.catch_warnings():

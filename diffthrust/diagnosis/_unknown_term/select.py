@@ -77,11 +77,11 @@ def learned_law(
     if state.current.remaining is None:
         return None
     place, trial = _place(context, state.current.remaining), state.current.trial
-    given, last = state.stages[0], state.stages[-1]
-    base, law = given, None
+    initial, last = state.stages[0], state.stages[-1]
+    base, law = initial, None
     if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
         imitated = _RULES.imitated_share * (first.cost - trial.cost)
-        law = _learned_beside(context, given.fit, first, place, imitated)
+        law = _learned_beside(context, initial.fit, first, place, imitated)
         if law and not error_within(law.told, last.fit, _RULES.replacing_error):
             law = None
     if law is None:
@@ -282,12 +282,12 @@ def _start_elimination(
 
 
 def _share_of(
-    fitter: CandidateFitter, trial: TrialFit, name: str, given: Stage
+    fitter: CandidateFitter, trial: TrialFit, name: str, first_stage: Stage
 ) -> tuple[Worth, bool]:
     """The share of the given model's error that an effect removes, and whether it matters."""
     remaining = tuple(n for n in trial.effects if n != name)
     change = change_between(fitter, fitted_without(fitter, trial, remaining), trial)
-    initial = given.holdout or given.train
+    initial = first_stage.holdout or first_stage.train
     without = change.before.holdout or change.before.train
     share = (without.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
     return change.worth.of(share), matters(change.worth, change.everywhere)
