@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from measures import Worth
 
 import diffthrust as dft
 from diffthrust.diagnosis import _admission  # private: one step alone
-from diffthrust.diagnosis._explained_share import Worth  # private: made by hand
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Refusal,
     Stage,  # private: made by hand
