@@ -176,7 +176,7 @@ def recorded(monkeypatch):
             known = {"initial": None, "substeps": 1, "train": error, "holdout": error}
             return Stage(names, SimpleNamespace(model=size, **known))
 
-        trials = SimpleNamespace(logs=("A", "B"), constants=held)
+        trials = SimpleNamespace(records=("A", "B"), constants=held)
         tools = SimpleNamespace(fitter=trials, unseen=unseen)
         known = SearchState(None, (stage(2.0), stage(1.0, "lag")), {})
         return _admission.record_stage(tools, known, stage(left, *effects), "wind")
