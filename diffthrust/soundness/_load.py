@@ -43,16 +43,16 @@ def misloaded(log: Log) -> Iterator[Doubt]:
     if low <= load + 2 * error and load - 2 * error <= high:
         return
     way = log.written.get("speed")
-    said = (way.unit if way is not None else "") or "rad/s"
+    unit_written = (way.unit if way is not None else "") or "rad/s"
     # the numbers as they stand, were they in another unit: the load goes with its inverse
-    loads = {unit: load * float(convert(1.0, said, unit, where="speed")) for unit in _UNITS}
+    loads = {unit: load * float(convert(1.0, unit_written, unit, where="speed")) for unit in _UNITS}
     unit = min(loads, key=lambda name: abs(np.log(loads[name] / (low * high) ** 0.5)))
     if not low < loads[unit] < high:
         return
     yield Doubt(
         "speed",
         "unit",
-        f"{r.name}: with the speed in {said} the shaft would lose half of it in "
+        f"{r.name}: with the speed in {unit_written} the shaft would lose half of it in "
         f"{number(1 / load, 2)} rad once let go (alpha = {number(load, 2)} +- {number(error, 1)} "
         f"1/rad, which is free of a thruster's size; known ones have {low} to {high}); in {unit} "
         f"in {number(1 / loads[unit], 2)} rad.",
@@ -80,12 +80,12 @@ def _alpha(r: Record) -> tuple[float, float]:
     rate = (speed[_SPAN:] - speed[:-_SPAN]) / (_SPAN * r.step)
     curve = _basis([*_curve(command), np.ones(command.size)])
     beside = _basis([*_curve(command), *trailing(command, _INSTRUMENTS)])
-    seen = less(curve, beside @ (beside.T @ load))
-    power = float(seen @ seen)
+    moved = less(curve, beside @ (beside.T @ load))
+    power = float(moved @ moved)
     if not power > 1e-6 * float(load @ load):
         return 0.0, np.inf
-    value = float(seen @ rate) / power
-    scores = seen * less(curve, rate - value * load)
+    value = float(moved @ rate) / power
+    scores = moved * less(curve, rate - value * load)
     return value, float(np.sqrt(_long_run(scores, min(60, rate.size // 5)))) / power
 
 

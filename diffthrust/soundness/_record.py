@@ -72,10 +72,10 @@ def record(log: Log) -> Record | None:
     grid = np.linspace(log.time[0], log.time[-1], count)
     values, turns = {}, {}
     for name, samples in {**log.inputs, **log.measured}.items():
-        seen = np.isfinite(samples)
-        if seen.sum() < _FEW:
+        finite = np.isfinite(samples)
+        if finite.sum() < _FEW:
             continue
-        time, here = log.time[seen], samples[seen]
+        time, here = log.time[finite], samples[finite]
         if name in ANGLES:
             turn = jumps(here)
             if turn:

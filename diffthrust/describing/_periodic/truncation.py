@@ -59,9 +59,9 @@ def left_out(
     x = np.pad(responses.x, ((0, 0), (0, 0), (0, more)))
 
     def judged(who: np.ndarray, at: Cycle) -> np.ndarray:
-        seen = over(richer, at, lanes, who, richer.judge, x)
-        change = _relative_change(seen.harmonics, lanes.amplitude[who], responses.first[who])
-        return np.where(seen.reason == Reason.SETTLED, change / share, np.inf)
+        reference = over(richer, at, lanes, who, richer.judge, x)
+        change = _relative_change(reference.harmonics, lanes.amplitude[who], responses.first[who])
+        return np.where(reference.reason == Reason.SETTLED, change / share, np.inf)
 
     settled = np.flatnonzero(responses.reason == Reason.SETTLED)
     for n, k in sorted(set(zip(responses.samples[settled], responses.stage[settled], strict=True))):
@@ -84,10 +84,10 @@ def too_few(error: np.ndarray) -> np.ndarray:
         return (gain > GAIN_ERROR) | (phase > PHASE_ERROR)
 
 
-def _relative_change(now: Harmonics, amplitude: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """From a first harmonic to that of ``now``, over its size, turned into its direction."""
-    size = np.maximum(np.abs(before), 1e-3 * now.swing / amplitude)
-    along = np.where(np.abs(before) > 0, before, 1.0) / np.maximum(np.abs(before), TINY)
-    change = (first_harmonic(now, amplitude) - before) * along.conj()
+def _relative_change(current: Harmonics, amplitude: np.ndarray, previous: np.ndarray) -> np.ndarray:
+    """From a first harmonic to that of ``current``, over its size, turned into its direction."""
+    size = np.maximum(np.abs(previous), 1e-3 * current.swing / amplitude)
+    along = np.where(np.abs(previous) > 0, previous, 1.0) / np.maximum(np.abs(previous), TINY)
+    change = (first_harmonic(current, amplitude) - previous) * along.conj()
     # an output that does not move has no error
     return np.where(size > 0, change / np.where(size > 0, size, 1.0), 0.0)
