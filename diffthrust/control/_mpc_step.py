@@ -99,23 +99,29 @@ class Setting(NamedTuple):
 
 
 def replan(
-    frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Array], place: Array
+    frame: Frame, setting: Setting, plan: Plan, measured: Mapping[str, Array], place: Array
 ) -> Plan:
-    """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``, NaN in ``seen`` stands for not seen."""
-    model = frame.key.model.bind(given.values)
-    period, names = given.period, tuple(model.inputs)
-    missed = {n: jnp.where(jnp.isnan(seen[n]), 0.0, seen[n] - plan.state[n]) for n in SPEEDS}
-    blind = jnp.isnan(seen["surge"]) | jnp.isnan(seen["sway"]) | jnp.isnan(seen["yaw_rate"])
+    """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``; what is NaN was not measured."""
+    model = frame.key.model.bind(setting.values)
+    period, names = setting.period, tuple(model.inputs)
+    missed = {
+        n: jnp.where(jnp.isnan(measured[n]), 0.0, measured[n] - plan.state[n]) for n in SPEEDS
+    }
+    blind = (
+        jnp.isnan(measured["surge"]) | jnp.isnan(measured["sway"]) | jnp.isnan(measured["yaw_rate"])
+    )
     since = period * (1.0 + plan.unseen)  # what is missed now has grown for so long
-    push = _estimate(plan, missed, since, given.lag) if frame.estimating else plan.push
+    push = _estimate(plan, missed, since, setting.lag) if frame.estimating else plan.push
     state = {**plan.state}
-    state |= {n: jnp.where(jnp.isnan(seen[n]), plan.state[n], seen[n]) for n in AT_SEA}
-    before = jnp.stack([plan.inputs[name] for name in names])
-    before = (before - given.low) / (given.high - given.low)
+    state |= {n: jnp.where(jnp.isnan(measured[n]), plan.state[n], measured[n]) for n in AT_SEA}
+    previous = jnp.stack([plan.inputs[name] for name in names])
+    previous = (previous - setting.low) / (setting.high - setting.low)
     shape = plan.planned.shape
 
     def inputs_of(shares: Array) -> dict[str, Array]:
-        row = jnp.clip(given.low + shares * (given.high - given.low), given.low, given.high)
+        row = jnp.clip(
+            setting.low + shares * (setting.high - setting.low), setting.low, setting.high
+        )
         return {name: row[i] for i, name in enumerate(names)}
 
     def after(state: State, shares: Array) -> State:
@@ -130,12 +136,12 @@ def replan(
         def body(state: State, row: Array) -> tuple[State, tuple[Array, Array]]:
             state = after(state, row)
             limited = jnp.array([state[name] for name in frame.limited])
-            return state, (control_point(state, given.point), limited)
+            return state, (control_point(state, setting.point), limited)
 
         _, (track, limited) = jax.lax.scan(body, state, shares)
-        changes = jnp.diff(shares, axis=0, prepend=before[None]) / given.moves[None]
-        errors = jnp.concatenate([((track - place) / given.position).ravel(), changes.ravel()])
-        beyond = jnp.concatenate([limited - given.most[None], given.least[None] - limited])
+        changes = jnp.diff(shares, axis=0, prepend=previous[None]) / setting.moves[None]
+        errors = jnp.concatenate([((track - place) / setting.position).ravel(), changes.ravel()])
+        beyond = jnp.concatenate([limited - setting.most[None], setting.least[None] - limited])
         return errors, beyond.ravel()
 
     def cost(flat: Array) -> Array:
@@ -143,17 +149,19 @@ def replan(
         total = jnp.sum(errors**2) + jnp.sum((jnp.maximum(beyond, 0.0) / _BEYOND) ** 2)
         return jnp.where(jnp.isfinite(total), total, jnp.inf)
 
-    def step_from(flat: Array, jacobian: Array, rest: Array, slopes: Array, beyond: Array) -> Array:
+    def step_from(
+        flat: Array, jacobian: Array, residual: Array, slopes: Array, beyond: Array
+    ) -> Array:
         if frame.bounded:
-            return least_squares_within(jacobian, rest, -flat, 1.0 - flat, jnp.zeros_like(flat))
-        eye, reach = jnp.eye(flat.size), given.reach[None]
+            return least_squares_within(jacobian, residual, -flat, 1.0 - flat, jnp.zeros_like(flat))
+        eye, reach = jnp.eye(flat.size), setting.reach[None]
         changing = jnp.diff(eye.reshape(*shape, -1), axis=0, prepend=0.0).reshape(flat.size, -1)
-        changes = jnp.diff(flat.reshape(shape), axis=0, prepend=jnp.clip(before, 0.0, 1.0)[None])
+        changes = jnp.diff(flat.reshape(shape), axis=0, prepend=jnp.clip(previous, 0.0, 1.0)[None])
         up, down = (reach - changes).ravel(), (reach + changes).ravel()
         hard = [1.0 - flat, flat, up, down]
         return least_squares_below(
             jacobian,
-            rest,
+            residual,
             jnp.concatenate([eye, -eye, changing, -changing, slopes]),
             jnp.concatenate([*hard, -beyond]),
             jnp.concatenate([jnp.zeros(4 * flat.size), jnp.full(beyond.shape, _BEYOND)]),
@@ -162,12 +170,12 @@ def replan(
     def improve(carry: tuple[Array, ...]) -> tuple[Array, ...]:
         flat, count, damping, _ = carry
         jacobian, slopes = jax.jacfwd(foreseen)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
-        now, (rest, beyond) = cost(flat), foreseen(flat)
+        now, (residual, beyond) = cost(flat), foreseen(flat)
         sizes = jnp.linalg.norm(jacobian, axis=0)
         step = step_from(
             flat,
             jnp.concatenate([jacobian, jnp.sqrt(damping) * jnp.diag(sizes)]),
-            jnp.concatenate([rest, jnp.zeros_like(flat)]),
+            jnp.concatenate([residual, jnp.zeros_like(flat)]),
             slopes,
             beyond,
         )
@@ -175,9 +183,9 @@ def replan(
         costs = jax.vmap(cost)(tried)
         best = jnp.argmin(costs)
         better = costs[best] < now
-        slope = rest @ jacobian
+        slope = residual @ jacobian
         held = ((flat <= 0) & (slope >= 0)) | ((flat >= 1) & (slope <= 0))
-        steep = jnp.abs(slope) / (sizes * jnp.linalg.norm(rest) + jnp.finfo(float).tiny)
+        steep = jnp.abs(slope) / (sizes * jnp.linalg.norm(residual) + jnp.finfo(float).tiny)
         level = frame.bounded & (jnp.max(jnp.where(held, 0.0, steep)) < _SETTLED)
         short = (jnp.max(jnp.abs(step)) < _SETTLED) & (damping < 1.0)
         # at a kink of the force law no slope is level, and yet no step helps, however small
@@ -187,11 +195,11 @@ def replan(
         return jnp.where(better, tried[best], flat), count + 1, damping, settled
 
     def unfinished(carry: tuple[Array, ...]) -> Array:
-        return ~carry[3] & (carry[1] < given.iterations)
+        return ~carry[3] & (carry[1] < setting.iterations)
 
     warm = jnp.concatenate([plan.planned[1:], plan.planned[-1:]])
-    furthest = given.reach[None] * jnp.arange(1.0, shape[0] + 1)[:, None]
-    nearest = jnp.clip(before, 0.0, 1.0)
+    furthest = setting.reach[None] * jnp.arange(1.0, shape[0] + 1)[:, None]
+    nearest = jnp.clip(previous, 0.0, 1.0)
     even = [jnp.clip(jnp.asarray(row)[None], nearest[None] - furthest, nearest[None] + furthest)
             for row in product(_EVEN, repeat=len(names))]  # fmt: skip
     guesses = jnp.stack([warm.ravel(), *(guess.ravel() for guess in even)])
@@ -200,7 +208,7 @@ def replan(
         unfinished, improve, (best, jnp.asarray(0), jnp.zeros(()), jnp.asarray(False))
     )
     planned = jnp.clip(flat, 0.0, 1.0).reshape(shape)
-    first = jnp.clip(planned[0], nearest - given.reach, nearest + given.reach)
+    first = jnp.clip(planned[0], nearest - setting.reach, nearest + setting.reach)
     planned = planned.at[0].set(first)
     expected = after(state, planned[0])
     unseen = jnp.where(blind, plan.unseen + 1.0, 0.0)

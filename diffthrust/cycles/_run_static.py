@@ -50,8 +50,8 @@ def simulated(
         wait = max(min(wait, fast), 0.25 * wait)
     lagging = math.ceil(transfer.delay / wait) if transfer.delay else 0
     step = transfer.delay / lagging if lagging else wait
-    before = step * np.arange(-max(math.ceil(period / step), lagging) - 1, 1)
-    past = factor * cycle.signal(cycle.input, before)
+    earlier = step * np.arange(-max(math.ceil(period / step), lagging) - 1, 1)
+    past = factor * cycle.signal(cycle.input, earlier)
     memory = element.rest(float(past[0]))
     pending: deque[tuple[float, float]] = deque(maxlen=lagging)
     for a, b in pairwise(past):

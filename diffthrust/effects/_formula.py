@@ -130,22 +130,22 @@ class Formula(MadeEffect):
                     described[name] = replace(p, size=size, probes=(size, -size))
         return self._copy(_parameters=described)
 
-    def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
+    def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
         """The error for a name that is neither parameter nor signal, with a mark below it."""
-        near = nearest(name, (*known, *self.declared))
+        near = nearest(name, (*signals, *self.declared))
         return expression_of(self.expression).refused(
             expression_of(self.expression).places[name],
             f"{name!r} is no parameter of '{self.name}', and no signal at the port '{port}'"
             f"{'; ' + near if near else ''}",
             f'Correct the name, or give a parameter\'s unit: {name}="rad/s". Signals there are '
-            f"{listing(known)}.",
+            f"{listing(signals)}.",
         )
 
 
 def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, float]) -> float:
     """How much a formula adds to what arrives, for signals drawn within their levels.
 
-    The 90th percentile of its size; zero where a level is not known.
+    The 90th percentile of its size; zero where a level is not signals.
     """
     law, rng = expression_of(formula.expression), np.random.default_rng(0)
     ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}

@@ -112,9 +112,9 @@ def _text(
 
 def _left_out(rotor: Rotor, target: str) -> list[str]:
     """A sentence on each effect that has no place."""
-    told = {False: "it is left out.", True: "do it to the command before you send it."}
+    mends = {False: "it is left out.", True: "do it to the command before you send it."}
     return [
         f"{target} has no place for the effect '{effect.name}' ({spelt(effect.name)}): "
-        + told["command" in effect.ports]
+        + mends["command" in effect.ports]
         for effect in rotor.left_out
     ]

@@ -42,9 +42,9 @@ def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -
     plain = bare(model)
     step = min(0.02, 4 * model.time_scales[0] or 0.02)
     for _ in range(4):
-        found = _run(plain, inputs, output, step)
-        if found is not None:
-            return found
+        settled = _run(plain, inputs, output, step)
+        if settled is not None:
+            return settled
         step /= 4  # friction and small inertias are stiff
     raise InputError(
         f"The model '{model}' does not settle under constant inputs.",

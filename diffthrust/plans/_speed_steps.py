@@ -78,15 +78,15 @@ def _rests(loop: Loop, speed: float) -> float:
     span = 1.0
     while span <= MAX_REST:
         run = loop.simulate(Step(speed), span)
-        rest = settled(run.time, run["speed"])
-        if rest < 0.5 * span:
+        settling = settled(run.time, run["speed"])
+        if settling < 0.5 * span:
             if abs(run["speed"][-1] - speed) > _REACHED * abs(speed):
                 raise InputError(
                     f"speed_steps: for {speed:.4g} rad/s the loop comes to rest at "
                     f"{run['speed'][-1]:.4g} rad/s.",
                     "Narrow the limits, or look at the controller's integral and its limit.",
                 )
-            return rest
+            return settling
         span *= 2.0
     raise InputError(
         f"speed_steps: the loop does not come to rest at {speed:.4g} rad/s within {MAX_REST:g} s.",

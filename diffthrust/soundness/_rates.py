@@ -37,9 +37,9 @@ def misrated(
         return
     logs = np.log(steps)
     for i, r in enumerate(records):
-        peers_logs = np.delete(logs, i)
-        ratio = float(np.exp(logs[i] - np.median(peers_logs)))
-        if max(ratio, 1 / ratio) < _OTHER or np.ptp(peers_logs) > _SAME:
+        other_steps = np.delete(logs, i)
+        ratio = float(np.exp(logs[i] - np.median(other_steps)))
+        if max(ratio, 1 / ratio) < _OTHER or np.ptp(other_steps) > _SAME:
             continue
         for tie in tied[i]:
             took = _took(r, tie)
