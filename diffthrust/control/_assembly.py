@@ -125,7 +125,7 @@ class LoopAssembly:
 
     @property
     def samples(self) -> int:
-        """The fewest recorded samples in a period of which the delay is a multiple."""
+        """The fewest recorded samples in a period such that the delay is a multiple of it."""
         for samples in range(1, _MOST + 1):
             late = self.delay * self.rate * samples
             if abs(late - round(late)) <= 1e-6 * max(1.0, late):

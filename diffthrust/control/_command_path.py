@@ -1,6 +1,6 @@
 """Effects on the command, sample by sample: what `effects._recorded` does to whole records.
 
-Both give the same numbers, so that a loop's record, simulated anew from its commands, moves as it
+Both give the same numbers, so that a loop's record, simulated again from its commands, moves as it
 did in the loop.
 """
 
@@ -45,7 +45,7 @@ class CommandPath:
         step: time between two recorded samples [s].
 
     Raises:
-        InputError: an effect that reads other samples than the present one, and of which no form
+        InputError: an effect that reads other samples than the present one, and that has no form
             is known that runs sample by sample.
     """
 

@@ -135,7 +135,9 @@ def loop_signals(
         motor, path = parts.path(plant.thruster.effects, inputs, previous["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
         sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, previous)
-        if settling:  # a record of the loop, simulated anew, begins settled at its first command
+        if (
+            settling
+        ):  # a record of the loop that is simulated again begins settled at its first command
             settled = plant.start(start, sent["motor_command"])
             state = {**state, **{n: jnp.where(x["first"], settled[n], state[n]) for n in settling}}
         row = {

@@ -124,7 +124,7 @@ class MPC:
 
     @property
     def ahead(self) -> np.ndarray:
-        """How far ahead of the present sample the path is to be told [s], ``(horizon,)``.
+        """How far ahead of the present sample the path is asked for [s], ``(horizon,)``.
 
         Example:
             >>> mpc.ahead.shape

@@ -26,7 +26,7 @@ def least_squares_below(
     the sum of squares. Then there is always a solution, whatever the limits.
 
     Args:
-        jacobian: of two columns that cannot be told apart, neither has a value of its own.
+        jacobian: two equal columns have no values of their own, only a sum.
         residual: at zero.
         rows: what is limited; those without a give must leave a point that fulfils them all.
         limits: infinite where there is none.

@@ -122,7 +122,7 @@ class VesselLoop(VesselAssembly):
             plan = jax.block_until_ready(mpc.step(plan, measured, ahead))
             solving = perf_counter() - begun
             inputs = {name: float(value) for name, value in plan.inputs.items()}
-            if not records:  # a log, simulated anew, begins settled at its first inputs
+            if not records:  # a log that is simulated again begins settled at its first inputs
                 state = begin(self.vessel, {**inputs, **constants}, start)
             records.append({
                 **{name: float(value) for name, value in {**state, **outputs}.items()},

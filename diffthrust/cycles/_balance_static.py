@@ -75,7 +75,7 @@ def _solved(
     guess: CycleSeries,
     harmonics: int,
 ) -> CycleSeries | None:
-    """Newton's method with so many harmonics; ``None`` where it ends far from the sine."""
+    """Newton's method at a number of harmonics; ``None`` where it ends far from the sine."""
     order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
     amplitude, frequency = float(sine.input[0].real), sine.frequency
     unknowns = _Unknowns(order, amplitude, frequency)

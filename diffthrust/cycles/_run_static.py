@@ -20,7 +20,7 @@ from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 STEPS_A_PERIOD = 256
 """Steps per period."""
 BEYOND = 1e3
-"""A course is followed until it has grown to so many times the cycle."""
+"""A course is followed until it is this many times as large as the cycle."""
 
 
 class StepElement(Protocol):

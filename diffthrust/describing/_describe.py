@@ -45,7 +45,7 @@ def describing_function(
 
     - ``"simulation"``: the model and its effects are simulated to their periodic steady state,
       which shooting finds and one further period confirms.
-    - ``"harmonic_balance"``: the states are Fourier series of so many harmonics that satisfy the
+    - ``"harmonic_balance"``: the states are Fourier series of ``harmonics`` terms that satisfy the
       equations in the Galerkin sense. It does not tell whether the response is stable. What
       it leaves out is judged by more harmonics and many more instants (``left_out``).
     - ``"paper"``: the quasi-linear lag of Yoerger et al. as printed; the plain thruster only.

@@ -14,7 +14,7 @@ from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
 
 _SMALL_PHASE = 30.0
-"""The static gain can be told where the phase at the lowest frequency is no larger [deg]."""
+"""Largest phase at the lowest frequency where its gain is taken as the static one [deg]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +43,7 @@ class DescribingValues(Brief):
             ``(A, F)``: its real part is that of the gain, its imaginary one that of the phase
             [rad]. NaN where the balance has no answer; ``None`` for other methods.
         notes: what the user should know besides.
-        written: how the logs of the fit wrote each channel: people are told in those units.
+        written: how the logs of the fit wrote each channel: figures and tables use those units.
     """
 
     model: Model = field(repr=False)
@@ -173,7 +173,7 @@ class BandValues:
         kind: "posterior" or "covariance": where the draws are from.
         draws: the describing function by draw, complex, ``(n, A, F)``.
         notes: what the user should know besides.
-        written: how the logs of the fit wrote each channel: people are told in those units.
+        written: how the logs of the fit wrote each channel: figures and tables use those units.
     """
 
     model: str

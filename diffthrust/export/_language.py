@@ -13,7 +13,7 @@ from diffthrust.export._operations import MEMORY, Constant, Operation, Operation
 _LONGEST = 56
 """An expression longer than this gets a name of its own, rather than a place in the next."""
 LINE = 92
-"""Lines are broken behind so many characters."""
+"""Lines are broken after this many characters."""
 
 
 class Term(NamedTuple):

@@ -93,7 +93,7 @@ def traced(
 
     Args:
         function: from named signals and parameters to named results.
-        signals: an example of each, of which the shape counts; a series stands for one signal.
+        signals: an example of each; only its shape counts, and a series stands for one signal.
         where: the model, for messages.
 
     Raises:

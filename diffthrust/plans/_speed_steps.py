@@ -27,7 +27,7 @@ def speed_steps(
 ) -> Plan:
     """Wanted speeds of a speed loop, each held until the loop has come to rest.
 
-    On each side of zero that the limits allow: up to the limit in so many even steps, and from
+    On each side of zero that the limits allow: up to the limit in a number of even steps, and from
     there to zero in one. The loop is simulated from rest to the smallest and to the largest speed,
     which tells how long it takes, and whether the motor reaches them.
 

@@ -19,7 +19,7 @@ _ODD = {DRIVE: 7.0, PHYSICS: 1.8}
 by a lag has a gain that depends on how it was driven, the thrust of a speed has not. Of boats it
 depends too much (by a factor of up to 15 between runs of one): their drives are not compared."""
 _SPREAD = 4.0
-"""And so many times as far from their middle (as a logarithm) as the farthest of them."""
+"""And this many times as far from their middle (as a logarithm) as the farthest of them."""
 _KNOWN = 0.15
 """How near to a known factor (as a logarithm) a ratio must come to be taken for it."""
 _SHIFT = 0.4
@@ -42,7 +42,7 @@ def unlike(records: Sequence[Record], tied: Sequence[Sequence[Tie]]) -> Iterator
             if len(peers) < 2:
                 continue
             if all(np.sign(g) != np.sign(tie.gain) for g in peers):
-                if tie.kind == DRIVE:  # one that is opposed is told by its own log
+                if tie.kind == DRIVE:  # its own log shows whether it is opposed
                     continue
                 yield i, _turned(r, tie)
                 continue
@@ -109,7 +109,7 @@ def _scaled(
 
 
 def _known(channel: str, size: float) -> str:
-    """The unit in which numbers are so much larger (as a logarithm) than in the one said."""
+    """The unit in which numbers are larger by this logarithm than in the unit written."""
     unit_name = UNITS.get(channel, "")
     for unit, factor in FACTORS.get(unit_name, ()):
         for name, due in ((unit, -np.log(factor)), (f"{unit_name}, not {unit}", np.log(factor))):

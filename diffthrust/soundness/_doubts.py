@@ -24,7 +24,7 @@ from diffthrust.soundness._ties import Tie, ties
 from diffthrust.soundness._together import misplaced
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
+@np.errstate(over="ignore", invalid="ignore")  # a wrong unit may overflow, and is reported
 def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt, ...]:
     """Say what in logs is probably not what its name, unit or clock says.
 
@@ -77,7 +77,7 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
     kinds = ("sign", "exchanged", "time_base")
     astray = {place for place, doubt in findings if doubt.kind in kinds}
     for i, doubt in unlike(records, tied):
-        # nor is a log turned that differs from companions which are
+        # beside logs with a turned sign, it is the sound one that differs
         if places[i] not in astray and not (astray and doubt.kind == "sign"):
             findings.append((places[i], doubt))
     return merged(findings, [log.name for log in logs])

@@ -15,7 +15,7 @@ from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie
 _OPEN = 0.03
 """Share that two channels must leave open of each other before a lag between them is looked for."""
 _HALVED = 0.5
-"""A lag must take away so much of what is open: noise and missing physics it does not touch."""
+"""Largest share of the unexplained variance that may remain: missing physics leaves more."""
 _CLEAR = 0.9
 """Correlation that the two must reach once the lag is taken out."""
 _LEAST = 6

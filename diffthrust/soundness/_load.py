@@ -1,7 +1,7 @@
 """Speed in rpm or Hz where rad/s is said: a propeller's load tells, which is free of its size.
 
 The shaft obeys ``d(speed)/dt = beta command - alpha speed |speed|``. In rad/s, ``alpha`` [1/rad]
-is the torque of the propeller over the inertia that it turns, both of which go with the fifth power
+is the propeller's torque over the inertia that it turns; both go with the fifth power
 of its size: 1 / alpha is the angle over which a shaft that is let go loses half of its speed.
 Counted in rpm it is 9.55 times smaller, in Hz 6.28 times larger.
 """
@@ -26,7 +26,7 @@ _RANGE = (0.012, 0.16)
 factor of 1.5 to three either way is left, half-way to what another unit would make of these; an
 actuator lag that the model lacks lowers the estimate by up to a third."""
 _SURE = 4.0
-"""An estimate must be so many standard errors above zero before it is believed."""
+"""Standard errors by which an estimate must exceed zero before it is believed."""
 _INSTRUMENTS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Lags of the command [samples] by which noise of the speed is kept out of the estimate."""
 

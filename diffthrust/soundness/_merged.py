@@ -18,7 +18,7 @@ _SPEC_KEY = re.compile(r"(\[channels\.[^\]]*\] |time = ).*?, or (?=Column)")
 
 
 def merged(findings: Iterable[Found], names: Sequence[str]) -> tuple[Doubt, ...]:
-    """One doubt for each channel and kind; in how many more logs it was found is told.
+    """One doubt for each channel and kind; it says in how many more logs it was found.
 
     Args:
         findings: doubts with the place of the log in which each was found.

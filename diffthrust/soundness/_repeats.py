@@ -38,7 +38,7 @@ class _Runs(NamedTuple):
 
 
 def repeating(log: Log) -> Iterator[Doubt]:
-    """Doubts on measured channels that hold their values. Inputs hold theirs by right."""
+    """Doubts on measured channels that hold their values. Inputs may hold theirs."""
     moving = [c for c, v in {**log.inputs, **log.measured}.items() if _span(v) > 0]
     drives = [c for c in moving if c in log.inputs and c not in _SURROUNDINGS]
     for channel, samples in log.measured.items():

@@ -206,7 +206,7 @@ def _driven(
 
 
 def trailing(values: np.ndarray, lags: tuple[float, ...]) -> np.ndarray:
-    """First-order lags of so many points each, settled at the first value, ``(k, n)``."""
+    """First-order lags of these numbers of points, settled at the first value, ``(k, n)``."""
     kernels, size = _kernels(lags, values.size)
     changes = np.fft.rfft(values - values[0], size)
     return values[0] + np.fft.irfft(kernels * changes, size, axis=1)[:, : values.size]

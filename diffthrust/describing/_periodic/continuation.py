@@ -1,4 +1,4 @@
-"""Searches that found nothing start anew from their neighbours in amplitude and frequency."""
+"""Failed searches are retried from the solutions of their neighbours in amplitude and frequency."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import PeriodicResponses, Reason, Solver, respond, some
 
 _SWEEPS = 12
-"""Answers spread by at most so many points of the map."""
+"""Solutions spread by at most this many points of the map."""
 _LOST = (Reason.NOT_CLOSED, Reason.DIVERGES)
 
 

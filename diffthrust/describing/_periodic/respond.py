@@ -235,7 +235,7 @@ def _check_again(
 
 
 def staged(cycle: Cycle, samples: int, stage: int) -> Cycle:
-    """The cycle with so many steps, at a stage of `STAGES`; only effects with memory have any."""
+    """The cycle at this many steps and stage of `STAGES`, which only effects with memory have."""
     if cycle.periods == 1:
         return replace(cycle, samples=int(samples))
     periods, sought = STAGES[stage]

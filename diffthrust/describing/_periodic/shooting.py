@@ -46,7 +46,7 @@ _FREE = 1e-9
 """A direction in which the period map changes this little of a displacement is not held by the
 model, as the position of a vehicle that nothing pulls back."""
 _UNSTABLE = 1e-6
-"""A multiplier of the period map may exceed one by so much; rounding, and free directions."""
+"""Margin by which a multiplier of the period map may exceed one: rounding, and free directions."""
 
 
 class Orbit(NamedTuple):

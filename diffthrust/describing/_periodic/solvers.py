@@ -23,7 +23,7 @@ _FINEST_SERIES = 16384
 _LANES = 512
 """Lanes of one call."""
 _NUMBERS = 2_000_000
-"""A call of the harmonic balance holds Jacobians of so many numbers in all."""
+"""Numbers in all Jacobians of one call of the harmonic balance: it bounds the memory."""
 
 
 _Tree = TypeVar("_Tree", shooting.Orbit, hb.Balance)
@@ -212,7 +212,7 @@ def _merged(
     count: int,
     flags: np.ndarray | slice = slice(None),
 ) -> _Tree:
-    """What was kept of all lanes, with those of ``who`` anew."""
+    """The kept values of all lanes, with those of ``who`` updated."""
     if kept is None:
         kept = jax.tree.map(lambda a: np.zeros((count, *a.shape[1:])), new)
 

@@ -3,7 +3,7 @@
 From the coefficients that were found, one step of Newton's method is taken with at least twice as
 many harmonics, and with the equations seen at far more instants. A corner of the equations (a dead
 band, a saturation, dry friction) has harmonics without end, and nothing but those beyond the ones
-kept tells what they are worth. Where that step is not short, the balance is found anew first. The
+kept tells what they are worth. Where that step is not short, the balance is solved again first. The
 change is enlarged by what would still be to come if it fell with the first power of the number of
 harmonics; as a rule it falls faster.
 
@@ -27,14 +27,14 @@ from diffthrust.describing._periodic.solvers import HarmonicBalance
 GAIN_ERROR, PHASE_ERROR = 1e-3, 0.1
 """Error of the gain (relative) and of the phase [deg] that an answer may have."""
 _DOUBTFUL = 10.0
-"""One step will do where it shows an error so many times smaller."""
+"""One step is enough where it shows an error this many times smaller."""
 _LEAST = 15
 """Fewer harmonics would not do to judge others: between three and seven the change may be nothing
 by chance."""
 
 
 def more_than(harmonics: int) -> int:
-    """How many harmonics judge so many."""
+    """Harmonics of the reference solution, for a balance of this many."""
     return max(2 * harmonics + 1, _LEAST)
 
 

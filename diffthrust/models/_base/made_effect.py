@@ -19,7 +19,7 @@ _MEANT = (ARRIVING, "time")
 
 
 class MadeEffect(Effect):
-    """An effect of which each object has a name, a port and parameters of its own.
+    """An effect whose objects each have a name, a port and parameters of its own.
 
     Several of one class stand in one model under different names. A subclass has in ``name`` the
     word by which spec files ask for it (objects are called so by default), in ``main`` the

@@ -33,7 +33,7 @@ class Model(Component):
     show; logs that cannot (milliseconds declared as seconds, or the reverse) are refused.
     ``horizon`` is the length [s] of the segments from which long runs are fitted by default, or
     ``None``. ``commands`` are the units in which the inputs named in ``commanded`` may be given:
-    a model that lists them is told by ``command="effort"`` which of them it is, and `fit` takes
+    a model that lists them takes one as ``command="effort"``, and `fit` takes
     what the logs have.
 
     Effects are added with ``+`` and removed with ``- "name"``.

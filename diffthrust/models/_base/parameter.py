@@ -111,7 +111,7 @@ class Parameter:
     pattern: str = ""
 
     def in_units(self, units: Mapping[str, str]) -> Parameter:
-        """The same parameter with its unit spelt out, given those of the channels it follows.
+        """The same parameter with its unit written out, from those of the channels it follows.
 
         Example:
             >>> dft.Parameter(0.4, unit="{command}").in_units({"command": "V"}).unit

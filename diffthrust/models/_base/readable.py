@@ -1,4 +1,4 @@
-"""Which signals an effect may read at a port: what the equations have told by then."""
+"""Which signals an effect may read at a port: those the equations have reported by then."""
 
 from __future__ import annotations
 
