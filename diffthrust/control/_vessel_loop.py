@@ -115,12 +115,12 @@ class VesselLoop(VesselAssembly):
                 break
             ahead = wanted_at(path, now + mpc.ahead)
             if plan is None:  # once for nothing: what it takes longer than again is compilation
-                plan, begun = mpc.start(measured, inputs), perf_counter()
+                plan, begin_time = mpc.start(measured, inputs), perf_counter()
                 jax.block_until_ready(mpc.step(plan, measured, ahead))
-                compiling = perf_counter() - begun
-            begun = perf_counter()
+                compiling = perf_counter() - begin_time
+            begin_time = perf_counter()
             plan = jax.block_until_ready(mpc.step(plan, measured, ahead))
-            solving = perf_counter() - begun
+            solving = perf_counter() - begin_time
             inputs = {name: float(value) for name, value in plan.inputs.items()}
             if not records:  # a log that is simulated again begins settled at its first inputs
                 state = begin(self.vessel, {**inputs, **constants}, start)

@@ -71,7 +71,7 @@ def steady_table(source: ExportSource, limits: tuple[float, float] | None = None
         inputs = {name: np.full(commands.shape, value) for name, value in constants.items()}
         return steady_output(model, {channel: commands, **inputs}, OUTPUT)
 
-    def told(command: float) -> str:
+    def as_written(command: float) -> str:
         unit = source.inputs[channel]
         shown = float(source.shown(channel, np.array([command]), unit)[0])
         return f"{number(shown, 4)} {source.unit(channel, unit)}"
@@ -80,7 +80,7 @@ def steady_table(source: ExportSource, limits: tuple[float, float] | None = None
     if low < 0.0 < high:
         commands = np.unique([*commands, 0.0])
     commands, computed = _refined(commands, forces(commands), forces)
-    return _monotone(ForceTable(channel, commands, computed, tuple(notes)), told)
+    return _monotone(ForceTable(channel, commands, computed, tuple(notes)), as_written)
 
 
 def commanding(model: Model, source: ExportSource) -> str:

@@ -63,7 +63,7 @@ def misplaced(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
 def _doubt(
     r: Record, mend: Mend, mended: list[Tie], after: dict[tuple[str, str], Tie], rivals: list[Mend]
 ) -> Doubt:
-    improved = [_told(tie, after[_key(tie)]) for tie in mended[:2]]
+    improved = [_improvement(tie, after[_key(tie)]) for tie in mended[:2]]
     evidence = f"{r.name}: {'; '.join(improved)}."
     line = mend.line
     if rivals:
@@ -72,7 +72,7 @@ def _doubt(
     return Doubt(mend.channels[0], mend.kind, evidence, line)
 
 
-def _told(tie: Tie, after: Tie) -> str:
+def _improvement(tie: Tie, after: Tie) -> str:
     if tie.together > _FIRM:
         return (
             f"{tie.channel} is {abs(tie.gain):.3g} times {tie.words} "

@@ -126,7 +126,7 @@ class Component:
     @classmethod
     def _unflatten(cls, description: _Described, children: Any) -> Any:
         values, effects = children
-        component = description.thing._bound(dict(zip(description.names, values, strict=True)))
+        component = description.component._bound(dict(zip(description.names, values, strict=True)))
         if effects:
             component._set(effects=effects)
         return component
@@ -150,7 +150,7 @@ class _Described:
     """A component as static data of a pytree: equal where all but the numbers is equal."""
 
     def __init__(self, component: Component) -> None:
-        self.thing = component
+        self.component = component
         self.names = tuple(component._parameters)
         described = [replace(p, value=0.0) for p in component._parameters.values()]
         self.key = (component.structure, self.names, tuple(described))
