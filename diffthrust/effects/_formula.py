@@ -145,7 +145,7 @@ class Formula(MadeEffect):
 def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, float]) -> float:
     """How much a formula adds to what arrives, for signals drawn within their levels.
 
-    The 90th percentile of its size; zero where a level is not signals.
+    The 90th percentile of its size; zero where a level is not known.
     """
     law, rng = expression_of(formula.expression), np.random.default_rng(0)
     ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}
