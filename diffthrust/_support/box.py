@@ -47,6 +47,6 @@ def least_in_box(
         return x, fixed, blocked | releases, count + 1
 
     outward = ((low == 0) & (slope > 0)) | ((high == 0) & (slope < 0))
-    begun = (jnp.zeros_like(slope), outward, jnp.array(True), 0)
-    x, *_ = jax.lax.while_loop(lambda state: state[2] & (state[3] < _ROUNDS), again, begun)
+    initial = (jnp.zeros_like(slope), outward, jnp.array(True), 0)
+    x, *_ = jax.lax.while_loop(lambda state: state[2] & (state[3] < _ROUNDS), again, initial)
     return jnp.clip(x, low, high)

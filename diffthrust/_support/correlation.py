@@ -26,8 +26,8 @@ def ljung_box(correlation: np.ndarray, samples: int) -> float:
 
 def integral(correlation: np.ndarray) -> float:
     """Sum of an autocorrelation over both sides, up to its first zero; at least 1."""
-    gone = np.flatnonzero(correlation <= 0)
-    return max(1.0, float(2 * correlation[: gone[0] if gone.size else None].sum() - 1))
+    negative = np.flatnonzero(correlation <= 0)
+    return max(1.0, float(2 * correlation[: negative[0] if negative.size else None].sum() - 1))
 
 
 def autocorrelation(runs: Sequence[np.ndarray], lags: int) -> np.ndarray:
@@ -51,17 +51,17 @@ def lag_one(runs: Sequence[np.ndarray]) -> float:
     before. Zero where it is within what chance gives to white noise (three standard deviations),
     and where there are too few values to tell.
     """
-    seen = [run[np.isfinite(run)] for run in runs]
-    later, before = (
+    valid = [run[np.isfinite(run)] for run in runs]
+    later, earlier = (
         np.concatenate([np.zeros(0), *parts])
-        for parts in ([rest[1:] for rest in seen], [rest[:-1] for rest in seen])
+        for parts in ([values[1:] for values in valid], [values[:-1] for values in valid])
     )
     if later.size <= _FEW:
         return 0.0
     later -= later.mean()
-    before -= before.mean()
-    power = (later @ later) * (before @ before)
-    correlation = float(later @ before / np.sqrt(power)) if power > 0 else 0.0
+    earlier -= earlier.mean()
+    power = (later @ later) * (earlier @ earlier)
+    correlation = float(later @ earlier / np.sqrt(power)) if power > 0 else 0.0
     return correlation if correlation > 3 / np.sqrt(later.size) else 0.0
 
 
@@ -70,19 +70,19 @@ def covariance(first: Sequence[np.ndarray], second: Sequence[np.ndarray], lags: 
     means = [np.nanmean(np.concatenate(list(x))) for x in (first, second)]
     products, counts, full = (np.zeros(2 * lags + 1) for _ in range(3))
     reach = np.abs(np.arange(-lags, lags + 1))
-    for one, two in zip(first, second, strict=True):
-        here, there = np.isfinite(one), np.isfinite(two)
-        flat = np.where(here, one - means[0], 0.0), np.where(there, two - means[1], 0.0)
+    for x, y in zip(first, second, strict=True):
+        x_valid, y_valid = np.isfinite(x), np.isfinite(y)
+        flat = np.where(x_valid, x - means[0], 0.0), np.where(y_valid, y - means[1], 0.0)
         products += _lagged(*flat, lags)
-        counts += _lagged(here.astype(float), there.astype(float), lags)
-        full += np.maximum(one.size - reach, 0)
+        counts += _lagged(x_valid.astype(float), y_valid.astype(float), lags)
+        full += np.maximum(x.size - reach, 0)
     taper = full / full[lags]
     return np.where(counts > 0.5, products / np.maximum(counts, 1.0), 0.0) * taper
 
 
-def _lagged(one: np.ndarray, two: np.ndarray, lags: int) -> np.ndarray:
-    """Sums over t of one[t + k] two[t] at k = -lags .. lags."""
-    size = 2 ** (2 * one.size).bit_length()
-    sums = np.fft.irfft(np.fft.rfft(one, size) * np.conj(np.fft.rfft(two, size)), size)
-    reach = min(lags, one.size - 1)
+def _lagged(x: np.ndarray, y: np.ndarray, lags: int) -> np.ndarray:
+    """Sums over t of x[t + k] y[t] at k = -lags .. lags."""
+    size = 2 ** (2 * x.size).bit_length()
+    sums = np.fft.irfft(np.fft.rfft(x, size) * np.conj(np.fft.rfft(y, size)), size)
+    reach = min(lags, x.size - 1)
     return np.pad(sums[np.arange(-reach, reach + 1)], lags - reach)

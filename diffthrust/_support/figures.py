@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 _P = ParamSpec("_P")
 
-# Okabe & Ito 2008: told apart with every kind of colour vision
+# Okabe & Ito 2008: distinct with every kind of colour vision
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
 _POINTS = 4000
 _MOST = 20
-"""So many figures wait to be shown; of more pyplot warns."""
+"""Figures that wait to be shown: from more on pyplot warns of the memory."""
 _OURS: WeakSet[Figure] = WeakSet()
 _SEEN: ContextVar[bool] = ContextVar("seen", default=True)
 
@@ -69,17 +69,21 @@ def _hand_over(figure: Figure) -> None:
         return
     inline = backend.endswith("inline")
     waiting = [manager.canvas.figure for manager in Gcf.get_all_fig_managers()]
-    while len(waiting) >= _MOST and (ours := [one for one in waiting if one in _OURS]):
-        waiting.remove(ours[0])
+    # figures of the user's own are never closed
+    while len(waiting) >= _MOST and (closable := [f for f in waiting if f in _OURS]):
+        waiting.remove(closable[0])
         if inline:
             from IPython.display import display
 
-            display(ours[0])
-        plt.close(ours[0])
+            display(closable[0])
+        plt.close(closable[0])
     _OURS.add(figure)
     if inline:
+        # the inline backend shows open figures at the end of a cell: one that was the value of the
+        # cell would show twice
         hook = partial(_displayed, figure)
         figure._repr_mimebundle_ = hook  # pyright: ignore[reportAttributeAccessIssue]
+    # pyplot adopts only figures that it makes: it is given this one as if it had made it
     plt.figure(FigureClass=lambda **_: figure)  # pyright: ignore[reportArgumentType]
 
 

@@ -81,9 +81,9 @@ def _encoded_array(array: np.ndarray, arrays: dict[str, Any]) -> Any:
     values = [_written(x) if usual else x for x in array.ravel().tolist()]
     if usual and 0 < array.size <= _INLINE:
         return _nested(values, array.shape)
-    whole = {"type": array.dtype.name, "shape": list(array.shape), "values": values}
-    name = sha256(repr(whole).encode()).hexdigest()[:16]
-    arrays[name] = whole
+    content = {"type": array.dtype.name, "shape": list(array.shape), "values": values}
+    name = sha256(repr(content).encode()).hexdigest()[:16]
+    arrays[name] = content
     return {"array": name}
 
 
@@ -182,11 +182,11 @@ class Decoder(NamedTuple):
 
     def _array(self, data: Any) -> np.ndarray:
         if isinstance(data, dict):
-            whole = self.arrays[data["array"]]
-            kind, values = np.dtype(whole["type"]), whole["values"]
+            content = self.arrays[data["array"]]
+            kind, values = np.dtype(content["type"]), content["values"]
             if kind == np.float64:
                 values = [_scalar(float, x) for x in values]
-            return np.array(values, kind).reshape(whole["shape"])
+            return np.array(values, kind).reshape(content["shape"])
         return np.array(_numbers(data), np.float64)
 
 

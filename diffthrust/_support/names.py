@@ -18,9 +18,9 @@ def nearest(word: str, options: Iterable[str]) -> str:
         >>> nearest("sped", ["speed", "thrust"])
         "the nearest is 'speed'"
     """
-    known = list(dict.fromkeys(options))
+    unique = list(dict.fromkeys(options))
     lowered: dict[str, str] = {}
-    for option in known:
+    for option in unique:
         lowered.setdefault(option.lower().strip(), option)
     match = get_close_matches(word.lower().strip(), list(lowered), n=1, cutoff=0.5)
     return f"the nearest is {lowered[match[0]]!r}" if match else ""
@@ -33,11 +33,11 @@ def listing(names: Iterable[str], limit: int = 30) -> str:
         >>> listing(["a", "b"])
         "'a', 'b'"
     """
-    known = [repr(name) for name in names]
-    if not known:
+    quoted = [repr(name) for name in names]
+    if not quoted:
         return "none"
-    more = len(known) - limit
-    return ", ".join(known[:limit]) + (f" and {more} more" if more > 0 else "")
+    more = len(quoted) - limit
+    return ", ".join(quoted[:limit]) + (f" and {more} more" if more > 0 else "")
 
 
 def shortly(value: object) -> str:

@@ -81,7 +81,7 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
     if draw is None:
         yield None
         return
-    message, done, drawn = begin, 0.0, 0.0
+    message, share_done, drawn = begin, 0.0, 0.0
     start = time.monotonic()
     over, drawing = threading.Event(), threading.Lock()
 
@@ -89,11 +89,11 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
         nonlocal drawn
         with drawing:
             drawn = time.monotonic()
-            draw(_line(message, done, time.monotonic() - start))
+            draw(_line(message, share_done, time.monotonic() - start))
 
     def tell(words: str, share: float) -> None:
-        nonlocal message, done
-        message, done = words, max(done, min(share, 1.0))
+        nonlocal message, share_done
+        message, share_done = words, max(share_done, min(share, 1.0))
         if time.monotonic() - drawn > _PAUSE:
             redraw()
 

@@ -56,10 +56,10 @@ def _text(data: Any, depth: int = 0) -> str:
         return json.dumps(data, allow_nan=False)
     parts = [_text(each, depth + 1) for each in inner]
     if isinstance(data, dict):
-        parts = [f"{json.dumps(key)}: {part}" for key, part in zip(data, parts, strict=True)]
-    left, right = "{}" if isinstance(data, dict) else "[]"
+        parts = [f"{json.dumps(key)}: {piece}" for key, piece in zip(data, parts, strict=True)]
+    opening, closing = "{}" if isinstance(data, dict) else "[]"
     line = "\n" + " " * depth
-    return f"{left}{line} {f',{line} '.join(parts)}{line}{right}"
+    return f"{opening}{line} {f',{line} '.join(parts)}{line}{closing}"
 
 
 def read_saved(path: Path | str) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def read_saved(path: Path | str) -> dict[str, Any]:
         InputError: there is no such file, it is another one, damaged, or of a newer schema.
     """
     path = Path(path)
-    again = "Save the result again, or take a copy of the file as it was written."
+    mend = "Save the result again, or take a copy of the file as it was written."
     try:
         data = json.loads(path.read_bytes().decode("utf-8"))
     except FileNotFoundError:
@@ -84,7 +84,7 @@ def read_saved(path: Path | str) -> dict[str, Any]:
         raise InputError(
             f"{path}: expected a saved result, found a file that is cut off, damaged or of "
             f"another kind ({error}).",
-            again,
+            mend,
         ) from None
     if not isinstance(data, dict) or not {"schema", "kind"} <= set(data):
         raise InputError(
@@ -103,7 +103,7 @@ def read_saved(path: Path | str) -> dict[str, Any]:
         raise InputError(
             f"{path}: its content is not what was saved: it does not agree with its hash. The "
             "file was edited or damaged.",
-            again,
+            mend,
         )
     return data
 

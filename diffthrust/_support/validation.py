@@ -49,10 +49,10 @@ def numeric_vector(values: ArrayLike, where: Place | str) -> np.ndarray:
         with suppress(TypeError, ValueError, OverflowError):
             array = np.array([np.nan if v is None else float(v) for v in array])
     if array.ndim != 1 or array.dtype.kind not in "biuf":
-        found = f"an array of shape {array.shape} and type {array.dtype}"
+        description = f"an array of shape {array.shape} and type {array.dtype}"
         raise InputError.at(
             where,
-            f"expected numbers in one dimension, found {found}.",
+            f"expected numbers in one dimension, found {description}.",
             "give a list or a one-dimensional array of real numbers.",
         )
     return np.array(array, dtype=np.float64)

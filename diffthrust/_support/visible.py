@@ -27,8 +27,8 @@ def in_line(name: str) -> str:
     return visible(name.replace("\n", "\\n").replace("\t", "\\t"))
 
 
-def _escape(found: re.Match[str]) -> str:
-    code = ord(found[0])
+def _escape(match: re.Match[str]) -> str:
+    code = ord(match[0])
     if _BYTE <= code < _BYTE + 0x100:
         code -= _BYTE
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"

@@ -79,15 +79,15 @@ def _signals(model: Model, run: Run, tabular: bool) -> Mapping[str, tuple[np.nda
 def _in_time(
     axes: Axes, having: Sequence[_Derived], name: str, regime: Regime | None, tabular: bool
 ) -> None:
-    known = [pair for pair in having if name in pair[0].errors.channels]
-    run, derived = max(known, key=lambda pair: pair[0].errors.channels[name].rmse)
+    measured = [pair for pair in having if name in pair[0].errors.channels]
+    run, derived = max(measured, key=lambda pair: pair[0].errors.channels[name].rmse)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     if regime is not None:
         inside = [interval.holds(derived[interval.signal][0]) for interval in regime.where]
         _shade(axes, run.time, np.logical_and.reduce(inside))
-    time, rest = thinned(run.time, run.shown_channels[name].residual)
-    axes.plot(time, rest, color=BLUE, linewidth=0.9)
-    which = f"{literal(run.name)}{', the worst run' if len(known) > 1 else ''}"
+    time, residual = thinned(run.time, run.shown_channels[name].residual)
+    axes.plot(time, residual, color=BLUE, linewidth=0.9)
+    which = f"{literal(run.name)}{', the worst run' if len(measured) > 1 else ''}"
     label = "sample" if tabular else "time [s]"
     styled(axes, f"{name}\n{which}", label, _labelled("residual", run.shown_channels[name].unit))
 
@@ -98,7 +98,7 @@ def _against_signal(
     signal = regime.signal if regime else next(iter(having[0][1]))
     unit = having[-1][1][signal][1]
     across = np.concatenate([derived[signal][0] for _, derived in having])
-    rest = np.concatenate([run.shown_channels[name].residual for run, _ in having])
+    residual = np.concatenate([run.shown_channels[name].residual for run, _ in having])
     stride = -(-across.size // _SHOWN)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     title = "no regime stands out from chance"
@@ -108,16 +108,16 @@ def _against_signal(
         )
         axes.axvspan(low, high, color=_SHADE, alpha=0.45, linewidth=0, zorder=0)
         title = textwrap.fill(regime.sentence, 46)
-    kept = np.isfinite(rest)
-    axes.plot(across[kept][::stride], rest[kept][::stride], ".", color=BLUE, markersize=2.5)
+    kept = np.isfinite(residual)
+    axes.plot(across[kept][::stride], residual[kept][::stride], ".", color=BLUE, markersize=2.5)
     label = _labelled("residual", having[0][0].shown_channels[name].unit)
     styled(axes, title, _labelled(signal, unit), label)
 
 
 def _autocorrelation(axes: Axes, tests: ResidualTests) -> None:
-    whole = np.arange(tests.autocorrelation.size) * tests.step
+    all_lags = np.arange(tests.autocorrelation.size) * tests.step
     shown = max(20, int(np.ceil(4 * tests.correlation_time / tests.step)))
-    lags, values = whole[: shown + 1], tests.autocorrelation[: shown + 1]
+    lags, values = all_lags[: shown + 1], tests.autocorrelation[: shown + 1]
     band = 1.96 / np.sqrt(tests.samples)
     axes.axhspan(-band, band, color="0.85", linewidth=0, label="95 % of white noise")
     axes.axhline(0.0, color="0.4", linewidth=0.8)

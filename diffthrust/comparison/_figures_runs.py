@@ -161,6 +161,6 @@ def _common(traces: list[Trace]) -> float:
     """One limit for the residuals of a channel, so that runs can be compared by eye."""
     largest = 0.0
     for trace in traces:
-        seen = np.abs(trace.residual[np.isfinite(trace.residual)])
-        largest = max(largest, float(seen.max(initial=0.0)))
+        sizes = np.abs(trace.residual[np.isfinite(trace.residual)])
+        largest = max(largest, float(sizes.max(initial=0.0)))
     return 1.1 * largest if 0 < largest < 1e300 else 1.0

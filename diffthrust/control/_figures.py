@@ -48,7 +48,7 @@ def run_figure(run: RunSignals, loop: LoopAssembly, units: Mapping[str, str]) ->
     rows[-1].tick_params(labelbottom=True)
     rows[-1].set_xlabel("time [s]", fontsize=9)
     parts = (loop.controller, loop.compensator)
-    title = ", ".join(type(part).__name__ for part in parts if part is not None)
+    title = ", ".join(type(component).__name__ for component in parts if component is not None)
     if run.diverged is not None:
         title += f": ran away at {run.diverged:.3g} s"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")

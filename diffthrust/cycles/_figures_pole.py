@@ -44,13 +44,13 @@ def plot_pole_motion(
         >>> figure = dft.cycles.plot_pole_motion(([2.0], [1, 3, 2, 0]), dft.cycles.Saturation(1.0))
     """
     transfer, element = transfer_of(linear), element_of(nonlinearity)
-    given = range_of("amplitudes", amplitudes, element.least)
-    if given is None:
+    grid = range_of("amplitudes", amplitudes, element.least)
+    if grid is None:
         a, _ = grid_of(transfer, element, None, None)
         scale = element.scale
         ends = (a[0], a[-1]) if scale is None else (element.least + 0.1 * scale, 100.0 * scale)
     else:
-        ends = (given[0], given[-1])
+        ends = (grid[0], grid[-1])
     return pole_figure(transfer, element, (float(ends[0]), float(ends[1])))
 
 
@@ -65,7 +65,7 @@ def pole_path(
     w = np.full(amplitudes.shape, np.sqrt(transfer.corners[0] * transfer.corners[-1]))
     rows: list[np.ndarray] = []
     for _ in range(8):  # the lag depends on the frequency of the pair that it moves
-        rows, before = [], w.copy()
+        rows, previous = [], w.copy()
         for i, n in enumerate(element.describing(amplitudes, w)):
             poles = np.empty(0, complex)
             if np.isfinite(n):
@@ -74,16 +74,16 @@ def pole_path(
             if turning.size:
                 w[i] = complex(turning[int(np.argmax(np.real(turning)))]).imag
             rows.append(poles)
-        if np.abs(np.log(w / before)).max() < 1e-6:
+        if np.abs(np.log(w / previous)).max() < 1e-6:
             break
     most = max(row.size for row in rows)
-    alike = [i for i, row in enumerate(rows) if most and row.size == most]
-    if not alike:
+    complete = [i for i, row in enumerate(rows) if most and row.size == most]
+    if not complete:
         raise InputError(
             "The quasi-linear loop has no poles at these amplitudes.",
             "Choose amplitudes at which the element has an output.",
         )
-    return amplitudes[alike], np.array([rows[i] for i in alike])
+    return amplitudes[complete], np.array([rows[i] for i in complete])
 
 
 def pole_figure(
@@ -148,12 +148,12 @@ def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float,
     best = np.argmax(np.real(upper), axis=1)
     pair = upper[np.arange(a.size), best]
     for i in range(a.size - 1):
-        one, two = pair[i], pair[i + 1]
-        if np.isfinite(one.real) and np.isfinite(two.real) and one.real * two.real < 0:
-            share = one.real / (one.real - two.real)
+        start, end = pair[i], pair[i + 1]
+        if np.isfinite(start.real) and np.isfinite(end.real) and start.real * end.real < 0:
+            share = start.real / (start.real - end.real)
             amplitude = a[i] * (a[i + 1] / a[i]) ** share
-            w = one.imag + share * (two.imag - one.imag)
-            crossed.append((float(amplitude), float(w), bool(two.real < 0)))
+            w = start.imag + share * (end.imag - start.imag)
+            crossed.append((float(amplitude), float(w), bool(end.real < 0)))
     return crossed
 
 

@@ -31,10 +31,10 @@ def map_figure(result: DescribingValues) -> Figure:
     if min(gain.shape) < _FEW:
         return _curves_figure(result, title, (gain, result.phase), labels)
     figure = _figure(11.0, 4.4, title)
-    left, right = figure.subplots(1, 2)
+    first_panel, second_panel = figure.subplots(1, 2)
     empty = "output does not move"
-    _map(figure, left, result, gain, labels[0], empty, logarithmic=True)
-    _map(figure, right, result, result.phase, labels[1], empty, logarithmic=False)
+    _map(figure, first_panel, result, gain, labels[0], empty, logarithmic=True)
+    _map(figure, second_panel, result, result.phase, labels[1], empty, logarithmic=False)
     return figure
 
 
@@ -47,9 +47,9 @@ def break_figure(result: DescribingValues) -> Figure:
     if min(values.shape) < _FEW:
         return _curves_figure(result, title, (values,), (label,))
     figure = _figure(11.0, 4.4, title)
-    left, right = figure.subplots(1, 2)
-    _map(figure, left, result, values, label, "no such lag", logarithmic=True)
-    _curves(right, result, values, label)
+    first_panel, second_panel = figure.subplots(1, 2)
+    _map(figure, first_panel, result, values, label, "no such lag", logarithmic=True)
+    _curves(second_panel, result, values, label)
     return figure
 
 
@@ -95,7 +95,7 @@ def _map(
 ) -> None:  # fmt: skip
     from matplotlib.colors import LogNorm, Normalize
 
-    seen = values[np.isfinite(values)]
+    finite = values[np.isfinite(values)]
     x, y = result.frequencies, result.amplitudes
     unit = bracketed(f"amplitude of the {result.input}", result.input_unit)
     styled(axes, literal(label), "frequency [rad/s]", unit)
@@ -103,8 +103,8 @@ def _map(
     for axis, grid in ((axes.xaxis, x), (axes.yaxis, y)):  # before the labels of contours are set
         _logarithmic(axes, axis, grid[-1] / grid[0])
     _hatched(axes, result, values, empty)
-    if seen.size:
-        low, high = float(seen.min()), float(seen.max())
+    if finite.size:
+        low, high = float(finite.min()), float(finite.max())
         levels = _levels(low, high, logarithmic)
         norm = LogNorm(levels[0], levels[-1]) if logarithmic else Normalize(levels[0], levels[-1])
         shown = np.ma.masked_invalid(values)
@@ -169,9 +169,9 @@ def _scales(axes: Axes, result: DescribingValues | BandValues, values: Any, labe
     styled(axes, literal(label), "frequency [rad/s]", literal(label))
     w = result.frequencies
     _logarithmic(axes, axes.xaxis, w[-1] / w[0])
-    seen = values[np.isfinite(values)]
-    if "phase" not in label and seen.size and seen.min() > 0:
-        _logarithmic(axes, axes.yaxis, float(seen.max() / seen.min()))
+    finite = values[np.isfinite(values)]
+    if "phase" not in label and finite.size and finite.min() > 0:
+        _logarithmic(axes, axes.yaxis, float(finite.max() / finite.min()))
     axes.legend(fontsize=7, frameon=False, title=f"amplitude of the {literal(result.input)}",
                 title_fontsize=8)  # fmt: skip
 

@@ -22,7 +22,7 @@ from diffthrust.diagnosis._residual_structure import gain_of
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
-from diffthrust.logs._log import Log
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import runs_over
 
 
@@ -111,7 +111,7 @@ def record_stage(
     """The search with an effect that was just fitted: a stage more, or one more detectable."""
     last = state.stages[-1]
     without = [share for share in state.stages if {*share.effects} <= {*fitted.effects} - {name}]
-    trained = errors_between(without[-1], fitted, context.fitter.logs, trained=True)
+    trained = errors_between(without[-1], fitted, context.fitter.records, trained=True)
     unseen = errors_between(without[-1], fitted, context.unseen)
     worth, everywhere = explained_share(unseen or trained), explained_share([*trained, *unseen])
     share = worth.of(remaining_share(state, without[-1]))
@@ -124,15 +124,15 @@ def record_stage(
 
 
 def errors_between(
-    baseline: Stage, updated: Stage, logs: Sequence[Log], trained: bool = False
+    baseline: Stage, updated: Stage, records: Sequence[Record], trained: bool = False
 ) -> list[dict[str, BeforeAfter]]:
     """The errors of two stages over whole runs, log by log."""
-    if not logs:
+    if not records:
         return []
     early, late = (
         runs_over(
             stage.fit.model,
-            logs,
+            records,
             initial=stage.fit.initial if trained else None,
             substeps=stage.fit.substeps,
         )

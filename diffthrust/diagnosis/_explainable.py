@@ -1,21 +1,19 @@
-"""Regressions of moderate flexibility from signals to an error: a ladder of them, and their choice.
+"""How much of an error a flexible correction could explain on fresh records, and how surely.
 
-Signals enter as they are and through first-order filters with time constants from fast to slow, so
-that what the past leaves behind can be seen; curves come from random features, tanh(w x + b) of the
-standardized signals, before the filters and behind them, summed by ridge regression. Rung and ridge
-are chosen by leaving out one record at a time.
+Corrections are a ladder of regressions from signals to the error. Signals enter as they are and
+through first-order filters with time constants from fast to slow, which show the past; curves come
+from random features, tanh(w x + b) of the standardized signals, before the filters and behind them,
+summed by ridge regression. Rung and ridge are chosen by leaving out one record at a time.
+
+A correction explains less of errors it has not seen than its form could with records without end:
+it has learned from few. To first order the shortfall goes with one over the number of samples
+(Amari, Fujita & Shinomoto 1992, Four types of learning curves), so corrections learned from halves
+of the records show how large it is. The interval holds the explainable share in nine of ten cases:
+it counts the scatter of the errors, which last and so are fewer than they seem, half of the
+shortfall, and all forms that may as well be the right one.
 
 Source: Rahimi & Recht 2008, Weighted sums of random kitchen sinks; Hastie, Tibshirani & Friedman
 2009, The Elements of Statistical Learning, sections 3.4 and 7.10.
-
-How much of an error a flexible correction could explain on fresh records, and how surely.
-
-The share that a correction explains of errors it has not seen falls short of what its form could
-explain with records without end: it has learned from few. To first order the shortfall goes with
-one over the number of samples (Amari, Fujita & Shinomoto 1992, Four types of learning curves), so
-corrections learned from halves of the records tell how much it is. The interval holds the
-explainable share in nine of ten cases: it counts the scatter of the errors, which last and so are
-fewer than they seem, half of the shortfall, and all forms that may as well be the right one.
 """
 
 from __future__ import annotations
@@ -31,6 +29,7 @@ import numpy as np
 from diffthrust._support.correlation import autocorrelation, integral
 from diffthrust.diagnosis._settings import SETTINGS
 
+_RULES = SETTINGS.headroom
 _RANDOM_CURVES = 100
 """Numerics: random features of the curved forms. Ridge regression takes care of too many."""
 _FILTERS = 5
@@ -52,12 +51,12 @@ class Rung(StrEnum):
 
     @property
     def dynamic(self) -> bool:
-        """Whether the past counts."""
+        """Whether it depends on the past."""
         return self in (Rung.DYNAMIC_LINEAR, Rung.DYNAMIC_CURVED)
 
     @property
     def curved(self) -> bool:
-        """Whether it bends."""
+        """Whether it is nonlinear."""
         return self in (Rung.STATIC_CURVED, Rung.DYNAMIC_CURVED)
 
 
@@ -102,13 +101,13 @@ class Features:
         wide = through_filters(record.time, record.columns(self.names), self.lags) - self.centre
         wide = np.clip(wide / self.scale, -_CLIPPED_AT, _CLIPPED_AT)
         present = wide[:, : len(self.names)]
-        parts = [np.ones((record.time.size, 1)), wide if rung.dynamic else present]
+        columns = [np.ones((record.time.size, 1)), wide if rung.dynamic else present]
         if rung.curved:
-            parts.append(_random_curves(present, *self._curves[True]))
+            columns.append(_random_curves(present, *self._curves[True]))
         if rung.curved and rung.dynamic:
-            parts.append(_random_curves(wide, *self._curves[False]))
-            parts[-2] = through_filters(record.time, parts[-2], self.lags)
-        return np.concatenate(parts, axis=1)
+            columns.append(_random_curves(wide, *self._curves[False]))
+            columns[-2] = through_filters(record.time, columns[-2], self.lags)
+        return np.concatenate(columns, axis=1)
 
     @cached_property
     def _curves(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
@@ -121,21 +120,21 @@ class Features:
 
 def through_filters(time: np.ndarray, columns: np.ndarray, lags: Sequence[float]) -> np.ndarray:
     """Series, and each through first-order lags that begin settled, ``(n, d (1 + lags))``."""
-    from scipy.signal import lfilter  # takes a while
+    from scipy.signal import lfilter  # slow to import
 
-    parts, steps = [columns], np.diff(time)
+    filtered, steps = [columns], np.diff(time)
     even = np.ptp(steps) <= 1e-6 * np.median(steps)
     for lag in lags:
-        kept = np.exp(-steps / lag)
+        decay = np.exp(-steps / lag)
         if even:
-            a = kept[0]
-            parts.append(lfilter([1.0 - a], [1.0, -a], columns, axis=0, zi=a * columns[:1])[0])
+            a = decay[0]
+            filtered.append(lfilter([1.0 - a], [1.0, -a], columns, axis=0, zi=a * columns[:1])[0])
             continue
         out = columns.copy()
         for k in range(steps.size):
-            out[k + 1] += kept[k] * (out[k] - columns[k + 1])
-        parts.append(out)
-    return np.concatenate(parts, axis=1)
+            out[k + 1] += decay[k] * (out[k] - columns[k + 1])
+        filtered.append(out)
+    return np.concatenate(filtered, axis=1)
 
 
 def _random_curves(columns: np.ndarray, slopes: np.ndarray, shifts: np.ndarray) -> np.ndarray:
@@ -190,7 +189,7 @@ class Learner:
 
 
 def learners_for(records: Sequence[ErrorRecord], features: Features) -> list[Learner]:
-    """A learner for each rung above none; without those whose equations have no solution."""
+    """A learner for each rung above none, where its equations have a solution."""
     learners = []
     for rung in list(Rung)[1:]:
         blocks, basis = regression(records, features, rung)
@@ -203,14 +202,13 @@ def learners_for(records: Sequence[ErrorRecord], features: Features) -> list[Lea
 
 
 def chosen(learners: Sequence[Learner]) -> Learner | None:
-    """The learner that predicts left-out records best; none where no correction does as well.
+    """The learner that predicts left-out records best; none if no correction does as well.
 
-    A higher rung must be better than the last good one by a hundredth of the squared error: a tie
-    goes to the simpler model.
+    A higher rung must be clearly better than the last good one: a tie goes to the simpler model.
     """
     best, taken = 1.0, None
     for learner in learners:
-        if learner.loss < best - SETTINGS.headroom.least_rung_gain:
+        if learner.loss < best - _RULES.least_rung_gain:
             best, taken = learner.loss, learner
     return taken
 
@@ -227,23 +225,23 @@ class _Sums(NamedTuple):
 def regression(
     records: Sequence[ErrorRecord], features: Features, rung: Rung
 ) -> tuple[list[_Sums], np.ndarray]:
-    """What to solve for each record, and what turns a solution into weights of the regressors.
+    """The sums of each record, and the basis that turns a solution into weights of the regressors.
 
-    Where there are more regressors than samples, weights are sought in the span of the samples
-    alone: ridge regression finds none outside it, and the systems are smaller.
+    If there are more regressors than samples, weights are sought in the span of the samples: ridge
+    regression finds none outside it, and the systems are smaller.
     """
-    from scipy.linalg import block_diag, qr  # takes a while
+    from scipy.linalg import block_diag, qr  # slow to import
 
     finite = [np.isfinite(r.error) for r in records]
-    parts = [features.of(r, rung)[s] for r, s in zip(records, finite, strict=True)]
-    samples, basis = sum(map(len, parts)), np.eye(parts[0].shape[1])
+    rows = [features.of(r, rung)[s] for r, s in zip(records, finite, strict=True)]
+    samples, basis = sum(map(len, rows)), np.eye(rows[0].shape[1])
     if samples < len(basis):
-        span = qr(np.concatenate(parts)[:, 1:].T, mode="economic", check_finite=False)[0]
-        basis = np.asarray(block_diag(1.0, span))  # the mean is free, and stays as it is
-        parts = [x @ basis for x in parts]
+        span = qr(np.concatenate(rows)[:, 1:].T, mode="economic", check_finite=False)[0]
+        basis = np.asarray(block_diag(1.0, span))  # the mean has no ridge, and stays as it is
+        rows = [x @ basis for x in rows]
     errors = [r.error[s] for r, s in zip(records, finite, strict=True)]
     return [
-        _Sums(x.T @ x, x.T @ y, float(y @ y), y.size) for x, y in zip(parts, errors, strict=True)
+        _Sums(x.T @ x, x.T @ y, float(y @ y), y.size) for x, y in zip(rows, errors, strict=True)
     ], basis
 
 
@@ -257,11 +255,11 @@ def pooled_sums(blocks: Sequence[_Sums]) -> _Sums:
 
 
 def ridge_solution(sums: _Sums, ridge: float) -> np.ndarray:
-    from scipy.linalg import LinAlgError, cho_factor, cho_solve  # takes a while
+    from scipy.linalg import LinAlgError, cho_factor, cho_solve  # slow to import
 
     squares = sums.squares.copy()
     squares.flat[len(squares) + 1 :: len(squares) + 1] += ridge * sums.samples
-    squares[0, 0] += 1e-12 * sums.samples  # the mean is free
+    squares[0, 0] += 1e-12 * sums.samples  # the mean has no ridge
     try:
         factor = cho_factor(squares, overwrite_a=True, check_finite=False)
     except LinAlgError:  # a simulation that has run away: nothing can be learned from it
@@ -270,9 +268,9 @@ def ridge_solution(sums: _Sums, ridge: float) -> np.ndarray:
 
 
 def _left_out(blocks: Sequence[_Sums]) -> np.ndarray:
-    """For each ridge, the squared error on each record by the weights of the others.
+    """For each ridge the squared error on left-out records, as a share of that of no correction.
 
-    As a share of that of no correction.
+    Each record is predicted by the weights that the others teach.
     """
     losses = np.zeros(_RIDGES.size)
     for k, left_out in enumerate(blocks):
@@ -320,29 +318,29 @@ class _Estimate(NamedTuple):
 def explainable(
     train: Sequence[ErrorRecord], test: Sequence[ErrorRecord], seed: int
 ) -> Explainable:
-    """The share of the error of ``test`` that what ``train`` teaches explains.
+    """The share of the error of unseen records that a correction explains, and could explain.
 
     Args:
         train: two records or more to learn from.
-        test: others to judge by; each of ``train`` by the rest of them where empty.
+        test: unseen records to judge by; if there are none, each of ``train`` by the others.
         seed: of the random features and of the halves.
     """
     features = features_for(train, seed)
     if not any(np.nansum(record.error**2) > 0 for record in test or train):
         return Explainable(0.0, 0.0, 0.0, Rung.NOTHING, features.names)
     learners = learners_for(train, features)
-    if not learners:  # nothing could be learned: anything may be there
+    if not learners:  # nothing could be learned: the explainable share may be anything
         return Explainable(0.0, 0.0, 1.0, Rung.NOTHING, features.names)
     best = chosen(learners)
     least = min(learner.loss for learner in learners)
     near = [
         candidate
         for candidate in learners
-        if candidate.loss <= least + SETTINGS.headroom.tie_loss or candidate is best
+        if candidate.loss <= least + _RULES.tie_loss or candidate is best
     ]
     estimates = {candidate.rung: _estimate(candidate, train, test, seed) for candidate in near}
     high = max(candidate.high for candidate in estimates.values())
-    if best is None:  # what the best form would explain is the most that may be there
+    if best is None:  # no form is good enough to be used, but the best bounds the share
         first = estimates[min(near, key=lambda candidate: candidate.loss).rung]
         return Explainable(0.0, min(first.low, 0.0), high, Rung.NOTHING, features.names)
     estimate = estimates[best.rung]
@@ -373,12 +371,12 @@ def _estimate(
         ((1.0 - share - short) * b - (1.0 + reach) * a + reach * h) * samples / total
         for b, a, h in zip(squares, corrected, halves, strict=True)
     ]
-    scores = [score[np.isfinite(score)] for score in scores]  # of a held sensor one by one
+    scores = [score[np.isfinite(score)] for score in scores]  # a held sensor's readings one by one
     lags = max(1, min(score.size for score in scores) // 2)
     lasting = integral(autocorrelation(scores, lags))
     scatter = float(np.std(np.concatenate(scores))) * np.sqrt(lasting / samples)
-    wide = SETTINGS.headroom.interval_width * float(np.hypot(scatter, 0.5 * short))
-    low = min(share + short - wide, share - SETTINGS.headroom.interval_width * scatter)
+    wide = _RULES.interval_width * float(np.hypot(scatter, 0.5 * short))
+    low = min(share + short - wide, share - _RULES.interval_width * scatter)
     return _Estimate(share, float(low), min(max(share, share + short, 0.0) + wide, 1.0))
 
 

@@ -45,7 +45,7 @@ class ChannelHeadroom:
             records without end.
         high: upper end.
         rung: the form of the correction.
-        signals: what it was given.
+        signals: the signals that enter it.
         samples: that it learned from; of a sensor that is held its readings.
     """
 
@@ -188,15 +188,15 @@ def headroom_of(
 def _record(model: Model, run: Run, name: str) -> ErrorRecord:
     signals: dict[str, np.ndarray] = {}
     for key, values in run.signals.items():
-        if key in model.angles:  # a turn more is the same direction
+        if key in model.angles:  # one more turn is the same direction
             signals |= {f"cos {key}": np.cos(values), f"sin {key}": np.sin(values)}
-        elif run.units.get(key) != "m":  # where it is over ground, nothing depends on
+        elif run.units.get(key) != "m":  # a vessel's errors do not depend on where it is
             signals[key] = values
     return ErrorRecord(run.time, signals, run.channels[name].residual)
 
 
 def _thinned(records: list[ErrorRecord]) -> list[ErrorRecord]:
-    """Fewer samples of what is measured; signals keep theirs, for the filters."""
+    """Records with fewer errors; signals keep all samples, for the filters."""
     every = -(-sum(r.time.size for r in records) // _MOST_SAMPLES)
     kept = [np.arange(r.time.size) % every == 0 for r in records]
     return [
@@ -221,7 +221,7 @@ def _channel(
 
 
 def _cut(record: ErrorRecord, into: int) -> list[ErrorRecord]:
-    """A record in stretches, one after the other."""
+    """A record in consecutive stretches."""
     edges = np.linspace(0, record.time.size, into + 1).astype(int)
     return [
         ErrorRecord(

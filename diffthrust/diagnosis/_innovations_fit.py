@@ -42,11 +42,10 @@ from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import NOISE_MODELS
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._solver import solve
-from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._inputs import measured_outputs
 from diffthrust.simulation._levels import port_readings
+from diffthrust.simulation._record import Record, measured_outputs
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -181,8 +180,8 @@ class Programs:
     Args:
         model: the model with the effects that it has already.
         candidates: effects to try, at any values.
-        logs: training logs.
-        unseen: unseen logs.
+        records: training records.
+        unseen: unseen records.
         substeps: integrator steps per sample.
         noise_model: with "ar1" no random forces act and no state is corrected, as in a fit with
             that noise.
@@ -193,24 +192,24 @@ class Programs:
         self,
         model: Model,
         candidates: Sequence[Effect],
-        logs: Sequence[Log],
-        unseen: Sequence[Log],
+        records: Sequence[Record],
+        unseen: Sequence[Record],
         substeps: int = 1,
         noise_model: str = "white",
         constants: Sequence[str] = (),
     ) -> None:
-        self.model, self.logs, self.unseen = model, tuple(logs), tuple(unseen)
-        self.channels = measured_outputs(model, logs)
-        self.places = places_of(model, logs[0], self.channels)
+        self.model, self.records, self.unseen = model, tuple(records), tuple(unseen)
+        self.channels = measured_outputs(model, records)
+        self.places = places_of(model, records[0], self.channels)
         self.constants = tuple(constants)
         self.candidates = {effect.name: effect for effect in candidates}
         self.free = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
-        observer = observer_of(model, logs[0], self.channels, remembering, lasts)
+        observer = observer_of(model, records[0], self.channels, remembering, lasts)
         likelihood = Innovations(law=StudentT(), observer=observer)
         self._arranged = partial(build, substeps=substeps, likelihood=likelihood, compact=True)
-        first = self._arranged(model, self.logs)
+        first = self._arranged(model, self.records)
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
         self.uncorrected = {n: 0.0 for n in first.nuisance if not is_memory(n)}
         self.width = len(self.free) + len(self.nuisance) + _ROOM
@@ -243,12 +242,14 @@ class Programs:
             self._compiled.append(self._program(wanted, len(self.free) + most))
             return self._compiled[-1]
 
-    def problem(self, effects: Collection[str], logs: Sequence[Log], least: int = 0) -> Problem:
+    def problem(
+        self, effects: Collection[str], records: Sequence[Record], least: int = 0
+    ) -> Problem:
         """The model with some effects at their nulls; constants to try may be freed.
 
         Args:
             effects: names of the effects.
-            logs: the logs.
+            records: the logs.
             least: fewest coordinates that can be moved together.
         """
         model, free = self.model.free(*self.constants), len(self.constants)
@@ -257,10 +258,10 @@ class Programs:
                 model = model + self.candidates[name].at_null()
                 free += self._size(name)
         width = max(self.width - _ROOM + min(free, _ROOM), least)
-        return self._arranged(model, logs, width=width)
+        return self._arranged(model, records, width=width)
 
     def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
-        problem = self.problem(effects, self.logs, least)
+        problem = self.problem(effects, self.records, least)
         unseen = self.problem(effects, self.unseen, least) if self.unseen else None
         return Compiled(frozenset((*effects, *self.constants)), problem, unseen)
 
@@ -283,7 +284,11 @@ class CandidateFitter:
     def __init__(self, programs: Programs, observed: Sequence[str] | None = None) -> None:
         self.programs = programs
         self.nuisance = programs.nuisance if observed is None else tuple(observed)
-        self.model, self.logs, self.channels = programs.model, programs.logs, programs.channels
+        self.model, self.records, self.channels = (
+            programs.model,
+            programs.records,
+            programs.channels,
+        )
         self.candidates, self.constants = programs.candidates, programs.constants
         self.free, self.counts, self.samples = programs.free, programs.counts, programs.samples
         self.places, self.ready = programs.places, programs.ready
@@ -319,7 +324,7 @@ class CandidateFitter:
         problem = clip.on(program.problem.focus(names, values, begin))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
-        bare = partial(self.programs.problem, effects, self.logs)
+        bare = partial(self.programs.problem, effects, self.records)
         fitted = partial(
             TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
             bare=bare,

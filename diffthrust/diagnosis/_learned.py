@@ -1,4 +1,4 @@
-"""What was learned of a law that no known effect expresses, as data."""
+"""A law that no known effect expresses: what was learned of it, as data."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class TriedForm(Brief):
         formula: the effect at its estimated parameters.
         fit: the model with it, fitted to the logs.
         bic: Bayesian information criterion less that of the model without it; negative is better.
-        one_step: the same but for a constant, as one-step errors promise it.
-        times: what it is multiplied by; other than the curve's where it stands for the whole law.
-        reference: the size of the signal to which its powers are related.
+        one_step: the same criterion by one-step errors, but for a constant.
+        times: the factor of the form; it may differ from the curve's.
+        reference: typical size of the signal, to which its powers are related.
     """
 
     name: str
@@ -50,19 +50,19 @@ class LearnedLaw(Brief):
     Args:
         curve: the effect, at its estimated coefficients.
         fit: the last stage's model with it, fitted to the logs.
-        worth: what it removes of the squared whole-run error of unseen logs, of all that the model
-            as given leaves; of its closed form, where that is named.
+        worth: share of the given model's squared whole-run error of unseen logs that it removes; of
+            its closed form if that names it.
         evidence: logarithm of the likelihood ratio by which one-step errors ask for it, with its
             coefficients integrated out.
-        forms: closed forms that were tried in its place, first the one that is told, then by
-            their likelihood.
-        named: whether the first of them is as good as the curve.
+        forms: closed forms that were tried in its place, first the one that is reported, the others
+            by their likelihood.
+        named: whether the first of them is as good as the curve, and names the law.
         superfluous: effects that were found without it, and do nothing that matters beside it.
         samples: values of the signal in the training logs, ``(N,)``.
-        factors: what the curve was multiplied by there; ``None`` for nothing.
+        factors: values of the curve's factor there; ``None`` for none.
         signal_unit: the unit of the signal; "" where it is not known.
         channel: the channel of the model in whose unit the signal is; "" for none.
-        port_unit: that of what passes the port.
+        port_unit: the unit of the signal at the port.
     """
 
     curve: Curve
@@ -80,12 +80,12 @@ class LearnedLaw(Brief):
 
     @property
     def form(self) -> TriedForm | None:
-        """The closed form that may take the curve's place; ``None`` where there is none."""
+        """The closed form that names the law; ``None`` if none is as good as the curve."""
         return self.forms[0] if self.named else None
 
     @property
     def alike(self) -> tuple[TriedForm, ...]:
-        """Other closed forms, of no more parameters, that these logs cannot tell from it."""
+        """Other closed forms with no more parameters that these logs cannot tell from it."""
         if self.form is None:
             return ()
         first, size = self.form, len(self.form.formula.declared)
@@ -103,12 +103,12 @@ class LearnedLaw(Brief):
 
     @property
     def told(self) -> Fit:
-        """The model with the law as it is told: in its closed form, or as a curve."""
+        """The model with the law as it is reported: in its closed form, or as a curve."""
         return self.form.fit if self.form else self.fit
 
     @property
     def shown(self) -> Size:
-        """How many of which unit, that in which the logs were written, make one of the signal's."""
+        """One unit of the signal in the unit in which the logs were written."""
         return self._units.size(self.channel, 1.0, self.signal_unit)
 
     @property
@@ -124,7 +124,7 @@ class LearnedLaw(Brief):
 
     @property
     def manner(self) -> Literal["adds", "scales"]:
-        """Whether it adds to what passes its port, or scales that."""
+        """Whether it adds to the signal at its port, or scales that."""
         return "scales" if self.curve.times == ARRIVING else "adds"
 
     @property

@@ -96,9 +96,9 @@ def deviating_logs(fitter: CandidateFitter, trial: TrialFit, count: int) -> list
 def _passing(fitter: CandidateFitter, trial: TrialFit, row: int) -> Callable[[np.ndarray], Pass]:
     """The pass over one log as a function of how far the parameters are moved, ``(P,)``."""
     problem = trial.at_values
-    if row >= len(fitter.logs):
+    if row >= len(fitter.records):
         assert trial.unseen is not None
-        row, problem = row - len(fitter.logs), trial.unseen
+        row, problem = row - len(fitter.records), trial.unseen
     places = [i for i, n in enumerate(trial.names) if n not in fitter.nuisance]
     low, high = problem.limits()
 

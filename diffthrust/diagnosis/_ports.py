@@ -1,4 +1,4 @@
-"""Where in a model something may be missing: ports, what they drive, and the signals there."""
+"""Where in a model something may be missing: its ports, and what each drives."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._linearise import Reading, slopes_at
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
@@ -41,41 +40,40 @@ class DrivingPort:
 
 
 def words_and_unit(model: Model, port: str) -> tuple[str, str]:
-    """What the signal at a port is, in words, and its unit, with which its description ends."""
+    """The signal at a port in words, and its unit, with which the description of the port ends."""
     parts = re.fullmatch(r"(.*?) *\[([^]]*)\]", model.ports[port], re.DOTALL)
     return (parts[1], parts[2]) if parts else (model.ports[port], "")
 
 
-def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
+def unseen_at(model: Model, record: Record, channels: Collection[str]) -> set[str]:
     """Ports and inputs through which nothing reaches a measured channel.
 
     Where a state is prescribed by the log, what would drive it drives nothing.
     """
-    rates, outputs = slopes_at(model, log)
-    observed = [rates[n] for n in model.states if n not in log.inputs]
-    observed += [outputs[n] for n in outputs if n in channels and n not in log.inputs]
+    rates, outputs = slopes_at(model, record)
+    observed = [rates[n] for n in model.states if n not in record.inputs]
+    observed += [outputs[n] for n in outputs if n in channels and n not in record.inputs]
     names = [(1, port) for port in model.ports]
-    names += [(2, name) for name in inputs_of(model, log) if name not in model.states]
+    names += [(2, name) for name in record.inputs_for(model) if name not in model.states]
     return {name for index, name in names if all(slopes[index][name] == 0 for slopes in observed)}
 
 
-def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingPort, ...]:
+def places_of(model: Model, record: Record, channels: Sequence[str]) -> tuple[DrivingPort, ...]:
     """One port for every state that a port drives, and one for every measured output that one does.
 
-    States that the log prescribes are driven by nothing.
-
-    Of several ports that come to the same, the last: the sum of all that acts there.
+    Nothing drives a state that the log prescribes. Of several ports that drive the same, the last
+    one is taken: the sum of all that acts there.
     """
-    rates, outputs = slopes_at(model, log)
+    rates, outputs = slopes_at(model, record)
     places: list[DrivingPort] = []
     for state in model.states:
-        if state in log.inputs:
-            continue  # it is given: nothing drives it
+        if state in record.inputs:
+            continue
         pushing = [p for p in model.ports if state in rates and rates[state][1][p] != 0]
         if pushing:
-            # the port nearest to the state: it drives no other as well, if there is such a one
-            alone = [p for p in pushing if sum(bool(r[1][p] != 0) for r in rates.values()) == 1]
-            places.append(DrivingPort((alone or pushing)[-1], state, None))
+            # a port that drives no other state as well, if there is one: it is nearest to the state
+            single = [p for p in pushing if sum(bool(r[1][p] != 0) for r in rates.values()) == 1]
+            places.append(DrivingPort((single or pushing)[-1], state, None))
     taken = {place.port for place in places}
     for output in outputs:
         pushing = [p for p in model.ports if outputs[output][1][p] != 0 and p not in taken]
@@ -87,9 +85,9 @@ def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingP
 def slopes_along(
     model: Model, series: Mapping[str, np.ndarray], place: DrivingPort
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of what a place drives, by its own state (zero of an output) and by its port.
+    """Derivatives of what a place drives by its state and by its port, at every sample, ``(T,)``.
 
-    Of the rate of the place's state, or of its output, at every sample of a log, ``(T,)`` each.
+    What it drives is the rate of its state; or an output, whose derivative by a state is zero.
     """
     signals = {name: jnp.asarray(value, float) for name, value in series.items()}
     state, still = signals.get(place.state or "", jnp.zeros(())), jnp.zeros_like(signals["time"])

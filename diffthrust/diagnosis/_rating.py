@@ -125,7 +125,7 @@ def rate(
     ):
         delta = criterion(fitter, trial) - present_bic
     errors = simulation_errors(fitter, trial)
-    named, shown = trial.problem.named, ShownUnits(log.written for log in fitter.logs)
+    named, shown = trial.problem.named, ShownUnits(r.log.written for r in fitter.records)
     sizes = {n: shown_unit(named[n], trial.problem.model, shown) for n in names}
     return TriedEffect(
         stage=state.number,

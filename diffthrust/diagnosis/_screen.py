@@ -121,7 +121,7 @@ def levels_of(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
     """The 90th percentile of the absolute value of every signal, and the longest duration."""
     pairs = zip(trial.path, fitter.readings(trial), strict=True)
     series = [{**path, **ports} for path, ports in pairs]
-    return levels_over(series, fitter.logs)
+    return levels_over(series, fitter.records)
 
 
 def is_at_null(fitter: CandidateFitter, trial: TrialFit) -> bool:

@@ -21,13 +21,14 @@ from diffthrust.diagnosis._innovations_fit import CandidateFitter, Programs, Tri
 from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects import EFFECTS
-from diffthrust.estimation._fit import fit as fit_model
+from diffthrust.estimation._arguments import FitOptions
+from diffthrust.estimation._fit import fit_records
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
-from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._levels import levels_when_asked
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import pooled_errors, runs_over
 from diffthrust.simulation._step_size import CoarseStepWarning
 
@@ -75,8 +76,8 @@ class Refit:
             and, where it had no need of short segments first, that there are none.
     """
 
-    train: Sequence[Log]
-    unseen: Sequence[Log]
+    train: Sequence[Record]
+    unseen: Sequence[Record]
     options: Mapping[str, Any]
     clock: Clock
     settled: Mapping[str, Any] = field(default_factory=dict)
@@ -87,7 +88,7 @@ class Refit:
         guesses: Sequence[Mapping[str, float]] = (),
         progress: Progress | None = None,
         starts: int = 0,
-        logs: tuple[Sequence[Log], Sequence[Log]] | None = None,
+        records: tuple[Sequence[Record], Sequence[Record]] | None = None,
         segments: bool = False,
         substeps: int = 0,
     ) -> Fit:
@@ -98,27 +99,27 @@ class Refit:
             guesses: values to start from besides.
             progress: told how far the fit is.
             starts: the number of starts, if not the usual.
-            logs: training and unseen logs in the place of all.
+            records: training and unseen records in the place of all.
             segments: the fit may go through short segments first, even if the first had no need of
                 them.
             substeps: integrator steps per sample; nobody looks whether finer ones are needed.
         """
-        train, unseen = logs or (self.train, self.unseen)
+        records = records or (self.train, self.unseen)
         starts = starts or _STARTS[bool(guesses)]
-        options = {"starts": starts, "guesses": guesses, "progress": progress, **self.options}
-        options["holdout"] = unseen or None
+        options = {"starts": starts, "guesses": guesses, **self.options}
         # a warning of coarse steps says what is acted on here, and what the notes of the fit say
         with self.clock("refit"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", CoarseStepWarning)
             if self.settled:
                 settled = {n: v for n, v in self.settled.items() if not segments or n != "horizon"}
                 settled |= {"substeps": substeps} if substeps else {}
-                fitted = fit_model(model, train, **options, **settled)
+                chosen = FitOptions(**options, **settled)
+                fitted = fit_records(model, *records, chosen, progress).fit
                 if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in caught):
                     return fitted
                 if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do
                     model, options = fitted.model, {**options, "starts": 1, "guesses": ()}
-            return fit_model(model, train, **options)
+            return fit_records(model, *records, FitOptions(**options), progress).fit
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class SearchContext:
 
     given: Model
     fitter: CandidateFitter
-    unseen: tuple[Log, ...]
+    unseen: tuple[Record, ...]
     refit: Refit
     guess: Mapping[str, float]
     say: Progress
@@ -235,8 +236,8 @@ class SearchState:
 
 def start_search(
     fit: Fit | Model,
-    train: Sequence[Log],
-    unseen: Sequence[Log],
+    train: Sequence[Record],
+    unseen: Sequence[Record],
     wanted: Candidates | None,
     seed: int,
     say: Progress,
@@ -264,7 +265,7 @@ def start_search(
     return context, SearchState(CurrentModel(fitter, trial), (Stage((), first),), untestable)
 
 
-def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> bool:
+def _is_of_these_logs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) -> bool:
     """Whether a fit's errors are those of the logs of this diagnosis."""
     if len(fit.initial) != len(train) or (fit.holdout is None) == bool(unseen):
         return False
@@ -280,8 +281,8 @@ def compiled_fitter(
     fit: Fit,
     effects: Sequence[Effect],
     constants: Sequence[str],
-    train: Sequence[Log],
-    unseen: Sequence[Log],
+    train: Sequence[Record],
+    unseen: Sequence[Record],
     present: TrialFit | None = None,
 ) -> tuple[CandidateFitter, TrialFit]:
     """The trials, and the first: the model as it is, or with what is ``present`` in another."""
@@ -294,7 +295,7 @@ def compiled_fitter(
     raise _not_finite(fit, effects, train)
 
 
-def few_substeps(fit: Fit, train: Sequence[Log]) -> int:
+def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
     """The fewest integrator steps per sample with which whole runs err as with those of a fit."""
     substeps = min(_SUBSTEPS, fit.substeps)
     while substeps < fit.substeps:
@@ -305,7 +306,7 @@ def few_substeps(fit: Fit, train: Sequence[Log]) -> int:
     return substeps
 
 
-def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Log]) -> InputError:
+def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
     """What to say where no trial can be begun: the effects of the user's own that are why."""
     for effect in effects:
         if type(effect) is EFFECTS.get(effect.name):

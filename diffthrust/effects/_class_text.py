@@ -58,18 +58,18 @@ _MEMORY = '''
 
 
 def class_name(name: str) -> str:
-    """How the class of an effect is called: tip_loss is TipLoss."""
+    """The name of the class of an effect: TipLoss for tip_loss."""
     return "".join(word.title() for word in name.split("_"))
 
 
 def effect_class_text(
     formula: Formula, name: str, doc: str = "What happens there, in one line.", hint: str = ""
 ) -> str:
-    """The script of a class that does what a formula does, to be changed by hand.
+    """The source of a class that does what a formula does, to be edited by hand.
 
     Args:
         formula: the effect; one that was added to a model knows which channels a log must have.
-        name: by which the effect is to be known, and its file.
+        name: the name of the effect, and of its file.
         doc: what happens, in a sentence.
         hint: a comment above the law.
 
@@ -101,7 +101,7 @@ def effect_class_text(
 
 
 def _declaration(p: Parameter) -> str:
-    """A parameter as code; an amplitude that has no size yet is of size one."""
+    """A parameter as code; an amplitude without a size gets the size one."""
     fields = plain_description("", p)
     assert isinstance(fields, dict)
     value, unit = fields.pop("value"), fields.pop("unit")
@@ -134,21 +134,21 @@ def _rounded(value: Any) -> Any:
 
 
 def _memory(formula: Formula) -> str:
-    """The methods of an effect that remembers; none where it does not."""
+    """The methods of an effect with memories; empty if it has none."""
     lines, rates, starts = [], [], []
     settled: dict[str, ast.expr] = {}
     for memory in expression_of(formula.expression).memories:
         name = memory.state
         goal, pull = rate_parts(memory)
         if pull is None:
-            rate = _spelt(goal, formula)
+            rate = _code_of(goal, formula)
         else:
-            lines += [_assigned(f"{name}_goal", _spelt(goal, formula)),
-                      _assigned(f"{name}_pull", _spelt(pull, formula))]  # fmt: skip
+            lines += [_assigned(f"{name}_goal", _code_of(goal, formula)),
+                      _assigned(f"{name}_pull", _code_of(pull, formula))]  # fmt: skip
             rate = f"dft.models.Relaxing({name}_pull * ({name}_goal - s.{name}), {name}_pull)"
-        settled[name] = _Started(settled).of(begun_at(memory))
+        settled[name] = _AtStart(settled).of(begun_at(memory))
         rates.append(_entry(name, rate))
-        starts.append(_entry(name, _spelt(settled[name], formula)))
+        starts.append(_entry(name, _code_of(settled[name], formula)))
     if not rates:
         return ""
     sections = {"lines": lines, "rates": rates, "starts": starts}
@@ -161,7 +161,7 @@ def _assigned(name: str, text: str) -> str:
 
 
 def _entry(name: str, text: str) -> str:
-    """A line of a table, or as many as it needs."""
+    """An entry of a dictionary, in as many lines as it needs."""
     line = f'            "{name}": {text},'
     if len(line) <= _WIDTH:
         return line
@@ -173,8 +173,8 @@ def _wrapped(text: str, indent: int) -> str:
     return textwrap.indent("\n".join(rows), " " * indent)
 
 
-class _Started(ast.NodeTransformer):
-    """Where one memory is of another: what that begins at, in place of its state."""
+class _AtStart(ast.NodeTransformer):
+    """Replaces the state of a memory that another one follows by its initial value."""
 
     def __init__(self, starts: Mapping[str, ast.expr]) -> None:
         self._known = starts
@@ -186,16 +186,16 @@ class _Started(ast.NodeTransformer):
         return deepcopy(self._known.get(node.id, node))
 
 
-def _spelt(node: ast.expr, formula: Formula) -> str:
-    """A part of an expression as an effect writes it."""
-    body = _Written(frozenset(formula.declared)).visit(deepcopy(node))
+def _code_of(node: ast.expr, formula: Formula) -> str:
+    """A node of an expression as the code of an effect."""
+    body = _AsEffectCode(frozenset(formula.declared)).visit(deepcopy(node))
     return ast.unparse(ast.fix_missing_locations(body))
 
 
 def _law(formula: Formula) -> str:
-    """The expression as an effect writes it."""
+    """The expression as the code of an effect."""
     tree = deepcopy(expression_of(formula.expression).tree)
-    body = _Written(frozenset(formula.declared)).visit(tree)
+    body = _AsEffectCode(frozenset(formula.declared)).visit(tree)
     if formula.adds:
         body = _sum(ast.Name(ARRIVING), body)
     text = ast.unparse(ast.fix_missing_locations(body))
@@ -205,7 +205,7 @@ def _law(formula: Formula) -> str:
 
 
 def _sum(augend: ast.expr, addend: ast.expr) -> ast.expr:
-    """Their sum; a difference where the second begins with a minus."""
+    """Their sum, as a difference if the second begins with a minus."""
     if isinstance(addend, ast.BinOp) and isinstance(addend.op, ast.Add | ast.Sub):
         return ast.BinOp(_sum(augend, addend.left), addend.op, addend.right)
     product = addend
@@ -220,8 +220,8 @@ def _sum(augend: ast.expr, addend: ast.expr) -> ast.expr:
     return ast.BinOp(augend, ast.Sub(), addend)
 
 
-class _Written(ast.NodeTransformer):
-    """Names become attributes, and functions those that an effect would call."""
+class _AsEffectCode(ast.NodeTransformer):
+    """Turns names into attributes, and functions into those that an effect calls."""
 
     def __init__(self, parameters: frozenset[str]) -> None:
         self._parameters = parameters
@@ -261,7 +261,7 @@ class _Written(ast.NodeTransformer):
 
 
 def _condition(original: ast.expr, written: ast.expr) -> ast.expr:
-    """What a `where` asks: a comparison as such, a number for being none."""
+    """The condition of a `where`: a comparison, or that a number is not zero."""
     if isinstance(original, ast.Compare) and isinstance(written, ast.Call):
         return written.args[0]
     return ast.Compare(written, [ast.NotEq()], [ast.Constant(0)])

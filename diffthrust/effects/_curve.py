@@ -23,11 +23,11 @@ from diffthrust.models._base.parameter import Normal, Parameter, parameter
 from diffthrust.models._base.signals import Rate, Signal, Signals
 
 _DEGREE = 3
-"""Of the pieces; a curve has so many splines more than these."""
+"""Degree of the pieces; a curve has as many splines more than pieces."""
 _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
-"""A cubic B-spline on a grid of unit step in truncated third powers, from where it begins."""
+"""Weights of the truncated third powers that make a cubic B-spline on a grid of unit step."""
 _BEYOND = 3.0
-"""So many pieces beyond its grid a spline is zero."""
+"""Pieces beyond its grid from which on a curve is zero."""
 _LEAST_PIECES, _MOST_PIECES = 3, 200
 
 
@@ -59,7 +59,7 @@ class Curve(MadeEffect):
         bend: standard deviation of the bends, over ``size``; small for stiff curves.
         unit: of the curve.
         shape: values of level, slope and bends to begin with; zeros where empty.
-        held: coefficients that stay where they are, as other parameters do what they would.
+        held: coefficients that are fixed, because other parameters can do their work.
         name: by which the model knows it.
         **parameters: those of the expressions, each a `dft.parameter` or a mapping of its fields
             with "unit" and "value".
@@ -192,16 +192,16 @@ class Curve(MadeEffect):
         return value + (expression_of(self.times)(named, jnp) * curve if self.times else curve)
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """Of the states of what remembers."""
+        """The rates of the states of its memories."""
         return memory_rates(expression_of(self.signal), self._named(value, s))
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """Of the states of what remembers."""
+        """The initial values of the states of its memories."""
         return memory_starts(expression_of(self.signal), self._named(value, s))
 
     def _copy(self, **attributes: Any) -> Curve:
         copy = super()._copy(**attributes)
-        # here, not in the loop over time, where they would be worked out at each step
+        # here, and not in the loop over time, which would compute them at every step
         copy._set(_weights=_weighed(copy.shape))
         return copy
 
@@ -214,14 +214,14 @@ class Curve(MadeEffect):
 
 
 def _weighed(shape: Sequence[Any]) -> Any:
-    """The weight of each truncated power; of plain numbers without a program of its own."""
+    """The weight of each truncated power; plain numbers need no compiled program."""
     if all(isinstance(value, int | float | np.number) for value in shape):
         return spline_weights(len(shape)) @ np.array(shape, float)
     return curve_weights(*shape)
 
 
-# as arrays these two compile faster than sums of their terms (the fit of a curve by a fifth);
-# exported programs spell them out (export._operations)
+# As arrays these two compile faster than as sums of their terms (the fit of a curve by a fifth);
+# exported programs write the terms out (export._operations).
 @jax.jit
 def curve_weights(*coefficients: Signal) -> Signal:
     """The weight of each truncated power in a curve with these coefficients."""
@@ -239,7 +239,7 @@ def truncated_powers(x: Signal, weights: Signal) -> Signal:
 
 
 def _check_kinds(label: str, numbers: Mapping[str, Any], texts: Mapping[str, Any]) -> None:
-    """Raise `InputError` for what is no number, or no text."""
+    """Raise `InputError` for a number that is none, or a text that is none."""
     for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, int | float | np.number):
             raise InputError(f"{label}: expected a number as {name}, found {value!r}.", "Give one.")
@@ -249,7 +249,7 @@ def _check_kinds(label: str, numbers: Mapping[str, Any], texts: Mapping[str, Any
 
 
 def _own(name: str, description: str | Mapping[str, Any], size: bool) -> Parameter:
-    """A parameter of an expression; a time constant or width is no less than zero."""
+    """A parameter of an expression; a time constant or width is not negative."""
     fields = described_fields(f"curve, {name}", description)
     if "value" not in fields:
         raise InputError(
@@ -261,10 +261,10 @@ def _own(name: str, description: str | Mapping[str, Any], size: bool) -> Paramet
 
 @lru_cache
 def spline_weights(splines: int) -> Float[np.ndarray, "powers coefficients"]:
-    """Weights of truncated powers by level, slope, and bends of unit prior.
+    """Weights of the truncated powers, by level, slope, and bends with a unit prior.
 
     The bends are the eigenvectors of the penalty on second differences, each over the root of its
-    eigenvalue; over the pieces to the power of 1.5 they mean as much on any grid.
+    eigenvalue. Divided by the pieces to the power of 1.5 they have the same size on any grid.
     """
     pieces = splines - _DEGREE
     second = np.diff(np.eye(splines), 2, axis=0)

@@ -12,7 +12,7 @@ from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
 
 _REST = 0.02
-"""Below this share of its reference a power goes on as it came: it is nothing and even at rest."""
+"""Below this share of its reference a power is constant: its slope is infinite at rest."""
 
 
 def power(size: Signal, reference: Signal | float, exponent: Signal | float) -> Signal:

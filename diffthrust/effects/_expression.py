@@ -1,4 +1,4 @@
-"""An expression that has been read: what it is made of, and its value."""
+"""A parsed expression: its syntax tree, and its value."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.effects._finite import exponential, logarithm, quotient, raised, square_root
 
 STRANGE = re.compile(r"[^A-Za-z0-9_ .+\-*/(),<>=!]")
-"""What no expression holds."""
+"""Characters that no expression contains."""
 COMPARED: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Lt: lambda a, b: a < b,
     ast.LtE: lambda a, b: a <= b,
@@ -32,20 +32,20 @@ FINITE: Mapping[str, Callable[..., Any]] = {
     "exp": exponential,
     "log": logarithm,
 }
-"""Functions that are not those of NumPy of the same name."""
+"""Functions that differ from those of NumPy of the same name: finite where these are not."""
 _WHOLE = 12
-"""Whole exponents up to this keep the sign of what they raise."""
+"""Integer exponents up to this keep the sign of their base."""
 
 
 class Memory(NamedTuple):
-    """A function of an expression that remembers: it is worked out from a state.
+    """A function with a memory of an expression: its value follows from a state.
 
     Args:
         state: the name of the state.
         kind: "lag", "play" or "integral".
-        of: what it is the lag, the play, the integral of.
+        of: the expression that it follows.
         size: the time constant [s], or half the width of the play; ``None`` for an integral.
-        start: at what a lag begins; settled where ``None``.
+        start: the initial value of a lag; settled if ``None``.
     """
 
     state: str
@@ -57,15 +57,15 @@ class Memory(NamedTuple):
 
 @dataclass(frozen=True)
 class Expression:
-    """An expression that has been read.
+    """A parsed expression.
 
     Args:
         text: as it was written.
-        tree: what it is made of, allowed parts only; in place of what remembers, its states.
+        tree: its syntax tree, of allowed nodes only, with states in the place of memories.
         places: where each name stands first, functions, constants and states left out.
         exponents: names that stand in an exponent.
-        sizes: names that are a time constant or a width of what remembers.
-        memories: what remembers, in the order of the text.
+        sizes: names that are the time constant or the width of a memory.
+        memories: the functions with a memory, in the order of the text.
     """
 
     text: str
@@ -79,13 +79,13 @@ class Expression:
         """Its value.
 
         Args:
-            names: the number, or the series, that each name and each state stands for.
+            names: the number, or the series, of each name and each state.
             xp: whose functions are used, `numpy` or `jax.numpy`.
         """
         return valued(self.tree, names, xp)
 
     def refused(self, at: int, problem: str, mend: str) -> InputError:
-        """An error with a mark below the place that is to blame."""
+        """An error with a mark below the place where it is."""
         return with_mark(self.text, at, problem, mend)
 
 
@@ -101,7 +101,7 @@ def with_mark(text: str, at: int, problem: str, mend: str) -> InputError:
 
 
 def valued(node: ast.AST, names: Callable[[str], Any], xp: Any) -> Any:
-    """The value of a part of an expression."""
+    """The value of a node of an expression."""
     if isinstance(node, ast.Constant):
         return float(node.value)  # pyright: ignore[reportArgumentType]
     if isinstance(node, ast.Name):
@@ -144,6 +144,6 @@ def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
 
 
 def keeps_sign(exponent: ast.AST) -> bool:
-    """Whether an exponent is a whole number that keeps the sign of what it raises."""
+    """Whether an exponent is a small integer, which keeps the sign of its base."""
     value = exponent.value if isinstance(exponent, ast.Constant) else None
     return isinstance(value, int | float) and value == int(value) and 0 <= value <= _WHOLE

@@ -103,20 +103,20 @@ class Formula(MadeEffect):
         return value + result if self.adds else result
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """Of the states of what remembers."""
+        """The rates of the states of its memories."""
         return memory_rates(expression_of(self.expression), self._named(value, s))
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """Of the states of what remembers."""
+        """The initial values of the states of its memories."""
         return memory_starts(expression_of(self.expression), self._named(value, s))
 
     @property
     def adds(self) -> bool:
-        """Whether the expression is added to what arrives, and does not read it."""
+        """Whether the expression is added to what arrives at the port, and does not read it."""
         return ARRIVING not in expression_of(self.expression).places
 
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Formula:
-        """The sizes of amplitudes that have none: a tenth of what passes the port."""
+        """The formula, its amplitudes without a size getting a tenth of the signal at the port."""
         described = dict(self._parameters)
         numbers = {n: getattr(self, n) for n in described}
         for name, p in self._parameters.items():
@@ -130,20 +130,20 @@ class Formula(MadeEffect):
                     described[name] = replace(p, size=size, probes=(size, -size))
         return self._copy(_parameters=described)
 
-    def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
-        """The error for a name that is no parameter and no signal, with a mark below it."""
-        near = nearest(name, (*known, *self.declared))
+    def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
+        """The error for a name that is neither parameter nor signal, with a mark below it."""
+        near = nearest(name, (*signals, *self.declared))
         return expression_of(self.expression).refused(
             expression_of(self.expression).places[name],
             f"{name!r} is no parameter of '{self.name}', and no signal at the port '{port}'"
             f"{'; ' + near if near else ''}",
             f'Correct the name, or give a parameter\'s unit: {name}="rad/s". Signals there are '
-            f"{listing(known)}.",
+            f"{listing(signals)}.",
         )
 
 
 def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, float]) -> float:
-    """How much a formula adds to what arrives, where signals are anywhere within their levels.
+    """How much a formula adds to what arrives, for signals drawn within their levels.
 
     The 90th percentile of its size; zero where a level is not known.
     """
@@ -156,7 +156,7 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
     }
     at |= {"time": np.abs(at["time"])} if "time" in at else {}
     at = {**at, **numbers}
-    for memory in law.memories:  # as large as what they follow; an integral, as that in a second
+    for memory in law.memories:  # an integral is as large as what it gains in a second
         with np.errstate(all="ignore"):
             followed = valued(memory.of, at.__getitem__, np)
         at[memory.state] = rng.permutation(np.broadcast_to(followed, _POINTS))
@@ -168,7 +168,7 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
 def _declared(
     law: Expression, descriptions: Mapping[str, str | Mapping[str, Any]]
 ) -> dict[str, Parameter]:
-    """The parameters with their nulls, and with values where only a unit was given."""
+    """The parameters with their nulls, and with a value if only a unit was given."""
     described = {
         n: described_fields(f"formula, parameter '{n}'", each) for n, each in descriptions.items()
     }
@@ -199,10 +199,10 @@ def _declared(
 def _nulls(
     law: Expression, described: Mapping[str, Mapping[str, Any]]
 ) -> tuple[dict[str, float], list[str]]:
-    """The parameters at whose null the formula changes nothing, with it, and those it is linear in.
+    """The nulls at which the formula changes nothing, and the parameters in which it is linear.
 
-    Found by evaluation at random signals: those in which it is linear are tried first, and as few
-    as suffice are taken.
+    Found by evaluation at random signals: linear parameters are tried first, and as few are taken
+    as suffice.
     """
     free = [name for name, fields in described.items() if not fields.get("fixed")]
     required = {
@@ -245,7 +245,7 @@ def _nulls(
 
 
 def _change(law: Expression, at: Mapping[str, Any]) -> np.ndarray:
-    """What the formula adds to what arrives, at some points."""
+    """What the formula adds to what arrives, at the points ``at``."""
     with np.errstate(all="ignore"):
         value = np.asarray(law(at.__getitem__, np), float)
         change = value - at[ARRIVING] if ARRIVING in law.places else value
@@ -254,7 +254,7 @@ def _change(law: Expression, at: Mapping[str, Any]) -> np.ndarray:
 
 def _does_nothing(law: Expression, at: Mapping[str, Any]) -> bool:
     at = dict(at)
-    for memory in law.memories:  # a lag of no time is what it follows
+    for memory in law.memories:  # a lag with a time constant of zero equals its signal
         if (
             memory.kind == "lag"
             and memory.size is not None

@@ -1,4 +1,4 @@
-"""Expressions of one line: read by a list of what is allowed, and worked out without `eval`."""
+"""Expressions of one line: parsed against a list of what is allowed, evaluated without `eval`."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def expression_of(text: str) -> Expression:
         raise InputError("Expected an expression, found none.", "Write one: -a * speed.")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of "1if", of a number that is called
+            warnings.simplefilter("ignore")  # for "1if", and a number that is called
             tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         at = (getattr(error, "offset", None) or 1) - 1 + len(text) - len(text.lstrip())
@@ -87,7 +87,7 @@ def _check(
     room: int,
     raised: bool,
 ) -> None:
-    """Raise `InputError` for a part that is not allowed; note the names on the way."""
+    """Raise `InputError` for a node that is not allowed; collect the names on the way."""
     at = getattr(node, "col_offset", 0) + shift
     if room == 0:
         raise with_mark(text, at, f"this is nested more than {_DEEPEST} deep", "Write it simpler.")

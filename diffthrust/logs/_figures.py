@@ -75,13 +75,14 @@ class Recorded(Protocol):
 def log_figure(log: Recorded) -> Figure:
     """The inputs of a log on top, what it measured below, in the units in which it was written."""
     panels = []
-    told, stored = ShownUnits([log.written]), log.units
+    units, stored = ShownUnits([log.written]), log.units
     for channels in (log.inputs, log.measured):
         for name, values in channels.items():
             driving = channels is log.inputs
             steps = driving and log.hold.get(name) == "zero"
-            unit, shown = told.unit(name, stored[name]), told.values(name, values, stored[name])
-            panels.append(Panel(name, unit, log.time, shown, driving, steps))
+            unit = units.unit(name, stored[name])
+            written = units.values(name, values, stored[name])
+            panels.append(Panel(name, unit, log.time, written, driving, steps))
     return panels_figure(panels, log.name)
 
 
@@ -114,20 +115,20 @@ def _draw(axes: Axes, panel: Panel) -> bool:
     """One panel; whether there is a gap in it."""
     unit = f" [{panel.unit}]" if panel.unit else ""
     styled(axes, literal(f"{panel.label}{unit}"), "", "")
-    known = np.isfinite(panel.values)
+    finite = np.isfinite(panel.values)
     gaps = _gaps(panel.time)
     for k in gaps:
         axes.axvspan(
             float(panel.time[k]), float(panel.time[k + 1]), color=_SHADE, alpha=0.25, linewidth=0
         )
-    if not known.any():
+    if not finite.any():
         return bool(gaps.size)
     time, values = panel.time, panel.values
-    if known.mean() < _SPARSE:
-        time, values = time[known], values[known]
+    if finite.mean() < _SPARSE:
+        time, values = time[finite], values[finite]
     elif not panel.steps:  # nothing was measured between
         time, values = np.insert(time, gaps + 1, time[gaps]), np.insert(values, gaps + 1, np.nan)
-    style: dict[str, Any] = {"marker": "o", "markersize": 2.5} if known.sum() <= _FEW else {}
+    style: dict[str, Any] = {"marker": "o", "markersize": 2.5} if finite.sum() <= _FEW else {}
     t, y = thinned(time, values)
     style["drawstyle"] = "steps-post" if panel.steps and t.size == time.size else "default"
     axes.plot(t, y, color="0.2" if panel.driving else BLUE, linewidth=1.0, **style)

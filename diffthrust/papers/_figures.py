@@ -22,9 +22,9 @@ def static_test_figure(
 ) -> Figure:
     """The two lines of a static test."""
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    _line(left, thrust, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {ct}")
-    _line(right, speed, "command [V]", "speed |speed| [rad²/s²]", f"beta/alpha = {ratio}")
+    thrust_panel, second_panel = figure.subplots(1, 2)
+    _line(thrust_panel, thrust, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {ct}")
+    _line(second_panel, speed, "command [V]", "speed |speed| [rad²/s²]", f"beta/alpha = {ratio}")
     return figure
 
 
@@ -44,13 +44,13 @@ def dynamic_test_figure(
     return figure
 
 
-def steady_map_figure(thrust: np.ndarray, printed: np.ndarray, own: np.ndarray) -> Figure:
+def steady_map_figure(thrust: np.ndarray, printed: np.ndarray, modelled: np.ndarray) -> Figure:
     """Voltage against thrust, by equation 7 and of the model."""
     figure = Figure(figsize=(6.0, 4.0), layout="constrained")
     axes = figure.subplots()
     axes.plot(thrust, printed, color=VERMILLION, linestyle="--",
               label="equation 7: R T / Km + Ke √(T / KT)")  # fmt: skip
-    axes.plot(thrust, own, color=BLUE, label="steady state of the model, with friction")
+    axes.plot(thrust, modelled, color=BLUE, label="steady state of the model, with friction")
     styled(axes, "Steady map of the thruster", "thrust [N]", "voltage [V]")
     axes.legend(fontsize=8, frameon=False)
     return figure
@@ -117,14 +117,14 @@ def sequential_figure(
 
 
 def _line(
-    axes: Axes, line: FittedLine, x: str, y: str, title: str, others: _Points | None = None
+    axes: Axes, line: FittedLine, x: str, y: str, title: str, verification: _Points | None = None
 ) -> None:
-    """_Points and their line; ``others`` are points ``(x, y)`` that were not fitted."""
+    """Points and their line; ``verification`` are points ``(x, y)`` that were not fitted."""
     axes.plot(line.x, line.y, "o", color=BLUE, markersize=5, label="fitted to")
     shown = [line.x]
-    if others is not None:
-        axes.plot(*others, "s", color=GREY, markersize=5, label="verified on")
-        shown.append(others[0])
+    if verification is not None:
+        axes.plot(*verification, "s", color=GREY, markersize=5, label="verified on")
+        shown.append(verification[0])
     ends = np.array([min(0.0, *(np.min(v) for v in shown)), max(np.max(v) for v in shown)])
     axes.plot(ends, line(ends), color=VERMILLION, linewidth=1.3, label="line")
     styled(axes, title, x, y)

@@ -106,8 +106,8 @@ def model_line(choice: Choice, train: Sequence[Path], holdout: Sequence[Path]) -
 
 def _usable(row: ColumnRow) -> bool:
     """Whether a model might use it."""
-    known = row.quantity in UNIT_OF and row.quantity not in NO_CHANNEL
-    return known and row.low < row.high
+    has_channel = row.quantity in UNIT_OF and row.quantity not in NO_CHANNEL
+    return has_channel and row.low < row.high
 
 
 def grouped(rows: Iterable[ColumnRow]) -> str:

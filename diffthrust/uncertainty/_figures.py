@@ -40,8 +40,8 @@ def profile_figure(profiles: Sequence[Profile]) -> Figure:
     across = max(1, min(_ACROSS, len(profiles)))
     down = max(1, -(-len(profiles) // across))
     figure = Figure(figsize=(1.0 + 3.9 * across, 0.9 + 2.9 * down), layout="constrained")
-    for i, one in enumerate(profiles):
-        _profile_panel(figure.add_subplot(down, across, i + 1), one.shown, i % across == 0)
+    for i, profile in enumerate(profiles):
+        _profile_panel(figure.add_subplot(down, across, i + 1), profile.shown, i % across == 0)
     if figure.axes:
         handles = {
             str(line.get_label()): line
@@ -59,49 +59,49 @@ def profile_figure(profiles: Sequence[Profile]) -> Figure:
     return figure
 
 
-def _profile_panel(axes: Axes, one: Profile, first: bool) -> None:
-    limit = 0.5 * one.threshold
-    x, y = _smooth(one)
-    axes.axhline(limit, color="0.3", linewidth=0.9, linestyle=":", label=f"{100 * one.level:g} %")
-    if one.std_error:
-        wide = np.linspace(-1.25, 1.25, 101) * np.sqrt(one.threshold) * one.std_error
+def _profile_panel(axes: Axes, p: Profile, first: bool) -> None:
+    limit = 0.5 * p.threshold
+    x, y = _smooth(p)
+    axes.axhline(limit, color="0.3", linewidth=0.9, linestyle=":", label=f"{100 * p.level:g} %")
+    if p.std_error:
+        wide = np.linspace(-1.25, 1.25, 101) * np.sqrt(p.threshold) * p.std_error
         axes.plot(
-            one.value + wide,
-            0.5 * (wide / one.std_error) ** 2,
+            p.value + wide,
+            0.5 * (wide / p.std_error) ** 2,
             color=VERMILLION,
             linewidth=1.3,
             linestyle="--",
             label="covariance",
         )
     axes.plot(x, y, color=BLUE, linewidth=1.8, label="profile")
-    axes.plot(one.grid, one.drop, "o", color=BLUE, markersize=2.8)
-    for end in (one.low, one.high):
+    axes.plot(p.grid, p.drop, "o", color=BLUE, markersize=2.8)
+    for end in (p.low, p.high):
         if end is not None:
             axes.plot([end, end], [0.0, limit], color=BLUE, linewidth=0.9)
-    axes.plot([one.value], [0.0], "|", color="0.1", markersize=12, markeredgewidth=1.6)
-    unit = f" [{one.unit}]" if one.unit else ""
-    title = [f"{literal(one.name)}: {_interval(one)}"]
+    axes.plot([p.value], [0.0], "|", color="0.1", markersize=12, markeredgewidth=1.6)
+    unit = f" [{p.unit}]" if p.unit else ""
+    title = [f"{literal(p.name)}: {_interval(p)}"]
     title += [f"{side}: {why}" for side, why in
-              (("downwards", one.open_low), ("upwards", one.open_high)) if why]  # fmt: skip
+              (("downwards", p.open_low), ("upwards", p.open_high)) if why]  # fmt: skip
     styled(
         axes,
         "\n".join(title),
-        f"{literal(one.name)}{unit}",
+        f"{literal(p.name)}{unit}",
         "drop of the log-likelihood" if first else "",
     )
     axes.set_ylim(-0.06 * limit, 1.55 * limit)
-    axes.set_xlim(*_profile_range(one))
-    if _spans_decades(one):
+    axes.set_xlim(*_profile_range(p))
+    if _spans_decades(p):
         axes.set_xscale("log")
     else:
         axes.locator_params(axis="x", nbins=5)
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
 
 
-def _interval(one: Profile) -> str:
-    arms = [abs(e - one.value) for e in (one.low, one.high) if e is not None]
+def _interval(p: Profile) -> str:
+    arms = [abs(e - p.value) for e in (p.low, p.high) if e is not None]
     low, high = (
-        with_error(e, 0.5 * min(arms))[0] if e is not None else None for e in (one.low, one.high)
+        with_error(e, 0.5 * min(arms))[0] if e is not None else None for e in (p.low, p.high)
     )
     if low is not None and high is not None:
         words = f"{low} to {high}"
@@ -111,42 +111,48 @@ def _interval(one: Profile) -> str:
         words = f"at most {high}"
     else:
         return "open to both sides"
-    return f"{words} {one.unit}".rstrip()
+    return f"{words} {p.unit}".rstrip()
 
 
-def _spans_decades(one: Profile) -> bool:
+def _spans_decades(p: Profile) -> bool:
     """Whether the values that matter span decades, so that only a logarithm shows them all."""
-    ends = [e for e in (one.low, one.high, one.value) if e is not None]
-    return bool(one.grid[0] > 0 and max(ends) > _WIDE * min(ends))
+    ends = [e for e in (p.low, p.high, p.value) if e is not None]
+    return bool(p.grid[0] > 0 and max(ends) > _WIDE * min(ends))
 
 
-def _profile_range(one: Profile) -> tuple[float, float]:
+def _profile_range(p: Profile) -> tuple[float, float]:
     """As far as the crossing and a little more; of an open side what the walk has seen nearby."""
-    if _spans_decades(one):
-        ends = np.log([e for e in (one.low, one.value, one.high) if e is not None])
+    if _spans_decades(p):
+        ends = np.log([e for e in (p.low, p.value, p.high) if e is not None])
         margin = 0.2 * np.ptp(ends)
         return float(np.exp(ends.min() - margin)), float(np.exp(ends.max() + margin))
-    arms = [abs(e - one.value) for e in (one.low, one.high) if e is not None]
-    arm = max(arms, default=2 * one.std_error if one.std_error else float(np.ptp(one.grid)) or 1.0)
-    low = one.low if one.low is not None else max(one.grid[0], one.value - 1.6 * arm)
-    high = one.high if one.high is not None else min(one.grid[-1], one.value + 1.6 * arm)
+    arms = [abs(e - p.value) for e in (p.low, p.high) if e is not None]
+    arm = max(
+        arms,
+        default=2 * p.std_error if p.std_error else float(np.ptp(p.grid)) or 1.0,
+    )
+    low = p.low if p.low is not None else max(p.grid[0], p.value - 1.6 * arm)
+    high = p.high if p.high is not None else min(p.grid[-1], p.value + 1.6 * arm)
     margin = 0.2 * (high - low) or 0.2 * arm
     return low - margin, high + margin
 
 
-def _smooth(one: Profile) -> tuple[np.ndarray, np.ndarray]:
+def _smooth(p: Profile) -> tuple[np.ndarray, np.ndarray]:
     """A curve through the points: the signed root of the drop is nearly a straight line."""
     from scipy.interpolate import PchipInterpolator  # slow to import
 
-    rising = np.concatenate([[True], np.diff(one.grid) > 0])
-    x, y = one.grid[rising], np.maximum(one.drop[rising], 0.0)
+    rising = np.concatenate([[True], np.diff(p.grid) > 0])
+    x, y = p.grid[rising], np.maximum(p.drop[rising], 0.0)
     if x.size < 2:
         return x, y
-    if one.value in (x[0], x[-1]):  # at a bound it rises at once, and a root would start upright
+    if p.value in (
+        x[0],
+        x[-1],
+    ):  # at a bound it rises at once, and a root would start upright
         fine = np.linspace(x[0], x[-1], 401)
         return fine, PchipInterpolator(x, y)(fine)
-    root = np.sign(x - one.value) * np.sqrt(y)
-    if _spans_decades(one):
+    root = np.sign(x - p.value) * np.sqrt(y)
+    if _spans_decades(p):
         fine = np.geomspace(x[0], x[-1], 2001)
         return fine, PchipInterpolator(np.log(x), root)(np.log(fine)) ** 2
     # by sections: an open side may reach a thousand times as far as the other

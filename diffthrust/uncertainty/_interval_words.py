@@ -132,11 +132,13 @@ def _drawn(e: Evidence, name: str) -> Iterator[str]:
         return
     value = e.profile.value
     apart = []
-    for side, here, there in (
+    for side, drawn_end, profile_end in (
         ("lower", drawn.low, profile.low),
         ("upper", drawn.high, profile.high),
     ):
-        if there is not None and abs(here - there) > _APART * max(abs(there - value), 1e-300):
+        if profile_end is not None and abs(drawn_end - profile_end) > _APART * max(
+            abs(profile_end - value), 1e-300
+        ):
             apart.append(side)
     if not apart:
         return

@@ -238,7 +238,7 @@ def test_tuned_gains_track_better():
         assert first == loop.parameters[name].value
         assert last == tuned.loop.parameters[name].value
     text = tuned.report()
-    assert text.splitlines()[0].split() == ["gain", "before", "after"]
+    assert text.splitlines()[0].split() == ["Gain", "Before", "After"]
     assert "controller.frequency" in text
     # a minimum: small steps to either side cost more
     again = control.tune(tuned.loop, reference, 15.0, GAINS, cost=control.Effort(price=1e-3))

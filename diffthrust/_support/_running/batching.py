@@ -1,6 +1,6 @@
 """Compiled programs of several members, run side by side.
 
-A program that is request for by several members at once, with numbers of equal shapes, is run for
+A program that several members ask for at once, with numbers of equal shapes, is run for
 some of them together: their numbers are stacked, and every member gets its own row of the result.
 On a processor a few rows fill its vector units, and more only leave its cache; an accelerator takes
 hundreds. Whatever a member does in between (its checks, its next start) goes on by itself, so that
@@ -145,13 +145,13 @@ class SharedRuns:
             BaseException: what a piece of work raised; all others are given up.
         """
         self._driver = getcurrent()
-        left, members = iter(works), set[greenlet]()
+        waiting, members = iter(works), set[greenlet]()
         most = self._width * self._devices * (self._runs + 1)  # some are under way, others gather
         try:
             while True:
                 if self._ready:
                     member = self._ready.popleft().member
-                elif len(members) < most and (work := next(left, None)) is not None:
+                elif len(members) < most and (work := next(waiting, None)) is not None:
                     member = greenlet(partial(self._within, work))
                     members.add(member)
                 elif self._waiting and len(self._under_way) < self._runs:  # rather than be idle

@@ -61,11 +61,11 @@ def on_processes(
             process.close()
 
     threads = [threading.Thread(target=use, args=(p,), daemon=True) for p in processes]
-    left = len(tasks)
+    remaining = len(tasks)
     try:
         for thread in threads:
             thread.start()
-        while left:
+        while remaining:
             try:
                 outcome = outcomes.get(timeout=_TICK)
             except queue.Empty:
@@ -73,7 +73,7 @@ def on_processes(
                 continue
             if isinstance(outcome, BaseException):
                 raise outcome
-            left -= 1
+            remaining -= 1
             yield outcome
     finally:
         groups.clear()

@@ -153,7 +153,7 @@ class LineProcess:
 
     def _end(self, patience: float = 0.0) -> str:
         """Kill the process if it lives after so many seconds, and say how it ended."""
-        process, said = self._process, self._said
+        process, errors = self._process, self._said
         self._process = self._said = None
         if process is None:
             return ""
@@ -166,10 +166,10 @@ class LineProcess:
                 with suppress(OSError):  # of what was not yet sent
                     pipe.close()
         how = [f"exit status {code}" if code >= 0 else f"signal {_signal(-code)}"]
-        if said is not None:
-            with said:
-                said.seek(0)
-                how += said.read().decode(errors="replace").strip().splitlines()[-1:]
+        if errors is not None:
+            with errors:
+                errors.seek(0)
+                how += errors.read().decode(errors="replace").strip().splitlines()[-1:]
         return ", ".join(how)
 
 

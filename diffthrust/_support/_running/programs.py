@@ -32,9 +32,9 @@ class Programs:
         wraps(function)(self)
         self.function, self.static, self.traces = function, static, 0
 
-    def __call__(self, *given: Any) -> Any:
+    def __call__(self, *arguments: Any) -> Any:
         """What the function gives; the last arguments are numbers."""
-        static, numbers = given[: self.static], given[self.static :]
+        static, numbers = arguments[: self.static], arguments[self.static :]
         leaves, tree = jax.tree.flatten(numbers)
         return _kept(self, static, tree, tuple(map(_shape, leaves)))(*numbers)
 

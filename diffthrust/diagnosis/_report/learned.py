@@ -46,10 +46,10 @@ def learned_words(diag: Findings) -> list[str]:
     """Of each learned law: where it acts, what it is worth, its form, and what it replaces."""
     sentences = []
     for law in diag.laws:
-        given, updated = diag.stages[0].fit, law.told
-        unseen = given.holdout is not None and updated.holdout is not None
+        baseline, updated = diag.stages[0].fit, law.told
+        unseen = baseline.holdout is not None and updated.holdout is not None
         logs = "unseen logs" if unseen else "the training logs"
-        first, last = (f.holdout if unseen and f.holdout else f.train for f in (given, updated))
+        first, last = (f.holdout if unseen and f.holdout else f.train for f in (baseline, updated))
         sentences.append(
             f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
             f"{'' if law.form else ', for which no closed form was found'}. Of the squared error "

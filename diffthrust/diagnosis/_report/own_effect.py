@@ -24,27 +24,27 @@ _USED = """
 """
 
 
-def own_effect(model: Model, left: Remaining, missing: Sequence[Missing]) -> str:
+def own_effect(model: Model, remaining: Remaining, missing: Sequence[Missing]) -> str:
     """Python code of an effect with the port and the signal filled in.
 
     It runs as it stands: a term in proportion to the signal, of which the user makes the law.
 
     Args:
         model: the model of the last stage.
-        left: what no known effect explains.
+        remaining: what no known effect explains.
         missing: the missing signals, which know the units of their ports.
     """
     units = {m.port: m.unit for m in reversed(missing)}
-    adds, signal = left.manner == "adds", left.signal
-    here = units.get(left.port, _unit(model, left.port)) if adds else ""
+    adds, signal = remaining.manner == "adds", remaining.signal
+    here = units.get(remaining.port, _unit(model, remaining.port)) if adds else ""
     later = bool(signal.rate or signal.past is not None)
     unit = "" if later else _signal_units(model)[signal.name]
-    whole = f"{_bracketed(here or '1')}/{_bracketed(unit)}" if unit else here
+    per_signal = f"{_bracketed(here or '1')}/{_bracketed(unit)}" if unit else here
     term = f"strength * {signal.name}"
     formula = Formula(
-        left.port,
+        remaining.port,
         term if adds else f"value * (1 + {term})",
-        strength=whole if same_unit(whole, whole) else "",
+        strength=per_signal if same_unit(per_signal, per_signal) else "",
     )
     hint = f"from which to work out: {signal}; " if later else ""
     text = effect_class_text(formula, _NAME, hint=f"{hint}put your law in place of this line")

@@ -79,23 +79,23 @@ def stage_rows(diag: Findings) -> Rows:
 def log_rows(diag: Findings) -> Rows:
     """Errors of each log by the model as given and by the last stage, so that a bad run shows."""
     several = len(diag.stages) > 1
-    held = [("unseen" if diag.stages[0].holdout else "training", diag.before, diag.after)]
+    sets = [("unseen" if diag.stages[0].holdout else "training", diag.before, diag.after)]
     if diag.trained and diag.stages[0].holdout:
-        held.append(("training", *diag.trained))
+        sets.append(("training", *diag.trained))
     blocks = []
-    for kind, first, last in held:
-        for before, after in zip(first.runs, last.runs, strict=True):
-            shown = [before.errors, after.errors] if several else [before.errors]
+    for kind, first, last in sets:
+        for baseline, updated in zip(first.runs, last.runs, strict=True):
+            shown = [baseline.errors, updated.errors] if several else [baseline.errors]
             rows = [
                 (
                     spelt(name),
                     *(number(_rmse(e, name), 3) for e in shown),
-                    before.errors.channels[name].shown.unit,
+                    baseline.errors.channels[name].shown.unit,
                     *(number(_nrmse(e, name), 2) for e in shown),
                 )
-                for name in before.errors.channels
+                for name in baseline.errors.channels
             ]
-            head = (before.name, kind)
+            head = (baseline.name, kind)
             blocks.append(tuple((*(head if i == 0 else ("", "")), *r) for i, r in enumerate(rows)))
     if several:
         sizes, shares = ("RMSE as given", "last stage"), ("NRMSE as given", "last stage")

@@ -77,11 +77,11 @@ def learned_law(
     if state.current.remaining is None:
         return None
     place, trial = _place(context, state.current.remaining), state.current.trial
-    given, last = state.stages[0], state.stages[-1]
-    base, law = given, None
+    initial, last = state.stages[0], state.stages[-1]
+    base, law = initial, None
     if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
         imitated = _RULES.imitated_share * (first.cost - trial.cost)
-        law = _learned_beside(context, given.fit, first, place, imitated)
+        law = _learned_beside(context, initial.fit, first, place, imitated)
         if law and not error_within(law.told, last.fit, _RULES.replacing_error):
             law = None
     if law is None:
@@ -268,13 +268,13 @@ def _start_elimination(
     # a constant that effects freed keeps its given value, to which eliminating it goes back
     free = {n for n, p in model.parameters.items() if not p.fixed}
     model = with_values(model, {n: value for n, value in values.items() if n in free})
-    start = replace(fit, model=model, substeps=few_substeps(fit, fitter.logs))
+    start = replace(fit, model=model, substeps=few_substeps(fit, fitter.records))
     effects = [fitter.candidates[n] for n in names if n in fitter.candidates]
     constants = [n for n in names if n in fitter.constants]
     trial = replace(trial, values={**trial.values, **values})
     try:
         beside, fitted = compiled_fitter(
-            start, effects, constants, fitter.logs, context.unseen, trial
+            start, effects, constants, fitter.records, context.unseen, trial
         )
     except InputError:  # the law simulates only without the effects
         return None
@@ -282,12 +282,12 @@ def _start_elimination(
 
 
 def _share_of(
-    fitter: CandidateFitter, trial: TrialFit, name: str, given: Stage
+    fitter: CandidateFitter, trial: TrialFit, name: str, first_stage: Stage
 ) -> tuple[Worth, bool]:
     """The share of the given model's error that an effect removes, and whether it matters."""
     remaining = tuple(n for n in trial.effects if n != name)
     change = change_between(fitter, fitted_without(fitter, trial, remaining), trial)
-    initial = given.holdout or given.train
+    initial = first_stage.holdout or first_stage.train
     without = change.before.holdout or change.before.train
     share = (without.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
     return change.worth.of(share), matters(change.worth, change.everywhere)

@@ -66,15 +66,15 @@ def _parameters(rows: Iterable[ResultRow]) -> list[str]:
 
 def campaign_report(rows: Sequence[ResultRow], task: str, summary: str) -> Report:
     """The results, then each error with its mend, and a summary."""
-    done = [row for row in rows if row["status"] == "ok"]
-    more = f"... and {len(done) - _SHOWN} more in the table."
+    good = [row for row in rows if row["status"] == "ok"]
+    more = f"... and {len(good) - _SHOWN} more in the table."
     failures = []
     for row in rows:
         if row["status"] != "ok":
             ending = Styled(f"{row['name']}: {row['status'].replace('_', ' ')}", "bad")
             failures += [Line((ending, f". {row['error']}")), f"  Mend: {row['mend']}"]
     return Report(
-        Section("", _result_rows(done, task), more if len(done) > _SHOWN else "", *failures),
+        Section("", _result_rows(good, task), more if len(good) > _SHOWN else "", *failures),
         Section("", Styled(summary, "strong")),
     )
 

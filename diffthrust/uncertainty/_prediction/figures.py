@@ -140,8 +140,8 @@ def _banded(
         (~outside, "0.35", "measured, inside"),
         (outside, "#000000", "measured, outside"),
     ):
-        rest = np.where(where, band.measured - off, np.nan)
-        at, values = thinned(time, rest)
+        deviation = np.where(where, band.measured - off, np.nan)
+        at, values = thinned(time, deviation)
         axes.plot(at, values, color=colour, linestyle="none", markersize=size, label=label,
                   marker="." if colour != "#000000" else "x", markeredgewidth=0.7)  # fmt: skip
 

@@ -61,13 +61,13 @@ def plot_corner(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    draws, told = _shown(post, names)
-    units = {n: size.unit for n, size in told.items()}
+    draws, sizes = _shown(post, names)
+    units = {n: size.unit for n, size in sizes.items()}
     sets = _marked(marks, draws)
     if fit is not None:
         values = {n: fit.parameters[n].value for n in draws if n in fit.parameters}
         sets = {"fit": values, **sets}
-    sets = {label: {n: told[n].value * v for n, v in s.items()} for label, s in sets.items()}
+    sets = {label: {n: sizes[n].value * v for n, v in s.items()} for label, s in sets.items()}
     looks = _looks(sets)
     count = len(draws)
     figure = Figure(figsize=(max(5.4, 2.3 * count), max(3.6, 2.2 * count)), layout="constrained")
@@ -116,36 +116,36 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    draws, told = _shown(post, names)
-    units = {n: size.unit for n, size in told.items()}
+    draws, sizes = _shown(post, names)
+    units = {n: size.unit for n, size in sizes.items()}
     figure = Figure(figsize=(9.0, 0.7 + 1.75 * len(draws)), layout="constrained")
     grid = figure.add_gridspec(len(draws), 2, width_ratios=[4, 1])
     for row, (name, values) in enumerate(draws.items()):
-        left = figure.add_subplot(grid[row, 0])
-        right = figure.add_subplot(grid[row, 1], sharey=left)
+        trace = figure.add_subplot(grid[row, 0])
+        density = figure.add_subplot(grid[row, 1], sharey=trace)
         few = values.shape[0] <= 8
         for i, chain in enumerate(values):
             colour = (BLUE, VERMILLION, *_MARKS[1:], "0.4", "#56B4E9")[i % 7] if few else BLUE
             index, kept = thinned(np.arange(chain.size, dtype=float), chain)
-            left.plot(index, kept, color=colour, linewidth=0.5, alpha=0.6 if few else 0.25)
+            trace.plot(index, kept, color=colour, linewidth=0.5, alpha=0.6 if few else 0.25)
         half = values.shape[1] // 2
         edges = np.histogram_bin_edges(values, _BINS).tolist()
-        for part, colour, label in (
+        for chosen, colour, label in (
             (values[:, :half], BLUE, "first half"),
             (values[:, half:], VERMILLION, "second half"),
         ):
-            if part.size:
-                right.hist(part.ravel(), edges, density=True, histtype="step", color=colour,
+            if chosen.size:
+                density.hist(chosen.ravel(), edges, density=True, histtype="step", color=colour,
                            orientation="horizontal", label=label)  # fmt: skip
         last = row == len(draws) - 1
-        styled(left, "", "draw" if last else "", _label(name, units))
-        styled(right, "", "density" if last else "", "")
-        right.tick_params(labelleft=False, labelbottom=False)
-        _plain_ticks(left, "y", values)
+        styled(trace, "", "draw" if last else "", _label(name, units))
+        styled(density, "", "density" if last else "", "")
+        density.tick_params(labelleft=False, labelbottom=False)
+        _plain_ticks(trace, "y", values)
         if row == 0:
             chains = f"{values.shape[0]} chain{'s' if values.shape[0] > 1 else ''}"
-            left.set_title(f"{chains} of {values.shape[1]} draws", loc="left", fontsize=9)
-            right.legend(fontsize=7, frameon=False, loc="upper right")
+            trace.set_title(f"{chains} of {values.shape[1]} draws", loc="left", fontsize=9)
+            density.legend(fontsize=7, frameon=False, loc="upper right")
     return figure
 
 
@@ -160,12 +160,12 @@ def _shown(post: Any, names: Sequence[str] | None) -> tuple[dict[str, np.ndarray
             f"The posterior has no parameter {listing(unknown)}; it has {listing(scalars)}.",
             "Correct the names.",
         )
-    told = {n: shown_in(posterior[n]) for n in chosen}
+    sizes = {n: shown_in(posterior[n]) for n in chosen}
     draws = {
-        n: told[n].value * np.asarray(posterior[n].transpose("chain", "draw").values, float)
+        n: sizes[n].value * np.asarray(posterior[n].transpose("chain", "draw").values, float)
         for n in chosen
     }
-    return draws, told
+    return draws, sizes
 
 
 def _marked(marks: Any, draws: Mapping[str, Any]) -> dict[str, dict[str, float]]:
@@ -182,10 +182,10 @@ def _marked(marks: Any, draws: Mapping[str, Any]) -> dict[str, dict[str, float]]
 
 
 def _looks(sets: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    others = [label for label in sets if label != "fit"]
+    labels = [label for label in sets if label != "fit"]
     looks: dict[str, dict[str, Any]] = {
         label: {"color": _MARKS[i % len(_MARKS)], "linestyle": ":", "linewidth": 1.6}
-        for i, label in enumerate(others)
+        for i, label in enumerate(labels)
     }
     return {"fit": {"color": VERMILLION, "linestyle": "--", "linewidth": 1.3}, **looks}
 
@@ -222,10 +222,10 @@ def _lines(axes: Axes, name: str, sets: Mapping[str, Any], looks: Mapping[str, A
         if low <= value <= high:
             axes.axvline(value, **looks[label])
             continue
-        left = value < low
-        text = f"← {label} {value:.4g}" if left else f"{label} {value:.4g} →"
-        axes.text(0.03 if left else 0.97, 0.95 - 0.12 * far, literal(text), fontsize=8,
-                  transform=axes.transAxes, ha="left" if left else "right", va="top",
+        below = value < low
+        text = f"← {label} {value:.4g}" if below else f"{label} {value:.4g} →"
+        axes.text(0.03 if below else 0.97, 0.95 - 0.12 * far, literal(text), fontsize=8,
+                  transform=axes.transAxes, ha="left" if below else "right", va="top",
                   color=looks[label]["color"])  # fmt: skip
         far += 1
     if far:  # room above the histogram
@@ -235,9 +235,9 @@ def _lines(axes: Axes, name: str, sets: Mapping[str, Any], looks: Mapping[str, A
 def _crossings(
     axes: Axes, x: str, y: str, sets: Mapping[str, Any], looks: Mapping[str, Any]
 ) -> None:
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     for label, values in sets.items():
-        if x in values and left <= values[x] <= right:
+        if x in values and low <= values[x] <= high:
             axes.axvline(values[x], **looks[label])
         if y in values and bottom <= values[y] <= top:
             axes.axhline(values[y], **looks[label])
