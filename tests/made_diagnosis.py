@@ -6,21 +6,10 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from measures import Worth
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._explained_share import (  # private: measured on errors made by hand
-    BeforeAfter as BeforeAfter,
-)
-from diffthrust.diagnosis._explained_share import (
-    Worth,
-)
-from diffthrust.diagnosis._explained_share import (
-    explained_share as explained_share,
-)
-from diffthrust.diagnosis._explained_share import (
-    matters as matters,
-)
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Missing,
     Remaining,
@@ -28,14 +17,7 @@ from diffthrust.diagnosis._findings import (  # private: made by hand
     Stage,
     TriedEffect,
 )
-from diffthrust.diagnosis._verdict import far_above_noise as far_above_noise  # private: likewise
 from diffthrust.effects import ActuatorLag, CommandDeadband
-from diffthrust.simulation._errors import (  # private: likewise
-    ChannelError as ChannelError,
-)
-from diffthrust.simulation._errors import (
-    Errors as Errors,
-)
 
 BAND = 0.4  # hidden dead band [V]
 NASTY = "<script>alert(1)</script>"  # the name of the unseen log

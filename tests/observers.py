@@ -1,6 +1,6 @@
 """The observer behind the innovations, by itself: its gains, limits and passes."""
 
-from diffthrust.estimation._innovations import one_step  # private: as a comparison calls it
+from diffthrust.estimation import _innovations, _observer  # private: as a comparison calls it
 from diffthrust.estimation._observer import (  # private: its parts against closed forms
     CLIP,
     REAL,
@@ -13,7 +13,6 @@ from diffthrust.estimation._observer import (  # private: its parts against clos
     innovations,
     is_memory,
     limited,
-    observer_of,
     uncorrected,
 )
 from diffthrust.estimation._one_step import (  # private: as a diagnosis calls them
@@ -22,6 +21,7 @@ from diffthrust.estimation._one_step import (  # private: as a diagnosis calls t
     settled_start,
     with_clip,
 )
+from diffthrust.simulation._record import bind  # private: logs as a model reads them
 
 __all__ = [
     "CLIP",
@@ -43,3 +43,14 @@ __all__ = [
     "uncorrected",
     "with_clip",
 ]
+
+
+def observer_of(model, log, channels, **options):
+    """The observer of a model for some channels of a log."""
+    (record,) = bind(model, [log], compared=False)
+    return _observer.observer_of(model, record, channels, **options)
+
+
+def one_step(fit, logs, substeps=1):
+    """The one-step errors of a fit on some logs."""
+    return _innovations.one_step(fit, bind(fit.model, logs), substeps)

@@ -3,9 +3,10 @@
 They are held against closed forms, finite differences and SciPy at points that no fit returns.
 """
 
+from diffthrust.estimation import _arrange, _registry  # private: logs as a search has them
 from diffthrust.estimation._ar1 import linked  # private: which samples a noise links
-from diffthrust.estimation._arrange import build, restarts  # private: logs as a search has them
-from diffthrust.estimation._held_out import parts_of, without  # private: what a choice hides
+from diffthrust.estimation._arrange import restarts  # private: segments of another length
+from diffthrust.estimation._held_out import folds, without  # private: what a choice hides
 from diffthrust.estimation._likelihood import (  # private: costs and slopes beside the optimum
     Quadratic,
     errors_at,
@@ -13,11 +14,7 @@ from diffthrust.estimation._likelihood import (  # private: costs and slopes bes
     jacobians,
 )
 from diffthrust.estimation._rebuild import problem_of  # private: what a stored fit has solved
-from diffthrust.estimation._registry import (  # private: words become objects
-    LOSSES,
-    NOISE_MODELS,
-    likelihood_of,
-)
+from diffthrust.estimation._registry import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._residuals import SimulationError  # private: with any law and noise
 from diffthrust.estimation._solver import solve  # private: from any point, for any budget
 from diffthrust.estimation._status import (  # private: the checks of any point
@@ -29,6 +26,7 @@ from diffthrust.estimation._status import (  # private: the checks of any point
     judge,
     marginal_spread,
 )
+from diffthrust.simulation._record import bind  # private: logs as a model reads them
 
 __all__ = [
     "GRADIENT_LIMIT",
@@ -38,19 +36,30 @@ __all__ = [
     "Local",
     "Quadratic",
     "SimulationError",
+    "bind",
     "build",
     "errors_at",
     "evaluate",
     "examine",
     "failed_over",
+    "folds",
     "jacobians",
     "judge",
     "likelihood_of",
     "linked",
     "marginal_spread",
-    "parts_of",
     "problem_of",
     "restarts",
     "solve",
     "without",
 ]
+
+
+def build(model, logs, **options):
+    """The problem of fitting a model to logs."""
+    return _arrange.build(model, bind(model, logs), **options)
+
+
+def likelihood_of(model, logs, **words):
+    """The likelihood that the words of a fit mean for a model and its logs."""
+    return _registry.likelihood_of(model, bind(model, logs), **words)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from trajectories import bridged, inputs_of, measured_start, starting_states
+from trajectories import bind, bridged, starting_states
 
 import diffthrust as dft
 from diffthrust import InputError, Log, simulate
@@ -25,11 +25,11 @@ def recorded(model, step, count=500):
      (dft.Vessel(drive="twin"), 50), (dft.AxisVehicle(), 2), (dft.DCMotorThruster(), 1000)],
 )  # fmt: skip
 def test_a_thousand_times_too_long_or_too_short_is_refused(model, rate):
-    inputs_of(model, recorded(model, 1.0 / rate))
+    bind(model, [recorded(model, 1.0 / rate)])
     with pytest.raises(InputError, match="is it 'ms' rather than 's'"):
-        inputs_of(model, recorded(model, 1e3 / rate))
+        bind(model, [recorded(model, 1e3 / rate)])
     with pytest.raises(InputError, match="is it 's' rather than 'ms'"):
-        inputs_of(model, recorded(model, 1e-3 / rate, 100))
+        bind(model, [recorded(model, 1e-3 / rate, 100)])
 
 
 def test_a_static_table_may_have_any_time():
@@ -191,7 +191,8 @@ def test_a_state_measured_late_or_never_begins_at_the_models_own_value():
         seen[first:] = 7.0
         seen[20] = 7.0
         log = Log(0.05 * np.arange(40), {"command": np.ones(40)}, {channel: seen})
-        return measured_start(dft.Thruster(), log), starting_states(dft.Thruster(), log)
+        (record,) = bind(dft.Thruster(), [log])
+        return record.start, starting_states(dft.Thruster(), record)
 
     assert start(0) == ({"speed": 7.0}, {"speed": 7.0})
     assert start(9) == ({"speed": 7.0}, {"speed": 7.0})
@@ -202,10 +203,12 @@ def test_a_state_measured_late_or_never_begins_at_the_models_own_value():
 def test_starting_states_follow_the_model_where_nothing_is_measured():
     log = Log(0.001 * np.arange(40), {"command": np.full(40, 2.0)})
     motor = dft.DCMotorThruster(resistance=4.0)
-    assert starting_states(motor, log) == {"current": 0.5, "speed": 0.0}
-    banded = starting_states(motor + CommandDeadband(width=1.0), log)
+    (record,) = bind(motor, [log])
+    assert starting_states(motor, record) == {"current": 0.5, "speed": 0.0}
+    banded = starting_states(motor + CommandDeadband(width=1.0), record)
     assert banded == {"current": 0.25, "speed": 0.0}
-    assert starting_states(dft.Thruster(), Log([0.0, 0.1], {"speed": [1.0, 1.0]})) == {}
+    (record,) = bind(dft.Thruster(), [Log([0.0, 0.1], {"speed": [1.0, 1.0]})])
+    assert starting_states(dft.Thruster(), record) == {}
 
 
 @pytest.mark.parametrize(

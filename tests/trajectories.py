@@ -5,12 +5,8 @@
 
 from diffthrust.simulation._dependence import states_behind  # private: it decides which form runs
 from diffthrust.simulation._fixed_step import starting_states  # private: no run returns its start
-from diffthrust.simulation._inputs import (  # private: what a Grid is made from
-    bridged,
-    hold_of,
-    inputs_of,
-    measured_start,
-)
+from diffthrust.simulation._gaps import bridged  # private: the time base alone
+from diffthrust.simulation._record import bind  # private: what a model reads of a log
 from diffthrust.simulation._trajectory import (  # private: the traced part alone
     Grid,
     Key,
@@ -22,13 +18,18 @@ from diffthrust.simulation._trajectory import (  # private: the traced part alon
 __all__ = [
     "Grid",
     "Key",
+    "bind",
     "bridged",
     "equations_of",
-    "hold_of",
-    "inputs_of",
-    "measured_start",
+    "grid_of",
     "starting_point",
     "starting_states",
     "states_behind",
     "trajectory",
 ]
+
+
+def grid_of(model, log, substeps=1):
+    """How a model is integrated over a log."""
+    (record,) = bind(model, [log])
+    return Grid(record.holds(record.inputs_for(model)), substeps)

@@ -17,10 +17,12 @@ def silence() -> None:
 
 
 def warn(message: str, category: type[Warning]) -> None:
-    """Give out a warning of the function that calls this, as seen from where that was called."""
+    """Give out a warning of the module that calls this, as seen from where that was called."""
     if _silent.get():
         return
+    # neither the module's own functions nor the decorator of the progress were called by the user
+    inner = (sys._getframe(1).f_globals.get("__name__"), progress.__name__)
     level, frame = 3, sys._getframe(2)
-    while frame.f_back is not None and frame.f_globals.get("__name__") == progress.__name__:
-        level, frame = level + 1, frame.f_back  # its decorator was not called by the user
+    while frame.f_back is not None and frame.f_globals.get("__name__") in inner:
+        level, frame = level + 1, frame.f_back
     warnings.warn(message, category, stacklevel=level)

@@ -167,10 +167,11 @@ def _within(model: Model, name: str, logs: Sequence[Log], bias: float) -> np.nda
     """Amplitudes up to the largest in the logs, where the model was identified."""
     import numpy as np
 
-    from diffthrust.simulation._inputs import inputs_of
+    from diffthrust.simulation._record import bind
 
-    every = [inputs_of(model, log).get(name, np.zeros(1)) for log in logs]
-    largest = max((float(np.nanmax(np.abs(series - bias))) for series in every), default=0.0)
+    records = bind(model, logs, compared=False)
+    inputs = [record.inputs_for(model).get(name, np.zeros(1)) for record in records]
+    largest = max((float(np.nanmax(np.abs(series - bias))) for series in inputs), default=0.0)
     if not largest > 0:
         raise InputError(
             f"The logs do not tell how far {name!r} swings.", "Give --amplitudes, as 0.1:10:24."

@@ -9,15 +9,15 @@ log (a heading must turn at the yaw rate) whether the channel itself is to blame
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust.comparison._residual_tests import cross_correlation
-from diffthrust.logs._log import Log
 from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run
 
 if TYPE_CHECKING:
@@ -148,8 +148,8 @@ def _mends(
     return [sentence for _, sentence in sorted(mends)]
 
 
-def _changes(model: Model, runs: Sequence[Run]) -> Iterable[tuple[str, Callable[[Log], Log]]]:
-    names = [name for name in model.inputs if all(name in run.log.inputs for run in runs)]
+def _changes(model: Model, runs: Sequence[Run]) -> Iterable[tuple[str, Callable[[Record], Record]]]:
+    names = [name for name in model.inputs if all(name in run.record.inputs for run in runs)]
     for one, two in combinations(names, 2):
         if model.inputs[one] == model.inputs[two]:
             yield f"Exchanging the inputs {one} and {two}", _taking({one: (1, two), two: (1, one)})
@@ -157,29 +157,24 @@ def _changes(model: Model, runs: Sequence[Run]) -> Iterable[tuple[str, Callable[
         yield f"Reversing the sign of the input {name}", _taking({name: (-1, name)})
 
 
-def _taking(taken: Mapping[str, tuple[int, str]]) -> Callable[[Log], Log]:
-    """A change of logs: each named input becomes plus or minus another."""
+def _taking(taken: Mapping[str, tuple[int, str]]) -> Callable[[Record], Record]:
+    """A change of records: each named input becomes plus or minus another of the same unit."""
 
-    def changed(log: Log) -> Log:
-        inputs = {name: sign * log.inputs[source] for name, (sign, source) in taken.items()}
-        units = {name: log.units[source] for name, (_, source) in taken.items()}
-        hold = {name: log.hold[source] for name, (_, source) in taken.items()}
-        return log.replaced(
-            inputs={**log.inputs, **inputs},
-            units={**log.units, **units},
-            hold={**log.hold, **hold},
-        )
+    def changed(record: Record) -> Record:
+        inputs = {name: sign * record.inputs[source] for name, (sign, source) in taken.items()}
+        hold = {name: record.hold[source] for name, (_, source) in taken.items()}
+        return replace(record, inputs={**record.inputs, **inputs}, hold={**record.hold, **hold})
 
     return changed
 
 
 def _after(
-    model: Model, runs: Sequence[Run], changed: Callable[[Log], Log], channels: Iterable[str]
+    model: Model, runs: Sequence[Run], changed: Callable[[Record], Record], channels: Iterable[str]
 ) -> dict[str, float]:
-    """Correlation of each channel with a simulation over changed logs."""
+    """Correlation of each channel with a simulation over changed records."""
     pairs: dict[str, list[Pair]] = {name: [] for name in channels}
     for run in runs:
-        modelled = simulate_fixed(model, changed(run.log), run.start, run.substeps)
+        modelled = simulate_fixed(model, changed(run.record), run.start, run.substeps)
         for name in pairs:
             if _measured(run, name):
                 pairs[name].append(_pair(model, run, name, modelled[name]))
@@ -196,7 +191,7 @@ def _pair(model: Model, run: Run, channel: str, modelled: np.ndarray) -> Pair:
     if channel in model.angles:  # whole turns and the start are not what is compared
         ours = np.unwrap(modelled)
         return measured - np.nanmean(measured), ours - ours.mean()
-    return measured, np.abs(modelled) if channel in run.log.unsigned else modelled
+    return measured, np.abs(modelled) if channel in run.record.unsigned else modelled
 
 
 def _together(pairs: Sequence[Pair]) -> tuple[float, float]:

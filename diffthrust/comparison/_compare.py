@@ -28,7 +28,7 @@ from diffthrust.estimation._tables import error_rows
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
-from diffthrust.simulation._inputs import check_samples
+from diffthrust.simulation._record import bind
 from diffthrust.simulation._runs import (
     Run,
     are_tables,
@@ -100,7 +100,7 @@ class Comparison(Result):
         from diffthrust.estimation._innovations import one_step
 
         substeps = max(run.substeps for run in self.runs)
-        predicted = one_step(self.fit, [run.log for run in self.runs], substeps)
+        predicted = one_step(self.fit, [run.record for run in self.runs], substeps)
         pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         for run, rests in zip(self.runs, predicted, strict=True):
             for name, rest in rests.items():
@@ -401,7 +401,12 @@ def compare(
     """
     model = fit if isinstance(fit, Model) else fit.model
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
-    check_samples(model, logs)
-    runs = runs_over(model, logs, initial=initial, substeps=substeps)
-    source = None if isinstance(fit, Model) else fit
-    return Comparison(model, runs, pooled_errors(runs), source, origin_of(logs))
+    runs = runs_over(model, bind(model, logs), initial=initial, substeps=substeps)
+    return comparison_of(fit, runs)
+
+
+def comparison_of(fit: Fit | Model, runs: tuple[Run, ...]) -> Comparison:
+    """The comparison of a fit, or of a model, whose whole runs exist already."""
+    model, source = (fit, None) if isinstance(fit, Model) else (fit.model, fit)
+    origin = origin_of([run.record.log for run in runs])
+    return Comparison(model, runs, pooled_errors(runs), source, origin)

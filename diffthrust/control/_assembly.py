@@ -54,10 +54,10 @@ class LoopAssembly:
     @property
     def plant(self) -> Plant:
         """Thruster and vehicle as one system."""
-        given = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
+        constants = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
         numbers = {
             name: finite(f"Loop, given '{name}'", value, lambda x: True, "a number")
-            for name, value in given.items()
+            for name, value in constants.items()
         }
         arrays = {name: jnp.asarray(value) for name, value in numbers.items()}
         return Plant(self.thruster, self.vehicle, arrays)
@@ -66,15 +66,15 @@ class LoopAssembly:
     def _members(self) -> dict[str, Any]:
         members = {name: getattr(self, name) for name in
                    ("thruster", "vehicle", "controller", "compensator")}  # fmt: skip
-        return {name: part for name, part in members.items() if part is not None}
+        return {name: block for name, block in members.items() if block is not None}
 
     @property
     def parameters(self) -> dict[str, Parameter]:
         """All parameters and gains: ``thruster.alpha``, ``controller.bandwidth``, ..."""
         return {
             f"{member}.{name}": p
-            for member, part in self._members.items()
-            for name, p in part.parameters.items()
+            for member, block in self._members.items()
+            for name, p in block.parameters.items()
         }
 
     def replace(self, parameters: Mapping[str, Any] | None = None, /, **fields: Any) -> Self:
@@ -90,18 +90,18 @@ class LoopAssembly:
         Example:
             >>> loop.replace({"controller.bandwidth": 2.0}, rate=100.0)
         """
-        known = self.parameters
+        described = self.parameters
         grouped: dict[str, dict[str, Any]] = {}
         for name, new in (parameters or {}).items():
-            if name not in known:
-                near = nearest(name, known)
+            if name not in described:
+                near = nearest(name, described)
                 raise InputError(
                     f"The loop has no parameter '{name}'{f' ({near})' if near else ''}; "
-                    f"it has {listing(known)}.",
+                    f"it has {listing(described)}.",
                     "Correct the name.",
                 )
-            member, _, own = name.partition(".")
-            grouped.setdefault(member, {})[own] = new
+            member, _, short = name.partition(".")
+            grouped.setdefault(member, {})[short] = new
         for name in fields:
             if name not in self.__dataclass_fields__:
                 raise InputError(
@@ -110,9 +110,9 @@ class LoopAssembly:
                 )
         changed = {}
         for member, named in grouped.items():
-            part = self._members[member]
-            model = isinstance(part, Model)
-            changed[member] = part.replace(named) if model else part.replace(**named)
+            block = self._members[member]
+            model = isinstance(block, Model)
+            changed[member] = block.replace(named) if model else block.replace(**named)
         return replace(self, **changed, **fields)
 
     def parts(self, substeps: int) -> Parts:
@@ -125,7 +125,7 @@ class LoopAssembly:
 
     @property
     def samples(self) -> int:
-        """The fewest recorded samples in a period of which the delay is a multiple."""
+        """The fewest recorded samples in a period such that the delay is a multiple of it."""
         for samples in range(1, _MOST + 1):
             late = self.delay * self.rate * samples
             if abs(late - round(late)) <= 1e-6 * max(1.0, late):
@@ -160,9 +160,12 @@ class VesselAssembly:
                 "Give both the same drive.",
             )
         check_noise("VesselLoop", self.noise, self.vessel.outputs)
-        known, example = self.vessel.optional_inputs, '{"wind_speed": 3.0, "wind_direction": 0.0}'
-        given = mapping("VesselLoop, given", self.given, example, known)
-        for name, value in given.items():
+        optional, example = (
+            self.vessel.optional_inputs,
+            '{"wind_speed": 3.0, "wind_direction": 0.0}',
+        )
+        constants = mapping("VesselLoop, given", self.given, example, optional)
+        for name, value in constants.items():
             if not isinstance(value, Reference):
                 finite(
                     f"VesselLoop, given '{name}'",
@@ -170,9 +173,9 @@ class VesselAssembly:
                     lambda x: True,
                     "a number or a Sinusoid, Step or Trajectory",
                 )
-        if len({"wind_speed", "wind_direction"} & set(given)) == 1:
+        if len({"wind_speed", "wind_direction"} & set(constants)) == 1:
             raise InputError(
                 "VesselLoop, given: expected wind_speed and wind_direction, found "
-                f"{listing(given)}.",
+                f"{listing(constants)}.",
                 f"Write given={example}.",
             )

@@ -21,7 +21,7 @@ def least_squares_within(
     """Minimize ``|jacobian @ x + residual|^2`` over ``low <= x <= high``; traceable.
 
     Args:
-        jacobian: of two columns that cannot be told apart, neither has a value of its own.
+        jacobian: two equal columns have no values of their own, only a sum.
         residual: at zero.
         low: lower limits.
         high: upper limits, above ``low``.

@@ -1,6 +1,6 @@
 """Effects on the command, sample by sample: what `effects._recorded` does to whole records.
 
-Both give the same numbers, so that a loop's record, simulated anew from its commands, moves as it
+Both give the same numbers, so that a loop's record, simulated again from its commands, moves as it
 did in the loop.
 """
 
@@ -45,7 +45,7 @@ class CommandPath:
         step: time between two recorded samples [s].
 
     Raises:
-        InputError: an effect that reads other samples than the present one, and of which no form
+        InputError: an effect that reads other samples than the present one, and that has no form
             is known that runs sample by sample.
     """
 
@@ -81,7 +81,7 @@ class CommandPath:
     def __call__(
         self,
         effects: tuple[Effect, ...],
-        given: Mapping[str, Array],
+        signals: Mapping[str, Array],
         kept: Mapping[str, Array],
         first: Array,
         step: Array,
@@ -90,12 +90,12 @@ class CommandPath:
 
         Args:
             effects: those of the thruster, with their present parameters.
-            given: the inputs at this sample, ``command`` and ``time`` among them.
+            signals: the inputs at this sample, ``command`` and ``time`` among them.
             kept: what was remembered.
             first: whether this is the first sample.
             step: time since the last one [s].
         """
-        value, after = given["command"], {}
+        value, after = signals["command"], {}
         for effect in effects:
             if isinstance(effect, CommandDelay):
                 line = kept[effect.name]
@@ -105,5 +105,5 @@ class CommandPath:
                 value = jnp.where(first, value, jnp.clip(value, last - reach, last + reach))
                 after[effect.name] = value
             else:
-                value = Ports((effect,), Signals({**given, "command": value}))("command", value)
+                value = Ports((effect,), Signals({**signals, "command": value}))("command", value)
         return value, after

@@ -74,7 +74,7 @@ class Stuck:
 
 @dataclass(frozen=True)
 class Limited:
-    """The motor controller gives no more than so much from an instant on.
+    """The motor controller's output is limited from an instant on.
 
     Args:
         at: the instant [s].

@@ -32,30 +32,30 @@ def check_noise(who: str, noise: Any, channels: Collection[str]) -> None:
 
 def mapping(
     what: str,
-    given: Any,
+    values: Any,
     example: str,
-    known: Collection[str] | None = None,
+    names: Collection[str] | None = None,
     kind: str = "channel",
 ) -> Mapping[str, Any]:
     """What was given by the names of channels, or of another kind.
 
     Raises:
-        InputError: something else than a dictionary, or a name that is not among those ``known``.
+        InputError: something else than a dictionary, or a name that is not among those ``names``.
     """
-    if not isinstance(given, Mapping):
+    if not isinstance(values, Mapping):
         raise InputError(
-            f"{what}: expected a dictionary by the names of {kind}s, found {given!r}.",
+            f"{what}: expected a dictionary by the names of {kind}s, found {values!r}.",
             f"Write {example}.",
         )
-    for name in given:
-        if known is not None and name not in known:
-            near = nearest(str(name), known)
+    for name in values:
+        if names is not None and name not in names:
+            near = nearest(str(name), names)
             raise InputError(
                 f"{what}: there is no {kind} '{name}'{f' ({near})' if near else ''}; there are "
-                f"{listing(known)}.",
+                f"{listing(names)}.",
                 "Correct the name.",
             )
-    return given
+    return values
 
 
 def seeded(seed: Any) -> np.random.Generator:

@@ -166,10 +166,10 @@ def run_of(
 
 def _units(loop: LoopAssembly, signals: Mapping[str, np.ndarray]) -> dict[str, str]:
     models = [model for model in (loop.thruster, loop.vehicle) if model is not None]
-    known = {n: u for m in models for n, u in {**m.all_states, **m.outputs}.items()}
-    known |= dict.fromkeys(("reference", "error"), known.get(loop.controller.of, ""))
+    units = {n: u for m in models for n, u in {**m.all_states, **m.outputs}.items()}
+    units |= dict.fromkeys(("reference", "error"), units.get(loop.controller.of, ""))
     command = loop.thruster.inputs["command"]
-    known |= {"command": command, "motor_command": command, "wanted_thrust": "N"}
+    units |= {"command": command, "motor_command": command, "wanted_thrust": "N"}
     for name, block in (("controller", loop.controller), ("compensator", loop.compensator)):
-        known |= {f"{name}.{n}": u for n, u in (block.states if block else {}).items()}
-    return {name: known.get(name.removeprefix("measured."), "") for name in signals}
+        units |= {f"{name}.{n}": u for n, u in (block.states if block else {}).items()}
+    return {name: units.get(name.removeprefix("measured."), "") for name in signals}

@@ -56,7 +56,7 @@ class Parts:
     def structure(self) -> tuple[Any, ...]:
         """What fixes the compiled code."""
         parts = (self.plant.thruster, self.plant.vehicle, self.controller, self.compensator)
-        classes = tuple(part.structure if part else None for part in parts)
+        classes = tuple(block.structure if block else None for block in parts)
         return (*classes, tuple(self.plant.given), self.path.structure, self.timing)
 
     def __eq__(self, other: object) -> bool:
@@ -69,7 +69,7 @@ class Parts:
 def loop_signals(
     parts: Parts,
     values: Mapping[str, Array],
-    given: Mapping[str, Array],
+    signals: Mapping[str, Array],
     faults: FaultNumbers,
     rows: Mapping[str, Array],
     start: Mapping[str, Array],
@@ -79,7 +79,7 @@ def loop_signals(
     Args:
         parts: the structure.
         values: all parameters and gains by full name.
-        given: constant inputs of the thruster.
+        signals: constant inputs of the thruster.
         faults: what breaks, and when.
         rows: over the recorded samples, ``(T,)`` each: ``time`` [s] (evenly spaced), ``wanted``,
             ``wanted_rate``, ``wanted_acceleration``, and ``noise.CHANNEL`` for noisy channels.
@@ -90,7 +90,7 @@ def loop_signals(
         ``motor_command`` (after faults and the effects on it), ``wanted_thrust``, the memories of
         controller and compensator, outputs by name, and ``measured.CHANNEL``.
     """
-    sound = Plant(parts.plant.thruster, parts.plant.vehicle, given).bind(values)
+    sound = Plant(parts.plant.thruster, parts.plant.vehicle, signals).bind(values)
     blocks = {
         name: block._bound(_named(values, f"{name}."))
         for name, block in (("controller", parts.controller), ("compensator", parts.compensator))
@@ -126,16 +126,18 @@ def loop_signals(
         control = _when(
             x["tick"], timing.samples * timing.substeps, _controlled(blocks, s, kept, period), kept
         )
-        before = {n: carry[n] for n in ("line", "command", "taken", "motor_command", "path")}
-        line = jnp.concatenate([control["output"][None], before["line"][:-1]])
+        previous = {n: carry[n] for n in ("line", "command", "taken", "motor_command", "path")}
+        line = jnp.concatenate([control["output"][None], previous["line"][:-1]])
         command = line[timing.late]
-        taken = faults.command(command, before["taken"], now)
+        taken = faults.command(command, previous["taken"], now)
         inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
-        inputs = {**inflow, **given, "time": now, "command": taken}
-        motor, path = parts.path(plant.thruster.effects, inputs, before["path"], x["first"], step)
+        inputs = {**inflow, **signals, "time": now, "command": taken}
+        motor, path = parts.path(plant.thruster.effects, inputs, previous["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
-        sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, before)
-        if settling:  # a record of the loop, simulated anew, begins settled at its first command
+        sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, previous)
+        if (
+            settling
+        ):  # a record of the loop that is simulated again begins settled at its first command
             settled = plant.start(start, sent["motor_command"])
             state = {**state, **{n: jnp.where(x["first"], settled[n], state[n]) for n in settling}}
         row = {

@@ -124,7 +124,7 @@ class MPC:
 
     @property
     def ahead(self) -> np.ndarray:
-        """How far ahead of the present sample the path is to be told [s], ``(horizon,)``.
+        """How far ahead of the present sample the path is asked for [s], ``(horizon,)``.
 
         Example:
             >>> mpc.ahead.shape
@@ -152,7 +152,7 @@ class MPC:
         if inputs is not None:
             check_names("inputs", inputs, tuple(now), "0.1")
             now |= {n: _given(f"input '{n}'", value) for n, value in inputs.items()}
-        state = begin(self.model, now, self._seen(measured, whole=True))
+        state = begin(self.model, now, self._seen(measured, complete=True))
         low, high = self._range
         share = jnp.stack([jnp.asarray(now[n], float) for n in self.model.inputs])
         planned = jnp.clip(jnp.tile((share - low) / (high - low), (self._samples, 1)), 0.0, 1.0)
@@ -199,10 +199,10 @@ class MPC:
         except (AttributeError, TypeError, ValueError):
             place = np.empty((0, 2))
         if place.shape != (self._samples, 2) or not np.all(np.isfinite(place)):
-            known = "with missing numbers" if place.shape == (self._samples, 2) else place.shape
+            shape = "with missing numbers" if place.shape == (self._samples, 2) else place.shape
             raise InputError(
                 f"MPC: expected the path at {self._samples} instants ahead, finite, found "
-                f"{known if isinstance(known, str) else f'an array {known}'}.",
+                f"{shape if isinstance(shape, str) else f'an array {shape}'}.",
                 "Give path.at(now + mpc.ahead).",
             )
         return place
@@ -241,20 +241,20 @@ class MPC:
             jnp.asarray(self.iterations),
         )
 
-    def _seen(self, measured: Any, whole: bool = False) -> dict[str, Any]:
+    def _seen(self, measured: Any, complete: bool = False) -> dict[str, Any]:
         """Measured states; NaN for what is missing unless all six have to be there."""
         names = tuple(self.model.all_states)
         check_names("measured", measured, names, "0.0")
-        seen = {}
+        values = {}
         for name in AT_SEA:
             value = measured.get(name, math.nan)
-            if whole:
+            if complete:
                 _given(f"measured '{name}'", value)
-            seen[name] = jnp.asarray(measured_number(f"MPC, measured '{name}'", value), float)
-        if whole:
+            values[name] = jnp.asarray(measured_number(f"MPC, measured '{name}'", value), float)
+        if complete:
             more = {n: v for n, v in measured.items() if n not in AT_SEA}
-            seen |= {n: jnp.asarray(_given(f"measured '{n}'", v), float) for n, v in more.items()}
-        return seen
+            values |= {n: jnp.asarray(_given(f"measured '{n}'", v), float) for n, v in more.items()}
+        return values
 
 
 def _given(what: str, value: Any) -> float:

@@ -31,14 +31,14 @@ def count_of(where: str, value: Any) -> int:
     return int(value)
 
 
-def check_names(what: str, given: Any, names: tuple[str, ...], example: str) -> None:
+def check_names(what: str, by_name: Any, names: tuple[str, ...], example: str) -> None:
     """Raise `InputError` for what is no dictionary by these names."""
-    if not isinstance(given, Mapping):
+    if not isinstance(by_name, Mapping):
         raise InputError(
-            f"MPC, {what}: expected a dictionary by name, found {given!r}.",
+            f"MPC, {what}: expected a dictionary by name, found {by_name!r}.",
             f'Write {{"{names[0]}": {example}, ...}}.',
         )
-    for name in given:
+    for name in by_name:
         if name not in names:
             near = nearest(str(name), names)
             raise InputError(

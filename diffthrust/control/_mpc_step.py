@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from diffthrust._support._running.programs import program
 from diffthrust.control._bounded_lsq import least_squares_within
 from diffthrust.control._one_sample import AT_SEA, SPEEDS, State, one_sample
 from diffthrust.control._rows_lsq import least_squares_below
+from diffthrust.models._base.model import Model
 from diffthrust.simulation._trajectory import Key
 
 _LENGTHS = np.array([1.0, 0.5, 0.25, 0.1])
@@ -82,7 +84,7 @@ class Frame(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What a controller can be given anew without another compilation."""
+    """Settings of a controller that may change without another compilation."""
 
     values: dict[str, Array]
     low: Array
@@ -99,112 +101,164 @@ class Setting(NamedTuple):
 
 
 def replan(
-    frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Array], place: Array
+    frame: Frame, setting: Setting, plan: Plan, measured: Mapping[str, Array], place: Array
 ) -> Plan:
-    """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``, NaN in ``seen`` stands for not seen."""
-    model = frame.key.model.bind(given.values)
-    period, names = given.period, tuple(model.inputs)
-    missed = {n: jnp.where(jnp.isnan(seen[n]), 0.0, seen[n] - plan.state[n]) for n in SPEEDS}
-    blind = jnp.isnan(seen["surge"]) | jnp.isnan(seen["sway"]) | jnp.isnan(seen["yaw_rate"])
-    since = period * (1.0 + plan.unseen)  # what is missed now has grown for so long
-    push = _estimate(plan, missed, since, given.lag) if frame.estimating else plan.push
+    """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``; what is NaN was not measured."""
+    model = frame.key.model.bind(setting.values)
+    missed = {
+        n: jnp.where(jnp.isnan(measured[n]), 0.0, measured[n] - plan.state[n]) for n in SPEEDS
+    }
+    blind = (
+        jnp.isnan(measured["surge"]) | jnp.isnan(measured["sway"]) | jnp.isnan(measured["yaw_rate"])
+    )
+    # the error has grown since the last sample that was measured
+    since = setting.period * (1.0 + plan.unseen)
+    push = _estimate(plan, missed, since, setting.lag) if frame.estimating else plan.push
     state = {**plan.state}
-    state |= {n: jnp.where(jnp.isnan(seen[n]), plan.state[n], seen[n]) for n in AT_SEA}
-    before = jnp.stack([plan.inputs[name] for name in names])
-    before = (before - given.low) / (given.high - given.low)
-    shape = plan.planned.shape
+    state |= {n: jnp.where(jnp.isnan(measured[n]), plan.state[n], measured[n]) for n in AT_SEA}
+    previous = jnp.stack([plan.inputs[name] for name in model.inputs])
+    previous = (previous - setting.low) / (setting.high - setting.low)
+    ahead = _Horizon(frame, setting, model, state, push, previous, place, plan.planned.shape)
+    flat, count, _, settled = jax.lax.while_loop(
+        lambda carry: ~carry[3] & (carry[1] < setting.iterations),
+        ahead.improve,
+        (ahead.best_guess(plan.planned), jnp.asarray(0), jnp.zeros(()), jnp.asarray(False)),
+    )
+    planned = jnp.clip(flat, 0.0, 1.0).reshape(ahead.shape)
+    nearest = jnp.clip(previous, 0.0, 1.0)
+    first = jnp.clip(planned[0], nearest - setting.reach, nearest + setting.reach)
+    planned = planned.at[0].set(first)
+    expected = ahead.after(state, planned[0])
+    unseen = jnp.where(blind, plan.unseen + 1.0, 0.0)
+    return Plan(
+        ahead.inputs_of(planned[0]),
+        planned,
+        expected,
+        push,
+        ahead.cost(flat),
+        count,
+        settled,
+        unseen,
+    )
 
-    def inputs_of(shares: Array) -> dict[str, Array]:
-        row = jnp.clip(given.low + shares * (given.high - given.low), given.low, given.high)
-        return {name: row[i] for i, name in enumerate(names)}
 
-    def after(state: State, shares: Array) -> State:
+@dataclass(frozen=True, eq=False)  # by identity: JAX hashes methods, and arrays have no hash
+class _Horizon:
+    """The problem of one sample: inputs over the horizon, as shares of their ranges, in one row.
+
+    Args:
+        frame: of the controller.
+        setting: of the controller.
+        model: with its values.
+        state: at the sample.
+        push: unexplained accelerations, taken to last.
+        previous: inputs before the sample, as shares of their ranges.
+        place: of the path, ``(horizon, 2)``.
+        shape: of the inputs, ``(horizon, inputs)``.
+    """
+
+    frame: Frame
+    setting: Setting
+    model: Model
+    state: State
+    push: dict[str, Array]
+    previous: Array
+    place: Array
+    shape: tuple[int, ...]
+
+    def inputs_of(self, shares: Array) -> dict[str, Array]:
+        """Inputs at one sample, by name, within their limits."""
+        low, high = self.setting.low, self.setting.high
+        row = jnp.clip(low + shares * (high - low), low, high)
+        return {name: row[i] for i, name in enumerate(self.model.inputs)}
+
+    def after(self, state: State, shares: Array) -> State:
+        """The state one sample later."""
         zero = jnp.zeros(())  # models do not read the time of day
-        inputs = inputs_of(shares)
-        return one_sample(model, state, inputs, zero, period, frame.substeps, push)
+        period, substeps = self.setting.period, self.frame.substeps
+        inputs = self.inputs_of(shares)
+        return one_sample(self.model, state, inputs, zero, period, substeps, self.push)
 
-    def foreseen(flat: Array) -> tuple[Array, Array]:
+    def foreseen(self, flat: Array) -> tuple[Array, Array]:
         """What is squared, and by how much states are beyond their limits; negative within."""
-        shares = flat.reshape(shape)
+        setting, shares = self.setting, flat.reshape(self.shape)
 
         def body(state: State, row: Array) -> tuple[State, tuple[Array, Array]]:
-            state = after(state, row)
-            limited = jnp.array([state[name] for name in frame.limited])
-            return state, (control_point(state, given.point), limited)
+            state = self.after(state, row)
+            limited = jnp.array([state[name] for name in self.frame.limited])
+            return state, (control_point(state, setting.point), limited)
 
-        _, (track, limited) = jax.lax.scan(body, state, shares)
-        changes = jnp.diff(shares, axis=0, prepend=before[None]) / given.moves[None]
-        errors = jnp.concatenate([((track - place) / given.position).ravel(), changes.ravel()])
-        beyond = jnp.concatenate([limited - given.most[None], given.least[None] - limited])
+        _, (track, limited) = jax.lax.scan(body, self.state, shares)
+        changes = jnp.diff(shares, axis=0, prepend=self.previous[None]) / setting.moves[None]
+        off = (track - self.place) / setting.position
+        errors = jnp.concatenate([off.ravel(), changes.ravel()])
+        beyond = jnp.concatenate([limited - setting.most[None], setting.least[None] - limited])
         return errors, beyond.ravel()
 
-    def cost(flat: Array) -> Array:
-        errors, beyond = foreseen(flat)
+    def cost(self, flat: Array) -> Array:
+        """Sum of squares; infinite where the model runs away."""
+        errors, beyond = self.foreseen(flat)
         total = jnp.sum(errors**2) + jnp.sum((jnp.maximum(beyond, 0.0) / _BEYOND) ** 2)
         return jnp.where(jnp.isfinite(total), total, jnp.inf)
 
-    def step_from(flat: Array, jacobian: Array, rest: Array, slopes: Array, beyond: Array) -> Array:
-        if frame.bounded:
-            return least_squares_within(jacobian, rest, -flat, 1.0 - flat, jnp.zeros_like(flat))
-        eye, reach = jnp.eye(flat.size), given.reach[None]
-        changing = jnp.diff(eye.reshape(*shape, -1), axis=0, prepend=0.0).reshape(flat.size, -1)
-        changes = jnp.diff(flat.reshape(shape), axis=0, prepend=jnp.clip(before, 0.0, 1.0)[None])
+    def best_guess(self, planned: Array) -> Array:
+        """The best start: the last plan, one sample on, or inputs that are held (`_EVEN`)."""
+        warm = jnp.concatenate([planned[1:], planned[-1:]])
+        furthest = self.setting.reach[None] * jnp.arange(1.0, self.shape[0] + 1)[:, None]
+        nearest = jnp.clip(self.previous, 0.0, 1.0)
+        even = [jnp.clip(jnp.asarray(row)[None], nearest[None] - furthest, nearest[None] + furthest)
+                for row in product(_EVEN, repeat=self.shape[1])]  # fmt: skip
+        guesses = jnp.stack([warm.ravel(), *(guess.ravel() for guess in even)])
+        return guesses[jnp.argmin(jax.vmap(self.cost)(guesses))]
+
+    def step_from(
+        self, flat: Array, jacobian: Array, residual: Array, slopes: Array, beyond: Array
+    ) -> Array:
+        """The step of least squares within the limits of inputs, their changes and states."""
+        if self.frame.bounded:
+            return least_squares_within(jacobian, residual, -flat, 1.0 - flat, jnp.zeros_like(flat))
+        eye, reach = jnp.eye(flat.size), self.setting.reach[None]
+        changing = jnp.diff(eye.reshape(*self.shape, -1), axis=0, prepend=0.0)
+        changing = changing.reshape(flat.size, -1)
+        nearest = jnp.clip(self.previous, 0.0, 1.0)
+        changes = jnp.diff(flat.reshape(self.shape), axis=0, prepend=nearest[None])
         up, down = (reach - changes).ravel(), (reach + changes).ravel()
         hard = [1.0 - flat, flat, up, down]
         return least_squares_below(
             jacobian,
-            rest,
+            residual,
             jnp.concatenate([eye, -eye, changing, -changing, slopes]),
             jnp.concatenate([*hard, -beyond]),
             jnp.concatenate([jnp.zeros(4 * flat.size), jnp.full(beyond.shape, _BEYOND)]),
         )
 
-    def improve(carry: tuple[Array, ...]) -> tuple[Array, ...]:
+    def improve(self, carry: tuple[Array, ...]) -> tuple[Array, ...]:
+        """One damped Gauss-Newton step: inputs, steps so far, damping, and whether it ends."""
         flat, count, damping, _ = carry
-        jacobian, slopes = jax.jacfwd(foreseen)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
-        now, (rest, beyond) = cost(flat), foreseen(flat)
+        jacobian, slopes = jax.jacfwd(self.foreseen)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
+        now, (residual, beyond) = self.cost(flat), self.foreseen(flat)
         sizes = jnp.linalg.norm(jacobian, axis=0)
-        step = step_from(
+        step = self.step_from(
             flat,
             jnp.concatenate([jacobian, jnp.sqrt(damping) * jnp.diag(sizes)]),
-            jnp.concatenate([rest, jnp.zeros_like(flat)]),
+            jnp.concatenate([residual, jnp.zeros_like(flat)]),
             slopes,
             beyond,
         )
         tried = jax.vmap(lambda length: flat + length * step)(_LENGTHS)
-        costs = jax.vmap(cost)(tried)
+        costs = jax.vmap(self.cost)(tried)
         best = jnp.argmin(costs)
         better = costs[best] < now
-        slope = rest @ jacobian
+        slope = residual @ jacobian
         held = ((flat <= 0) & (slope >= 0)) | ((flat >= 1) & (slope <= 0))
-        steep = jnp.abs(slope) / (sizes * jnp.linalg.norm(rest) + jnp.finfo(float).tiny)
-        level = frame.bounded & (jnp.max(jnp.where(held, 0.0, steep)) < _SETTLED)
+        steep = jnp.abs(slope) / (sizes * jnp.linalg.norm(residual) + jnp.finfo(float).tiny)
+        level = self.frame.bounded & (jnp.max(jnp.where(held, 0.0, steep)) < _SETTLED)
         short = (jnp.max(jnp.abs(step)) < _SETTLED) & (damping < 1.0)
         # at a kink of the force law no slope is level, and yet no step helps, however small
         corner = (now - costs[best] <= _SETTLED**2 * now) & (damping >= 1.0)
         settled = jnp.isfinite(now) & (level | short | corner)
         damping = jnp.where(better, 0.1 * damping, jnp.maximum(10.0 * damping, 1e-3))
         return jnp.where(better, tried[best], flat), count + 1, damping, settled
-
-    def unfinished(carry: tuple[Array, ...]) -> Array:
-        return ~carry[3] & (carry[1] < given.iterations)
-
-    warm = jnp.concatenate([plan.planned[1:], plan.planned[-1:]])
-    furthest = given.reach[None] * jnp.arange(1.0, shape[0] + 1)[:, None]
-    nearest = jnp.clip(before, 0.0, 1.0)
-    even = [jnp.clip(jnp.asarray(row)[None], nearest[None] - furthest, nearest[None] + furthest)
-            for row in product(_EVEN, repeat=len(names))]  # fmt: skip
-    guesses = jnp.stack([warm.ravel(), *(guess.ravel() for guess in even)])
-    best = guesses[jnp.argmin(jax.vmap(cost)(guesses))]
-    flat, count, _, settled = jax.lax.while_loop(
-        unfinished, improve, (best, jnp.asarray(0), jnp.zeros(()), jnp.asarray(False))
-    )
-    planned = jnp.clip(flat, 0.0, 1.0).reshape(shape)
-    first = jnp.clip(planned[0], nearest - given.reach, nearest + given.reach)
-    planned = planned.at[0].set(first)
-    expected = after(state, planned[0])
-    unseen = jnp.where(blind, plan.unseen + 1.0, 0.0)
-    return Plan(inputs_of(planned[0]), planned, expected, push, cost(flat), count, settled, unseen)
 
 
 def control_point(state: Mapping[str, Array], ahead: Array) -> Array:

@@ -46,11 +46,11 @@ def check_vessel(model: Any, who: str) -> None:
 
 
 def begin(
-    model: Model, inputs: Mapping[str, Array | float], given: Mapping[str, Array | float]
+    model: Model, inputs: Mapping[str, Array | float], initial: Mapping[str, Array | float]
 ) -> State:
     """All states at rest, or as given, and those of the effects as they follow; traceable."""
     first = {**arriving(model, jnp.zeros(()), inputs), "time": jnp.zeros(())}
-    states = starting_point(model, Signals(first), given)
+    states = starting_point(model, Signals(first), initial)
     return {name: jnp.asarray(value, float) for name, value in states.items()}
 
 

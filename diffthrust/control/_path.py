@@ -74,7 +74,7 @@ class StraightPath(Path):
     east: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, positive=("speed",), others=("course", "north", "east"))
+        _check(self, positive=("speed",), finite_fields=("course", "north", "east"))
 
     def at(self, time: np.ndarray) -> Wanted:
         """Where to be at instants [s]."""
@@ -121,8 +121,8 @@ class HarmonicPath(Path):
         slope = self.amplitude * wave * np.cos(wave * along)
         pace = np.hypot(1.0, slope)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(along))])
-        waves, rest = np.divmod(self.speed * np.asarray(time, float), arc[-1])
-        x = waves * self.wavelength + np.interp(rest, arc, along)
+        waves, remaining = np.divmod(self.speed * np.asarray(time, float), arc[-1])
+        x = waves * self.wavelength + np.interp(remaining, arc, along)
         aside = self.amplitude * np.sin(wave * x)
         return _turned(self, x, aside, np.arctan(self.amplitude * wave * np.cos(wave * x)))
 
@@ -157,11 +157,11 @@ def wanted_at(path: Path, time: np.ndarray) -> Wanted:
     return Wanted(*rows)
 
 
-def _check(path: Path, positive: tuple[str, ...], others: tuple[str, ...]) -> None:
+def _check(path: Path, positive: tuple[str, ...], finite_fields: tuple[str, ...]) -> None:
     kind = type(path).__name__
     for name in positive:
         finite(f"{kind}, {name}", getattr(path, name), lambda x: x > 0, "a number above zero")
-    for name in others:
+    for name in finite_fields:
         finite(f"{kind}, {name}", getattr(path, name), lambda x: True, "a number")
 
 

@@ -67,12 +67,12 @@ class Plant:
                         "run between the thruster and the vehicle of a loop.",
                         "Leave it out.",
                     )
-        known = {**self.thruster.inputs, **self.thruster.optional_inputs}
-        wrong = [n for n in self.given if n not in known or n in self._own]
+        channels = {**self.thruster.inputs, **self.thruster.optional_inputs}
+        wrong = [n for n in self.given if n not in channels or n in self._own]
         if wrong:
             raise InputError(
                 f"given: the loop takes no {listing(wrong)}; the thruster's other inputs are "
-                f"{listing(n for n in known if n not in self._own)}.",
+                f"{listing(n for n in channels if n not in self._own)}.",
                 "Correct the name.",
             )
         has = {*self.given, *self._own}
@@ -111,7 +111,7 @@ class Plant:
         vehicle = part(self.vehicle, "vehicle.") if self.vehicle else None
         return Plant(part(self.thruster, "thruster."), vehicle, self.given)
 
-    def start(self, given: Mapping[str, Array], command: Array | float = 0.0) -> dict[str, Array]:
+    def start(self, initial: Mapping[str, Array], command: Array | float = 0.0) -> dict[str, Array]:
         """All states at the start: those given, others as the models have them at rest.
 
         Effects with states of their own begin settled at ``command``, as in `simulate`.
@@ -119,11 +119,11 @@ class Plant:
         zero = jnp.zeros(())
         first = {"command": jnp.asarray(command, float), "time": zero, **self.given}
         if "inflow" in self._own:
-            first["inflow"] = given.get("velocity", zero)
-        states = starting_point(self.thruster, Signals(first), given)
+            first["inflow"] = initial.get("velocity", zero)
+        states = starting_point(self.thruster, Signals(first), initial)
         if self.vehicle:
             side = Signals({"thrust": zero, "time": zero})
-            states |= starting_point(self.vehicle, side, given)
+            states |= starting_point(self.vehicle, side, initial)
         return states
 
     def equations(
@@ -134,10 +134,10 @@ class Plant:
         Elementwise: with numbers inside the integration, with whole arrays for a record. Effects
         with memory on an output are left to `sensed`.
         """
-        given: dict[str, Array] = {"command": command, "time": time, **self.given}
+        signals: dict[str, Array] = {"command": command, "time": time, **self.given}
         if "inflow" in self._own:
-            given["inflow"] = state["velocity"]
-        rates, outputs, reported = _side(self.thruster, state, given, "command")
+            signals["inflow"] = state["velocity"]
+        rates, outputs, reported = _side(self.thruster, state, signals, "command")
         if self.vehicle is not None:
             moved = _side(self.vehicle, state, {"thrust": outputs["thrust"], "time": time}, "")
             rates, outputs, reported = (
@@ -147,21 +147,21 @@ class Plant:
 
 
 def _side(
-    model: Model, state: Mapping[str, Array], given: Mapping[str, Array], worked_out: str
+    model: Model, state: Mapping[str, Array], signals: Mapping[str, Array], worked_out: str
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
     """Rates, outputs and readings of one of the two models."""
     for effect in model.effects:  # as `_trajectory` does with recorded series
-        outer = Ports((effect,), Signals(given))
-        given = {n: v if n == worked_out else outer(n, v) for n, v in given.items()}
-    s = Signals({**{name: state[name] for name in model.all_states}, **given})
+        outer = Ports((effect,), Signals(signals))
+        signals = {n: v if n == worked_out else outer(n, v) for n, v in signals.items()}
+    s = Signals({**{name: state[name] for name in model.all_states}, **signals})
     port = Ports(model.effects, s)
-    own, outputs = equations_of(model, s, port)
-    rates = {**own, **port.rates}
+    derivatives, outputs = equations_of(model, s, port)
+    rates = {**derivatives, **port.rates}
     where = f"{type(model).__name__}.equations"
     expect(where, "rate of the state", model.all_states, rates)
     expect(where, "output", model.outputs, outputs)
     outputs = {name: outputs[name] for name in model.outputs}
-    shape = jnp.shape(given["time"])
+    shape = jnp.shape(signals["time"])
     if shape:
         outputs = {name: jnp.broadcast_to(value, shape) for name, value in outputs.items()}
     now = [effect for effect in model.effects if shape or not effect.memory]

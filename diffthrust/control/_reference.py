@@ -125,9 +125,9 @@ class Trajectory(Brief):
             object.__setattr__(self, name, series)
 
     @staticmethod
-    def _series(name: str, given: Any, time: np.ndarray | None) -> np.ndarray:
+    def _series(name: str, values: Any, time: np.ndarray | None) -> np.ndarray:
         try:
-            series = np.asarray(given, float)
+            series = np.asarray(values, float)
         except (TypeError, ValueError):
             series = np.empty((0, 0))
         wanted = series.ndim == 1 and (time is None or series.shape == time.shape)

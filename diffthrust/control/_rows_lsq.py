@@ -26,7 +26,7 @@ def least_squares_below(
     the sum of squares. Then there is always a solution, whatever the limits.
 
     Args:
-        jacobian: of two columns that cannot be told apart, neither has a value of its own.
+        jacobian: two equal columns have no values of their own, only a sum.
         residual: at zero.
         rows: what is limited; those without a give must leave a point that fulfils them all.
         limits: infinite where there is none.
@@ -51,7 +51,7 @@ def least_squares_below(
         share = jnp.where(step < 0, -value / jnp.where(step < 0, step, -1.0), jnp.inf)
         return jnp.minimum(1.0, jnp.min(share, initial=jnp.inf))
 
-    def again(state: Any) -> Any:
+    def improve(state: Any) -> Any:
         x, price, room, count, _ = state
         uphill, open_ = missing(x, price, room)
         weight = 1.0 / (room / price + soft)
@@ -74,10 +74,10 @@ def least_squares_below(
         x, price, room = x + length * dx, price + length * dprice, room + length * droom
         uphill, open_ = missing(x, price, room)
         far = jnp.maximum(jnp.max(jnp.abs(uphill)) / scale, jnp.max(jnp.abs(open_)))
-        done = (far < _CLOSE) & (jnp.max(price * room) < _CLOSE * scale)
-        return x, price, room, count + 1, done
+        solved = (far < _CLOSE) & (jnp.max(price * room) < _CLOSE * scale)
+        return x, price, room, count + 1, solved
 
     ones = jnp.ones_like(limits)
-    begun = (jnp.zeros_like(slope), ones, jnp.maximum(limits, 0.0) + 1.0, 0, jnp.array(False))
-    x, *_ = jax.lax.while_loop(lambda s: ~s[4] & (s[3] < _ROUNDS), again, begun)
+    start = (jnp.zeros_like(slope), ones, jnp.maximum(limits, 0.0) + 1.0, 0, jnp.array(False))
+    x, *_ = jax.lax.while_loop(lambda s: ~s[4] & (s[3] < _ROUNDS), improve, start)
     return x

@@ -170,7 +170,7 @@ def track_run_of(
     place = signals["north"] + ahead * np.cos(heading), signals["east"] + ahead * np.sin(heading)
     north, east = place[0] - wanted.north, place[1] - wanted.east
     cos, sin = np.cos(wanted.course), np.sin(wanted.course)
-    whole = {
+    series = {
         **signals,
         "reference.north": wanted.north,
         "reference.east": wanted.east,
@@ -179,9 +179,9 @@ def track_run_of(
         "along": north * cos + east * sin,
         "across": east * cos - north * sin,
     }
-    cost = whole.pop("cost")  # of a start far away it is large, and nothing has run away
-    time, whole, diverged = bounded(
-        time, whole, "Look at the units of the initial states and inputs, and at the path."
+    cost = series.pop("cost")  # of a start far away it is large, and nothing has run away
+    time, series, diverged = bounded(
+        time, series, "Look at the units of the initial states and inputs, and at the path."
     )
-    whole["cost"] = cost[: time.size]
-    return TrackRun(loop, path, time, whole, diverged, compiling)
+    series["cost"] = cost[: time.size]
+    return TrackRun(loop, path, time, series, diverged, compiling)

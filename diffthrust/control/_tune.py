@@ -97,11 +97,11 @@ class Tuning(Result):
     @property
     def at_bounds(self) -> tuple[str, ...]:
         """Gains that would go on, had they no bounds."""
-        known = self.loop.parameters
+        described = self.loop.parameters
         return tuple(
             name
             for name, (_, after) in self.gains.items()
-            if any(math.isclose(after, end, rel_tol=1e-3) for end in known[name].limits)
+            if any(math.isclose(after, end, rel_tol=1e-3) for end in described[name].limits)
         )
 
     def _line(self) -> str:
@@ -165,15 +165,15 @@ def tune(
     """
     from scipy.optimize import least_squares  # late: slow to import
 
-    known = loop.parameters
+    declared = loop.parameters
     names = (gains,) if isinstance(gains, str) else gains
-    _check(names, known)
+    _check(names, declared)
     names = tuple(names)
     finite("most", most, lambda n: n >= 1, "a whole number above zero")
-    parts, values, given, faults, rows, start = loop.prepared(
+    parts, values, signals, faults, rows, start = loop.prepared(
         reference, duration, seed, initial, substeps
     )
-    described = tuple(known[name] for name in names)
+    described = tuple(declared[name] for name in names)
     cost = Effort() if cost is None else cost
     if not callable(cost) or (isinstance(cost, Effort) and cost.start >= duration):
         raise InputError(
@@ -186,7 +186,7 @@ def tune(
     # a start on a bound is moved inside: the method needs room
     room = 1e-6 * np.maximum(1.0, np.abs(begin))
     begin = np.clip(begin, ends[:, 0] + room, ends[:, 1] - room)
-    run = (values, given, faults, rows, start)
+    run = (values, signals, faults, rows, start)
     evaluated = _Evaluated((parts, loop.controller.of, names, cost), described, run)
     first, slopes = evaluated(begin)
     if not np.all(np.isfinite(first)):
@@ -255,7 +255,7 @@ def _linearized(
     cost: Cost,
     gains: Mapping[str, Array],
     values: Mapping[str, Array],
-    given: Mapping[str, Array],
+    constants: Mapping[str, Array],
     faults: FaultNumbers,
     rows: Mapping[str, Array],
     start: Mapping[str, Array],
@@ -263,7 +263,7 @@ def _linearized(
     """Residuals ``(m,)`` and their derivatives with respect to each gain, ``(m, k)``."""
 
     def residuals(gains: Mapping[str, Array]) -> tuple[Array, Array]:
-        of_run = loop_signals(parts, {**values, **gains}, given, faults, rows, start)
+        of_run = loop_signals(parts, {**values, **gains}, constants, faults, rows, start)
         signals = {**of_run, "time": rows["time"], "reference": rows["wanted"]}
         signals["error"] = rows["wanted"] - of_run[of]
         r = jnp.ravel(jnp.asarray(cost(signals), float))
@@ -279,23 +279,23 @@ def _slope(p: Parameter, coordinate: float) -> float:
     return float(p.from_coordinate(coordinate)) if p.transform == "log" else p.scale
 
 
-def _check(names: Any, known: Mapping[str, Parameter]) -> None:
+def _check(names: Any, described: Mapping[str, Parameter]) -> None:
     if not isinstance(names, Sequence):
         raise InputError(
             f"tune, gains: expected names, found {names!r}.",
-            f'Write gains=["{next(iter(known))}"].',
+            f'Write gains=["{next(iter(described))}"].',
         )
     if not names:
         raise InputError("tune: expected at least one gain, found none.", "Name one.")
     for name in names:
-        if name not in known:
-            near = nearest(str(name), known)
+        if name not in described:
+            near = nearest(str(name), described)
             raise InputError(
                 f"tune: the loop has no gain '{name}'{f' ({near})' if near else ''}; it has "
-                f"{listing(known)}.",
+                f"{listing(described)}.",
                 "Correct the name.",
             )
-        if not math.isfinite(known[name].value):
+        if not math.isfinite(described[name].value):
             raise InputError(
                 f"tune: the gain '{name}' is infinite, so nothing can be learned about it.",
                 "Give it a finite value to start from.",

@@ -107,35 +107,35 @@ class VesselLoop(VesselAssembly):
         inputs = {name: 0.5 * (low + high) for name, (low, high) in mpc.input_limits.items()}
         plan, records, compiling = None, [], 0.0
         for k, now in enumerate(time):
-            given = {name: row[k] for name, row in rows.items()}
-            outputs = _readings(ship[0], values, state, {**inputs, **given}, now)
+            constants = {name: row[k] for name, row in rows.items()}
+            outputs = _readings(ship[0], values, state, {**inputs, **constants}, now)
             measured = {name: float(outputs[name]) + noise[name][k] for name in noise}
             if records and not all(abs(value) < RUN_AWAY for value in measured.values()):
                 records.append(dict.fromkeys(records[0], math.nan))
                 break
             ahead = wanted_at(path, now + mpc.ahead)
             if plan is None:  # once for nothing: what it takes longer than again is compilation
-                plan, begun = mpc.start(measured, inputs), perf_counter()
+                plan, begin_time = mpc.start(measured, inputs), perf_counter()
                 jax.block_until_ready(mpc.step(plan, measured, ahead))
-                compiling = perf_counter() - begun
-            begun = perf_counter()
+                compiling = perf_counter() - begin_time
+            begin_time = perf_counter()
             plan = jax.block_until_ready(mpc.step(plan, measured, ahead))
-            solving = perf_counter() - begun
+            solving = perf_counter() - begin_time
             inputs = {name: float(value) for name, value in plan.inputs.items()}
-            if not records:  # a log, simulated anew, begins settled at its first inputs
-                state = begin(self.vessel, {**inputs, **given}, start)
+            if not records:  # a log that is simulated again begins settled at its first inputs
+                state = begin(self.vessel, {**inputs, **constants}, start)
             records.append({
                 **{name: float(value) for name, value in {**state, **outputs}.items()},
                 **{f"measured.{name}": value for name, value in measured.items()},
                 **inputs,
-                **given,
+                **constants,
                 **{f"push.{name}": float(value) for name, value in plan.push.items()},
                 "cost": float(plan.cost),
                 "iterations": float(plan.iterations),
                 "settled": float(plan.settled),
                 "solve_time": solving,
             })  # fmt: skip
-            state = _moved(*ship, values, state, {**inputs, **given}, now, 1.0 / rate)
+            state = _moved(*ship, values, state, {**inputs, **constants}, now, 1.0 / rate)
         signals = {name: np.array([row[name] for row in records]) for name in records[0]}
         return track_run_of(self, path, time[: len(records)], signals, compiling)
 
@@ -153,12 +153,12 @@ class VesselLoop(VesselAssembly):
         start = wanted_at(path, np.zeros(1))
         course, back = start.course[0], self.controller.point
         north = start.north[0] - back * math.cos(course)
-        own = {"north": north, "east": start.east[0] - back * math.sin(course), "heading": course}
+        pose = {"north": north, "east": start.east[0] - back * math.sin(course), "heading": course}
         limits = self.controller.input_limits
         middle = {name: 0.5 * (low + high) for name, (low, high) in limits.items()}
         first = {name: row[0] for name, row in rows.items()}
-        given = {**own, **checked_initial(self.vessel, initial)}
-        return begin(self.vessel, {**middle, **first}, given), given
+        start_state = {**pose, **checked_initial(self.vessel, initial)}
+        return begin(self.vessel, {**middle, **first}, start_state), start_state
 
 
 @program(2)

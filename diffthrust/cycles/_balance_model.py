@@ -129,12 +129,12 @@ def _missed(
         # at a pole of G (k = 0 with an integrator) the output itself must vanish
         size = jnp.where(jnp.abs(g_den) > 1e-12 * jnp.abs(g_num), jnp.abs(g_den), jnp.abs(g_num))
         loop = (g_den * c[0] + g_num * out) / size.astype(complex)
-        own = [
+        state_errors = [
             jay * c[1 + i]
             - analysed(jnp.broadcast_to(plain_rate(rates[name]), angle.shape) / w / sizes[1 + i])
             for i, name in enumerate(names)
         ]
-        missed = jnp.stack([loop, *own])
+        missed = jnp.stack([loop, *state_errors])
         # the imaginary part of a mean is always zero: its unknown is held at zero instead
         held = missed.imag.at[:, 0].set(rows[:, 1, 0])
         series = jnp.concatenate([c * sizes[:, None].astype(complex), analysed(y)[None]])

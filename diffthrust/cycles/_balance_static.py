@@ -75,7 +75,7 @@ def _solved(
     guess: CycleSeries,
     harmonics: int,
 ) -> CycleSeries | None:
-    """Newton's method with so many harmonics; ``None`` where it ends far from the sine."""
+    """Newton's method at a number of harmonics; ``None`` where it ends far from the sine."""
     order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
     amplitude, frequency = float(sine.input[0].real), sine.frequency
     unknowns = _Unknowns(order, amplitude, frequency)
@@ -92,11 +92,11 @@ def _solved(
         except np.linalg.LinAlgError:
             return None
         step *= min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
-        z, r, before = _shortened(transfer, element, unknowns, z, r, step)
+        z, r, previous = _shortened(transfer, element, unknowns, z, r, step)
         now = np.abs(r).max()
-        if np.abs(step).max() < 1e-9 or now < 1e-10 or 1e-7 > now > 0.999 * before:
+        if np.abs(step).max() < 1e-9 or now < 1e-10 or 1e-7 > now > 0.999 * previous:
             break
-        if now > 0.2 * before:  # the slopes are kept while they serve
+        if now > 0.2 * previous:  # the slopes are kept while they serve
             jacobian = None
     e, w = unknowns.taken(z)
     if np.abs(r).max() > 1e-6:
@@ -118,8 +118,8 @@ class _Unknowns:
         m, count = self.mean, self.turning.size
         z = np.zeros(m + 2 * count)
         for i, k in enumerate(self.order):
-            known = np.flatnonzero(guess.order == k)
-            c = guess.input[known[0]] / self.amplitude if known.size else 0j
+            places = np.flatnonzero(guess.order == k)
+            c = guess.input[places[0]] / self.amplitude if places.size else 0j
             z[i] = c.real
             if i >= m:
                 z[count + i] = c.imag
@@ -155,7 +155,7 @@ def _shortened(
     step: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """A step as long as it helps."""
-    before = float(np.abs(r).max())
+    previous = float(np.abs(r).max())
     share, moved, new = 1.0, z + step, r
     for _ in range(6):
         moved = z + share * step
@@ -163,7 +163,7 @@ def _shortened(
         if np.isfinite(new).all() and np.linalg.norm(new) <= np.linalg.norm(r):
             break
         share *= 0.5
-    return moved, new, before
+    return moved, new, previous
 
 
 def _residual(

@@ -25,7 +25,7 @@ class Relay(Static):
 
     Args:
         level: size of the output.
-        hysteresis: the output changes its sign only when the input has passed zero by so much.
+        hysteresis: how far the input must pass zero before the output changes its sign.
         dead_zone: half the width of the band around zero in which the output is zero.
 
     Raises:

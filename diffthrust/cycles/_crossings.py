@@ -102,14 +102,14 @@ def crossings(
             continue
         a, w = place
         inside = amplitudes[0] <= a <= amplitudes[-1] and frequencies[0] <= w <= frequencies[-1]
-        known = any(
+        tried = any(
             abs(np.log(a / c.amplitude)) + abs(np.log(w / c.frequency)) < _SAME for c in solutions
         )
-        if inside and not known:
+        if inside and not tried:
             edge = a < amplitudes[1] or a > amplitudes[-2]
             edge = edge or w < frequencies[1] or w > frequencies[-2]
-            growth, others = stability(transfer, element, a, w)
-            solutions.append(Crossing(float(a), float(w), growth, others, bool(edge)))
+            growth, further = stability(transfer, element, a, w)
+            solutions.append(Crossing(float(a), float(w), growth, further, bool(edge)))
     return sorted(solutions, key=lambda c: c.amplitude), f
 
 

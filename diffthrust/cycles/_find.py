@@ -156,10 +156,10 @@ def _sine(element: Nonlinearity, c: Crossing) -> CycleSeries:
 def _rightmost(transfer: Transfer, element: Nonlinearity, a: np.ndarray, w: np.ndarray) -> float:
     """Largest real part of the quasi-linear loop's poles at the first amplitude that has an N."""
     middle = float(np.sqrt(w[0] * w[-1]))
-    known = np.isfinite(element.describing(a, middle))
-    if not known.any():
+    finite = np.isfinite(element.describing(a, middle))
+    if not finite.any():
         return float("nan")
-    poles = loop_poles(transfer, element, float(a[int(np.argmax(known))]), middle)
+    poles = loop_poles(transfer, element, float(a[int(np.argmax(finite))]), middle)
     return float(np.real(poles).max()) if poles.size else float("-inf")
 
 
@@ -173,23 +173,23 @@ def _harmonics(harmonics: int | None, element: Nonlinearity) -> int:
     return harmonics
 
 
-def range_of(what: str, given: ArrayLike | None, least: float) -> np.ndarray | None:
+def range_of(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | None:
     """A range or grid as given, cut where the element begins to have an output.
 
     Raises:
         InputError: it is not positive and rising, or ends below that.
     """
-    if given is None:
+    if asked is None:
         return None
     try:
-        values = np.atleast_1d(np.asarray(given, float))
+        values = np.atleast_1d(np.asarray(asked, float))
     except (TypeError, ValueError):
         values = np.array([np.nan])
     fine = values.ndim == 1 and values.size >= 2 and np.isfinite(values).all()
     if not (fine and values[0] > 0 and (np.diff(values) > 0).all()):
         raise InputError(
             f"{what}: expected a lowest and a highest value above zero, or a rising grid of them; "
-            f"found {given!r}.",
+            f"found {asked!r}.",
             f"Write {what}=(0.01, 10.0).",
         )
     if values[-1] <= least:

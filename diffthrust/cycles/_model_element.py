@@ -69,20 +69,20 @@ class ModelElement(Nonlinearity):
         self.delay: float = delay
         self.input: str = input
         self.output: str = output
-        for what, name, known in (
+        for what, name, names in (
             ("input", input, self.model.inputs),
             ("output", output, self.model.outputs),
         ):
-            if name not in known:
+            if name not in names:
                 raise InputError(
-                    f"The model '{self.model}' has no {what} '{name}'; it has {listing(known)}.",
-                    f"Name one of them: {what}='{next(iter(known), '')}'.",
+                    f"The model '{self.model}' has no {what} '{name}'; it has {listing(names)}.",
+                    f"Name one of them: {what}='{next(iter(names), '')}'.",
                 )
-        others = [name for name in self.model.inputs if name != input]
-        if others:
+        further = [name for name in self.model.inputs if name != input]
+        if further:
             raise InputError(
-                f"The model '{self.model}' needs {listing(others)} besides '{input}'; a loop with "
-                "one nonlinear element drives one input only.",
+                f"The model '{self.model}' needs {listing(further)} besides '{input}'; a loop "
+                "with one nonlinear element drives one input only.",
                 "Use a model with one input.",
             )
         if not self.model.all_states:
@@ -151,10 +151,10 @@ class ModelElement(Nonlinearity):
         solver = Shooting(self._driven, len(self.model.all_states))
         n = np.full(a.size, np.nan + 0j)
         for steps in _STEPS:
-            left = np.flatnonzero(np.isnan(n))
-            if left.size:
-                answers = respond(solver, self._cycle, some(lanes, left), samples=steps)
-                n[left] = np.where(answers.reason == Reason.SETTLED, answers.first, np.nan)
+            unsettled = np.flatnonzero(np.isnan(n))
+            if unsettled.size:
+                answers = respond(solver, self._cycle, some(lanes, unsettled), samples=steps)
+                n[unsettled] = np.where(answers.reason == Reason.SETTLED, answers.first, np.nan)
         return n.reshape(a.shape)
 
     def answer(self, amplitude: float, frequency: float, harmonics: int) -> np.ndarray:

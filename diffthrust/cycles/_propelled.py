@@ -52,8 +52,8 @@ class PropelledAxis(ModelElement):
     @property
     def values(self) -> dict[str, Array]:
         """The thruster's parameters, mass and drag."""
-        own = {"vehicle.mass": self.mass, "vehicle.drag": self.drag}
-        return {**super().values, **{name: jnp.asarray(value) for name, value in own.items()}}
+        vehicle = {"vehicle.mass": self.mass, "vehicle.drag": self.drag}
+        return {**super().values, **{name: jnp.asarray(value) for name, value in vehicle.items()}}
 
     def evaluate(
         self,
@@ -63,8 +63,10 @@ class PropelledAxis(ModelElement):
         time: Array,
     ) -> tuple[dict[str, Array | Relaxing], Array]:
         """Rates of the states, and the velocity."""
-        own = {name: value for name, value in states.items() if name != "vehicle.velocity"}
-        rates, thrust = super().evaluate(values, own, command, time)
+        thruster_states = {
+            name: value for name, value in states.items() if name != "vehicle.velocity"
+        }
+        rates, thrust = super().evaluate(values, thruster_states, command, time)
         v = states["vehicle.velocity"]
         force = thrust - values["vehicle.drag"] * v * jnp.abs(v)
         return {**rates, "vehicle.velocity": force / values["vehicle.mass"]}, v

@@ -106,44 +106,46 @@ class LimitCycles(Result):
     @property
     def notes(self) -> list[str]:
         """What should be known besides."""
-        said = []
+        sentences = []
         poles = self.transfer.poles
         right = poles[np.real(poles) > 1e-9 * max(1e-300, np.abs(poles).max(initial=0.0))]
         if right.size:
             worst = complex(right[int(np.argmax(np.real(right)))])
-            said.append(
+            sentences.append(
                 f"The linear part by itself is unstable (a pole at {worst.real:.4g} 1/s): where "
                 "the element gives little, the loop is not held."
             )
         if not self.cycles and _lossless(self.transfer):
-            said.append(
+            sentences.append(
                 "G(jw) is real at all frequencies: with a real N every amplitude may oscillate, "
                 "and none is singled out."
             )
         elif not self.cycles and self.nearest_at_edge:
-            said.append(
+            sentences.append(
                 f"1 + N G is smallest ({self.nearest[0]:.3g}) at the edge of the range, at "
                 f"{self.nearest[1]:.3g}{self.unit} and {self.nearest[2]:.3g} rad/s: widen the "
                 "range to see whether one lies beyond."
             )
         if any(c.at_edge for c in self.cycles):
-            said.append("A cycle lies at the edge of the range: widen it to see its neighbours.")
+            sentences.append(
+                "A cycle lies at the edge of the range: widen it to see its neighbours."
+            )
         if self.unknown > 0:
-            said.append(
+            sentences.append(
                 f"There is no settled answer to a sine in {100 * self.unknown:.2g} % of the range; "
                 "nothing can be found there."
             )
         if self.element.delay:
-            said.append(
+            sentences.append(
                 f"The delay of the command, {self.element.delay:.4g} s, is counted with G: the "
                 "element's input is the command that arrives."
             )
         if self.transfer.delay:
-            said.append(
+            sentences.append(
                 "A dead time turns G round and round: cycles of higher frequencies than the range "
                 "may exist; they are found by asking for their frequencies."
             )
-        return said
+        return sentences
 
     def _line(self) -> str:
         return self.sentence

@@ -96,9 +96,9 @@ def _courses(
 
 
 def _cut(time: np.ndarray, e: np.ndarray, y: np.ndarray, limit: float) -> LoopCourse:
-    gone = np.flatnonzero(~(np.abs(e) <= limit))
-    end = int(gone[0]) if gone.size else e.size
-    return LoopCourse(time[:end], e[:end], y[:end], bool(gone.size))
+    outside = np.flatnonzero(~(np.abs(e) <= limit))
+    end = int(outside[0]) if outside.size else e.size
+    return LoopCourse(time[:end], e[:end], y[:end], bool(outside.size))
 
 
 def _passes_at_once(element: ElementEquations) -> bool:
@@ -131,12 +131,12 @@ def _marched(
     def loop(
         x: Mapping[str, Array], time: Array
     ) -> tuple[dict[str, Array | Relaxing], Array, Array]:
-        z, own = split(x)
+        z, instants = split(x)
         passed = sum((linear["c"][i] * z[i] for i in range(order)), 0.0 * time)
         # where the linear part passes its input at once, the output does not read the command
-        _, ahead = element.evaluate(values, own, -passed, time)
+        _, ahead = element.evaluate(values, instants, -passed, time)
         command = -(passed + linear["d"] * ahead)
-        rates, y = element.evaluate(values, own, command, time)
+        rates, y = element.evaluate(values, instants, command, time)
         for i in range(order):
             row = sum((linear["a"][i, k] * z[k] for k in range(order)), linear["b"][i] * y)
             rates[f"linear.{i}"] = row

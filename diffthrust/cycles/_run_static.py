@@ -20,7 +20,7 @@ from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 STEPS_A_PERIOD = 256
 """Steps per period."""
 BEYOND = 1e3
-"""A course is followed until it has grown to so many times the cycle."""
+"""A course is followed until it is this many times as large as the cycle."""
 
 
 class StepElement(Protocol):
@@ -50,8 +50,8 @@ def simulated(
         wait = max(min(wait, fast), 0.25 * wait)
     lagging = math.ceil(transfer.delay / wait) if transfer.delay else 0
     step = transfer.delay / lagging if lagging else wait
-    before = step * np.arange(-max(math.ceil(period / step), lagging) - 1, 1)
-    past = factor * cycle.signal(cycle.input, before)
+    earlier = step * np.arange(-max(math.ceil(period / step), lagging) - 1, 1)
+    past = factor * cycle.signal(cycle.input, earlier)
     memory = element.rest(float(past[0]))
     pending: deque[tuple[float, float]] = deque(maxlen=lagging)
     for a, b in pairwise(past):

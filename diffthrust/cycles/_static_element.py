@@ -70,8 +70,8 @@ class Static(Nonlinearity):
             return self.least + beyond
         # an ideal relay has no scale of its own: A = |G| times the fundamental of its output
         gain = np.abs(transfer(1j * frequencies)) * np.abs(self.describing(1.0, 1.0))
-        seen = gain[np.isfinite(gain) & (gain > 0)]
-        return np.geomspace(0.5 * seen.min(), 2.0 * seen.max(), count)
+        gains = gain[np.isfinite(gain) & (gain > 0)]
+        return np.geomspace(0.5 * gains.min(), 2.0 * gains.max(), count)
 
     def balanced(
         self, transfer: Transfer, amplitude: float, frequency: float, harmonics: int

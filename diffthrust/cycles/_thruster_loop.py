@@ -160,10 +160,10 @@ class ThrusterLoop(Result):
         )
 
     def _paper_words(self) -> list[str]:
-        seen = self.cycle.simulated if self.as_in_paper and len(self.found) else None
-        if seen is None:
+        simulated_cycle = self.cycle.simulated if self.as_in_paper and len(self.found) else None
+        if simulated_cycle is None:
             return []
-        off = self.newton * seen.peak / PAPER["simulated"] - 1.0
+        off = self.newton * simulated_cycle.peak / PAPER["simulated"] - 1.0
         away = self.printed / PAPER["predicted"] - 1.0
         also = self.consistent / PAPER["predicted"] - 1.0
         simulated = "is reproduced" if abs(off) <= 0.01 else "is not reproduced"
@@ -286,10 +286,10 @@ def thruster_loop_cycle(
         force = plain.thrust_gain * lag * math.hypot(lag, wn) / (plain.sine_load * plain.load)
         size = force / newton
         amplitudes = (0.02 * size, 20.0 * size)
-    found = limit_cycles(
+    cycles = limit_cycles(
         linear, element, amplitudes=amplitudes, frequencies=frequencies, verify=verify
     )
-    return ThrusterLoop(thruster, mass, drag, wn, zeta, found, newton)
+    return ThrusterLoop(thruster, mass, drag, wn, zeta, cycles, newton)
 
 
 def _element(thruster: Model, mass: float, drag: float) -> ModelElement:

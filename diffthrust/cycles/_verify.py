@@ -60,9 +60,9 @@ def _judged(runs: list[LoopCourse], cycle: Oscillation, periods: int) -> Verific
     lasts = True if all(back) else False if all(away) else None
     # an unstable cycle is left sooner or later: only its first turns show it
     count = on.time.size if lasts else math.ceil(3.5 * cycle.period / on.time[1]) + 1
-    seen = measured(on.time[:count], on.input[:count], turns=4 if lasts else 2)
-    if seen and not lasts and abs(seen.peak / cycle.peak - 1.0) > 0.1:
-        seen = None  # it had left already: these would be the figures of something else
+    oscillation = measured(on.time[:count], on.input[:count], turns=4 if lasts else 2)
+    if oscillation and not lasts and abs(oscillation.peak / cycle.peak - 1.0) > 0.1:
+        oscillation = None  # it had left already: these would be the figures of something else
     if lasts:
         words = "simulations from 10 % below and above come back to it"
     else:
@@ -71,7 +71,7 @@ def _judged(runs: list[LoopCourse], cycle: Oscillation, periods: int) -> Verific
             for side, run, end in zip(("below", "above"), sides, ends, strict=True)
         ]
         words = ("the simulation leaves it: " if lasts is False else "") + ", ".join(sides_said)
-    return Verification(seen, lasts, words)
+    return Verification(oscillation, lasts, words)
 
 
 def _end(run: LoopCourse, cycle: Oscillation) -> float:

@@ -135,14 +135,14 @@ def uncertainty(
         drawn.model, amplitudes, frequencies, input=input, output=output, method=method,
         harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
     )  # fmt: skip
-    given = {name: np.asarray(drawn.values[name]) for name in asked.model.parameters}
+    draws_by_name = {name: np.asarray(drawn.values[name]) for name in asked.model.parameters}
     shape = len(drawn), asked.amplitudes.size, asked.frequencies.size
     notes = list(drawn.notes)
     if method in FORMULAS:
-        values = formula_values(asked, given)
+        values = formula_values(asked, draws_by_name)
         reason = np.zeros(shape, int)
     else:
-        responses, _ = periodic_values(asked, given)
+        responses, _ = periodic_values(asked, draws_by_name)
         settled = responses.reason == Reason.SETTLED
         values = np.where(settled, responses.first, np.nan).reshape(shape)
         reason = responses.reason.reshape(shape)
@@ -173,7 +173,7 @@ def uncertainty(
 
 def _quantiles(values: np.ndarray, ends: list[float]) -> np.ndarray:
     """Over the draws that have an answer, where these are at least half."""
-    known = np.isfinite(values)
-    enough = known.mean(axis=0) >= 0.5
+    finite = np.isfinite(values)
+    enough = finite.mean(axis=0) >= 0.5
     quantiles = np.nanquantile(np.where(enough, values, 0.0), ends, axis=0)
     return np.where(enough, quantiles, np.nan)

@@ -45,7 +45,7 @@ def describing_function(
 
     - ``"simulation"``: the model and its effects are simulated to their periodic steady state,
       which shooting finds and one further period confirms.
-    - ``"harmonic_balance"``: the states are Fourier series of so many harmonics that satisfy the
+    - ``"harmonic_balance"``: the states are Fourier series of ``harmonics`` terms that satisfy the
       equations in the Galerkin sense. It does not tell whether the response is stable. What
       it leaves out is judged by more harmonics and many more instants (``left_out``).
     - ``"paper"``: the quasi-linear lag of Yoerger et al. as printed; the plain thruster only.
@@ -108,24 +108,24 @@ def maps_of(
     """
     first = asked[0]
     values = {
-        name: np.array([one.model.parameters[name].value for one in asked])
+        name: np.array([query.model.parameters[name].value for query in asked])
         for name in first.model.parameters
     }
     shape = len(asked), first.amplitudes.size, first.frequencies.size
     common: list[dict[str, Any]] = [
         {
-            "model": one.model,
-            "method": one.method,
-            "input": one.input,
-            "output": one.output,
-            "input_unit": one.units[0],
-            "output_unit": one.units[1],
-            "bias": one.bias,
-            "amplitudes": one.amplitudes,
-            "frequencies": one.frequencies,
-            "written": given.written if isinstance(given, Fit) else {},
+            "model": query.model,
+            "method": query.method,
+            "input": query.input,
+            "output": query.output,
+            "input_unit": query.units[0],
+            "output_unit": query.units[1],
+            "bias": query.bias,
+            "amplitudes": query.amplitudes,
+            "frequencies": query.frequencies,
+            "written": source.written if isinstance(source, Fit) else {},
         }
-        for one, given in zip(asked, models, strict=True)
+        for query, source in zip(asked, models, strict=True)
     ]
     if first.method in FORMULAS:
         gains = formula_values(first, values).reshape(shape)
@@ -161,9 +161,9 @@ def maps_of(
     ]
 
 
-def formula_values(asked: MapRequest, given: Mapping[str, np.ndarray]) -> np.ndarray:
+def formula_values(asked: MapRequest, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
     """The closed form by draw and point, ``(D, A, F)``, of parameters ``(D,)``."""
-    values = {name: value[:, None, None] for name, value in given.items()}
+    values = {name: value[:, None, None] for name, value in parameters.items()}
     thruster = asked.model.bind(values).quadratic_load
     assert thruster is not None  # `check_plain` has refused other models
     a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
@@ -171,14 +171,14 @@ def formula_values(asked: MapRequest, given: Mapping[str, np.ndarray]) -> np.nda
 
 
 def periodic_values(
-    asked: MapRequest, given: Mapping[str, np.ndarray], progress: Progress | None = None
+    asked: MapRequest, parameters: Mapping[str, np.ndarray], progress: Progress | None = None
 ) -> tuple[PeriodicResponses, np.ndarray | None]:
     """Periodic responses by draw and point, of parameters ``(D,)``, and what they leave out.
 
     Returns:
         The responses, ``(D * A * F,)``; and of a harmonic balance the error of `left_out`.
     """
-    draws = next((value.size for value in given.values()), 1)
+    draws = next((value.size for value in parameters.values()), 1)
     shape = (draws, asked.amplitudes.size, asked.frequencies.size)
 
     def spread(values: Any, axis: int) -> np.ndarray:
@@ -189,7 +189,7 @@ def periodic_values(
     lanes = Lane(
         amplitude=spread(asked.amplitudes, 1),
         frequency=spread(asked.frequencies, 2),
-        values={name: spread(value, 0) for name, value in given.items()},
+        values={name: spread(value, 0) for name, value in parameters.items()},
         bias=spread(asked.bias, 0),
         others={name: spread(value, 0) for name, value in sorted(asked.others.items())},
         clock=spread(0.0, 0),
@@ -199,28 +199,30 @@ def periodic_values(
     count = len(states)
     cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1, states=states)
 
-    def found(solver: Solver) -> PeriodicResponses:
+    def solved_by(solver: Solver) -> PeriodicResponses:
         return respond_with_neighbours(
             solver, cycle, lanes, shape, samples=asked.samples, progress=progress
         )
 
     if asked.method != "harmonic_balance" or not count:
-        return found(Shooting(asked.model, count)), None
-    responses = found(HarmonicBalance(asked.model, count, asked.harmonics))
+        return solved_by(Shooting(asked.model, count)), None
+    responses = solved_by(HarmonicBalance(asked.model, count, asked.harmonics))
     richer = HarmonicBalance(asked.model, count, more_than(asked.harmonics))
     error = left_out(richer, cycle, lanes, responses)
     responses.reason[too_few(error)] = Reason.FEW_HARMONICS
     return responses, error
 
 
-def notes_of(asked: MapRequest, given: Any, reason: np.ndarray) -> tuple[str, ...]:
+def notes_of(asked: MapRequest, source: Any, reason: np.ndarray) -> tuple[str, ...]:
     """Effects that were left out, points without an answer, inputs beyond a limit."""
-    whole = given.model if isinstance(given, Fit) else given
+    complete = source.model if isinstance(source, Fit) else source
     notes = []
-    left = [e.name for e in whole.effects if e.name not in {e.name for e in asked.model.effects}]
-    if left:
+    left_out = [
+        e.name for e in complete.effects if e.name not in {e.name for e in asked.model.effects}
+    ]
+    if left_out:
         notes.append(
-            f"Left out, being effects on what the sensors report: {joined(left)} "
+            f"Left out, being effects on what the sensors report: {joined(left_out)} "
             "(sensors=True counts them)."
         )
     size = reason.size
@@ -232,8 +234,8 @@ def notes_of(asked: MapRequest, given: Any, reason: np.ndarray) -> tuple[str, ..
     for effect in asked.model.effects:
         limit = getattr(effect, "limit", None) if asked.input in effect.ports else None
         if limit is not None and reach > limit:
-            told = ShownUnits((given.written,) if isinstance(given, Fit) else ())
-            size, unit = told.size(asked.input, limit, asked.units[0])
+            units = ShownUnits((source.written,) if isinstance(source, Fit) else ())
+            size, unit = units.size(asked.input, limit, asked.units[0])
             notes.append(
                 f"Inputs beyond {size:.4g} {unit} are cut by '{effect.name}': the gain falls "
                 "with the amplitude there."

@@ -45,10 +45,10 @@ class DescribingMap(Result, DescribingValues):
         """
         from scipy.interpolate import RegularGridInterpolator
 
-        given = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
+        points = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
         axes, wanted, values = [], [], self.complex
         kinds = (("amplitude", self.amplitudes, 0), ("frequency", self.frequencies, 1))
-        for (name, grid, axis), asked in zip(kinds, given, strict=True):
+        for (name, grid, axis), asked in zip(kinds, points, strict=True):
             slack = 1e-9 * grid[-1]
             if not np.all((asked >= grid[0] - slack) & (asked <= grid[-1] + slack)):
                 raise InputError(
@@ -67,7 +67,7 @@ class DescribingMap(Result, DescribingValues):
         parts = [
             RegularGridInterpolator(axes, v, how)(place) for v in (np.real(values), np.imag(values))
         ]
-        between = (parts[0] + 1j * parts[1]).reshape(given[0].shape)
+        between = (parts[0] + 1j * parts[1]).reshape(points[0].shape)
         return between if between.ndim else between[()]
 
     def _line(self) -> str:

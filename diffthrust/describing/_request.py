@@ -91,9 +91,9 @@ def request(
         )
     if not sensors:
         model = bare(model)
-    known = known_inputs(model)
+    channels = known_inputs(model)
     for what, name, names in (
-        ("input", input, known),
+        ("input", input, channels),
         ("output", output, model.outputs),
         ("method", method, _METHODS),
     ):
@@ -104,7 +104,7 @@ def request(
                 f"{f' ({near})' if near else ''}.",
                 f"Correct the {what}.",
             )
-    constant = _constants(model, input, others, known)
+    constant = _constants(model, input, others, channels)
     swing = {input, *constant}
     states = tuple(n for n in model.all_states if n not in swing)
     asked = MapRequest(
@@ -131,19 +131,19 @@ def request(
     return asked
 
 
-def points(what: str, given: Any) -> np.ndarray:
+def points(what: str, values: Any) -> np.ndarray:
     """Positive and increasing numbers as an array.
 
     Raises:
         InputError: others.
     """
     try:
-        row = np.atleast_1d(np.asarray(given, float))
+        row = np.atleast_1d(np.asarray(values, float))
     except (TypeError, ValueError):
         row = np.empty(0)
     if row.ndim != 1 or not row.size or not np.all(np.isfinite(row)):
         raise InputError(
-            f"{_WHERE}: {what}: expected finite numbers in one row, found {given!r}.",
+            f"{_WHERE}: {what}: expected finite numbers in one row, found {values!r}.",
             f"Write {what}=np.geomspace(0.1, 10, 32).",
         )
     if np.any(row <= 0):
@@ -153,24 +153,26 @@ def points(what: str, given: Any) -> np.ndarray:
         )
     if np.any(np.diff(row) <= 0):
         raise InputError(
-            f"{_WHERE}: {what}: expected increasing numbers, each once, found {given!r}.",
+            f"{_WHERE}: {what}: expected increasing numbers, each once, found {values!r}.",
             f"Sort them: np.unique({what}).",
         )
     return row
 
 
-def _constants(model: Model, input: str, others: Any, known: Mapping[str, str]) -> dict[str, float]:
+def _constants(
+    model: Model, input: str, others: Any, channels: Mapping[str, str]
+) -> dict[str, float]:
     if others is not None and not isinstance(others, Mapping):
         raise InputError(
             f"{_WHERE}: others: expected a dictionary by the names of inputs, found {others!r}.",
             "Write others={'supply_voltage': 24.0}.",
         )
     constants = {str(name): _number(f"others: {name}", v) for name, v in (others or {}).items()}
-    unknown = [name for name in constants if name not in known]
+    unknown = [name for name in constants if name not in channels]
     if unknown or input in constants:
         raise InputError(
             f"{_WHERE}: others: '{model}' has no further input {listing(unknown or [input])}; "
-            f"it has {listing(n for n in known if n != input)}.",
+            f"it has {listing(n for n in channels if n != input)}.",
             "Correct the names under others.",
         )
     prescribed = [n for n in (input, *constants) if n in model.states]
@@ -186,26 +188,26 @@ def _constants(model: Model, input: str, others: Any, known: Mapping[str, str]) 
     return constants
 
 
-def _number(what: str, given: Any) -> float:
+def _number(what: str, value: Any) -> float:
     try:
-        number = float("nan") if isinstance(given, bool | str) else float(given)
+        number = float("nan") if isinstance(value, bool | str) else float(value)
     except (TypeError, ValueError):
         number = float("nan")
     if not np.isfinite(number):
         raise InputError(
-            f"{_WHERE}: {what}: expected a finite number, found {given!r}.", f"Write {what}=0.0."
+            f"{_WHERE}: {what}: expected a finite number, found {value!r}.", f"Write {what}=0.0."
         )
     return number
 
 
-def _whole(what: str, given: Any, least: int) -> int:
+def _whole(what: str, value: Any, least: int) -> int:
     try:
-        count = 0 if isinstance(given, bool) else operator.index(given)
+        count = 0 if isinstance(value, bool) else operator.index(value)
     except TypeError:
         count = 0
     if count < least:
         raise InputError(
-            f"{_WHERE}: {what}: expected a whole number of at least {least}, found {given!r}.",
+            f"{_WHERE}: {what}: expected a whole number of at least {least}, found {value!r}.",
             "Correct it.",
         )
     return count

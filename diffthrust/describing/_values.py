@@ -14,7 +14,7 @@ from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
 
 _SMALL_PHASE = 30.0
-"""The static gain can be told where the phase at the lowest frequency is no larger [deg]."""
+"""Largest phase at the lowest frequency where its gain is taken as the static one [deg]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +43,7 @@ class DescribingValues(Brief):
             ``(A, F)``: its real part is that of the gain, its imaginary one that of the phase
             [rad]. NaN where the balance has no answer; ``None`` for other methods.
         notes: what the user should know besides.
-        written: how the logs of the fit wrote each channel: people are told in those units.
+        written: how the logs of the fit wrote each channel: figures and tables use those units.
     """
 
     model: Model = field(repr=False)
@@ -68,18 +68,18 @@ class DescribingValues(Brief):
     @property
     def shown(self) -> Self:
         """The same in the units for people."""
-        told = ShownUnits((self.written,))
-        swing, unit = told.size(self.input, 1.0, self.input_unit)
-        size, output_unit = told.size(self.output, 1.0, self.output_unit)
+        units = ShownUnits((self.written,))
+        swing, unit = units.size(self.input, 1.0, self.input_unit)
+        size, output_unit = units.size(self.output, 1.0, self.output_unit)
         mean = self.mean
         return replace(
             self,
             input_unit=unit,
             output_unit=output_unit,
-            bias=float(told.values(self.input, self.bias, self.input_unit)),
+            bias=float(units.values(self.input, self.bias, self.input_unit)),
             amplitudes=swing * self.amplitudes,
             complex=size / swing * self.complex,
-            mean=None if mean is None else told.values(self.output, mean, self.output_unit),
+            mean=None if mean is None else units.values(self.output, mean, self.output_unit),
             written={},
         )
 
@@ -173,7 +173,7 @@ class BandValues:
         kind: "posterior" or "covariance": where the draws are from.
         draws: the describing function by draw, complex, ``(n, A, F)``.
         notes: what the user should know besides.
-        written: how the logs of the fit wrote each channel: people are told in those units.
+        written: how the logs of the fit wrote each channel: figures and tables use those units.
     """
 
     model: str
@@ -201,9 +201,9 @@ class BandValues:
     @property
     def shown(self) -> Self:
         """The same in the units for people."""
-        told = ShownUnits((self.written,))
-        swing, unit = told.size(self.input, 1.0, self.input_unit)
-        size, output_unit = told.size(self.output, 1.0, self.output_unit)
+        units = ShownUnits((self.written,))
+        swing, unit = units.size(self.input, 1.0, self.input_unit)
+        size, output_unit = units.size(self.output, 1.0, self.output_unit)
         return replace(
             self,
             input_unit=unit,
@@ -234,7 +234,7 @@ def ratio_unit(below: str, above: str) -> str:
 def followed_phase(values: np.ndarray) -> np.ndarray:
     """The phase [deg] of complex values ``(A, F)``, followed along the second axis; NaN at 0."""
     phase = np.full(values.shape, np.nan)
-    for row, own in zip(phase, values, strict=True):
-        moves = np.isfinite(own) & (np.abs(np.nan_to_num(own)) > 0)
-        row[moves] = np.degrees(np.unwrap(np.angle(own[moves])))
+    for row, values_of_row in zip(phase, values, strict=True):
+        moves = np.isfinite(values_of_row) & (np.abs(np.nan_to_num(values_of_row)) > 0)
+        row[moves] = np.degrees(np.unwrap(np.angle(values_of_row[moves])))
     return phase

@@ -24,7 +24,7 @@ from diffthrust.diagnosis._residual_structure import gain_of
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
-from diffthrust.logs._log import Log
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import runs_over
 
 _PART = 0.3
@@ -113,7 +113,7 @@ def record_stage(tools: SearchContext, known: SearchState, fitted: Stage, name: 
     """The search with an effect that was just fitted: a stage more, or one more detectable."""
     last = known.stages[-1]
     without = [one for one in known.stages if {*one.effects} <= {*fitted.effects} - {name}]
-    trained = errors_between(without[-1], fitted, tools.fitter.logs, trained=True)
+    trained = errors_between(without[-1], fitted, tools.fitter.records, trained=True)
     unseen = errors_between(without[-1], fitted, tools.unseen)
     worth, everywhere = explained_share(unseen or trained), explained_share([*trained, *unseen])
     told = worth.of(remaining_share(known, without[-1]))
@@ -126,15 +126,15 @@ def record_stage(tools: SearchContext, known: SearchState, fitted: Stage, name: 
 
 
 def errors_between(
-    before: Stage, after: Stage, logs: Sequence[Log], trained: bool = False
+    before: Stage, after: Stage, records: Sequence[Record], trained: bool = False
 ) -> list[dict[str, BeforeAfter]]:
     """The errors of two stages over whole runs, log by log."""
-    if not logs:
+    if not records:
         return []
     early, late = (
         runs_over(
             stage.fit.model,
-            logs,
+            records,
             initial=stage.fit.initial if trained else None,
             substeps=stage.fit.substeps,
         )

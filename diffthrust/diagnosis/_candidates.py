@@ -8,10 +8,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.diagnosis._held import constants_in
 from diffthrust.diagnosis._ports import unseen_at
-from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
+from diffthrust.simulation._record import Record
 
 _EVERY = "all"
 """The word for the whole catalogue."""
@@ -21,14 +21,14 @@ Candidates = str | Effect | type[Effect] | Sequence[str | Effect | type[Effect]]
 
 def candidates_of(
     model: Model,
-    logs: Sequence[Log],
+    records: Sequence[Record],
     wanted: Candidates | None = None,
 ) -> tuple[list[Effect], dict[str, str]]:
     """The effects to try, and those that cannot be tried on these logs, with the reason.
 
     Args:
         model: the model; effects that it has, and those made for other ports, are left out.
-        logs: all logs, training and unseen.
+        records: all of them, training and unseen.
         wanted: name, effect or class of effect, or several; "all" is the whole catalogue, which is
             tried where ``None``. A name of `constants_of` is no effect, and is passed over.
 
@@ -37,12 +37,12 @@ def candidates_of(
             called like one of its parameters.
     """
     asked, chosen = _asked_for(wanted, constants_in(model))
-    measured = {name for log in logs for name in log.measured}
-    inputs = set.intersection(*(set(log.inputs) for log in logs))
+    measured = {name for record in records for name in record.measured}
+    inputs = set.intersection(*(set(record.inputs) for record in records))
     has = {effect.name for effect in model.effects}
     places = {*model.ports, *inputs, *model.outputs}
-    unseen = unseen_at(model, logs[0], measured)
-    prescribed = [name for name in model.states if name in logs[0].inputs]
+    unseen = unseen_at(model, records[0], measured)
+    prescribed = [name for name in model.states if name in records[0].inputs]
     tried: list[Effect] = []
     untestable: dict[str, str] = {}
     for effect in chosen:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, teller
-from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.comparison._compare import Comparison, comparison_of
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
 from diffthrust.diagnosis._explained_share import Worth
@@ -39,12 +39,14 @@ from diffthrust.diagnosis._search_state import (
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._verdict import verdict_of
-from diffthrust.estimation._arguments import by_input, check_arguments, listed
+from diffthrust.estimation._arguments import FitOptions, by_input, check_arguments, listed
 from diffthrust.estimation._origin import Origin, origin_of, same_logs
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._remembered import simulated_once
+from diffthrust.simulation._commands import adopted
+from diffthrust.simulation._record import Record, bind
+from diffthrust.simulation._runs import runs_over
 
 
 @progressing
@@ -102,30 +104,32 @@ def diagnose(
     """
     train, unseen = listed(logs), listed(holdout) if holdout is not None else ()
     model = fit.model if isinstance(fit, Fit) else fit
-    check_arguments(model, train, unseen, seed=seed)
+    check_arguments(model, train, FitOptions(seed=seed))
     for name in by_input("limits", limits, model, "(low, high)"):
         if name not in model.inputs:
             raise InputError(
                 f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",
                 "Correct the name.",
             )
+    given = fit if isinstance(fit, Fit) else adopted(fit, train)
+    model = given.model if isinstance(given, Fit) else given
+    records, unseen_records = bind(model, train), bind(model, unseen)
     say = teller(progress)
-    with simulated_once():
-        context, state = start_search(fit, train, unseen, candidates, seed, say)
-        baseline = state.current.trial
-        while not done(state):
-            state = step(context, state)
-        # what the first model lacks is judged with errors clipped as they are at the end
-        baseline = replace(baseline, limit=state.current.trial.limit)
-        search = with_equivalents(context, state, baseline)
-        say("what no known effect explains", SOUGHT)
-        outcome = with_law(context, assessed(context, search), baseline)
-        outcome = with_room(context, outcome)
-        search, selection, assessment, law = outcome
-        verdict = verdict_of(verdict_evidence(selection, assessment))
-        missing, left = missing_before_and_after(context, search.state, baseline)
-        possible = still_possible(search.state) if verdict in ("undecided", "unexplained") else {}
-        proposed = proposal(context, search, possible, limits) if experiment else None
+    context, state = start_search(given, records, unseen_records, candidates, seed, say)
+    baseline = state.current.trial
+    while not done(state):
+        state = step(context, state)
+    # what the first model lacks is judged with errors clipped as they are at the end
+    baseline = replace(baseline, limit=state.current.trial.limit)
+    search = with_equivalents(context, state, baseline)
+    say("what no known effect explains", SOUGHT)
+    outcome = with_law(context, assessed(context, search), baseline)
+    outcome = with_room(context, outcome)
+    search, selection, assessment, law = outcome
+    verdict = verdict_of(verdict_evidence(selection, assessment))
+    missing, left = missing_before_and_after(context, search.state, baseline)
+    possible = still_possible(search.state) if verdict in ("undecided", "unexplained") else {}
+    proposed = proposal(context, search, possible, limits) if experiment else None
     say("done", 1.0)
     origin, notes = provenance(fit, selection.stages[0].fit, train, unseen)
     return Diagnosis(
@@ -172,7 +176,7 @@ def assessed(
     """
     fitter, unseen, state = context.fitter, context.unseen, search.state
     trial, first, last = state.current.trial, state.stages[0].fit, state.stages[-1].fit
-    trained = compare_ends(first, last, fitter.logs, trained=True)
+    trained = compare_ends(first, last, fitter.records, trained=True)
     judged = compare_ends(first, last, unseen) if unseen else trained
     runs = (*trained[1].runs, *(judged[1].runs if unseen else ()))
     odd = odd_logs(fitter, trial, runs)
@@ -220,16 +224,20 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
 
 
 def compare_ends(
-    first: Fit, last: Fit, logs: Sequence[Log], trained: bool = False
+    first: Fit, last: Fit, records: Sequence[Record], trained: bool = False
 ) -> tuple[Comparison, Comparison]:
-    """The models of the first and the last stage against logs, at their initial states if trained.
+    """The models of the first and the last stage against records; see `compare_records`.
 
     Where no effect was added both are the same comparison.
     """
-    before = compare(first, logs, initial=first.initial if trained else None)
-    if last is first:
-        return before, before
-    return before, compare(last, logs, initial=last.initial if trained else None)
+    before = compare_records(first, records, trained)
+    return before, before if last is first else compare_records(last, records, trained)
+
+
+def compare_records(fit: Fit, records: Sequence[Record], trained: bool = False) -> Comparison:
+    """The model of a fit against records, from its initial states where it was fitted to them."""
+    initial = fit.initial if trained else None
+    return comparison_of(fit, runs_over(fit.model, records, initial=initial))
 
 
 def one_step_sizes(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
@@ -259,27 +267,31 @@ def set_aside(
     odd = {log.log for log in assessment.odd_logs if log.much}
     if not odd:
         return assessment
-    logs, unseen = context.fitter.logs, context.unseen
-    kept = _except(odd, logs, trained), _except(odd, unseen, assessment.after) if unseen else []
-    removed = len(logs) + len(unseen) - sum(map(len, kept))
+    records, unseen = context.fitter.records, context.unseen
+    kept = _except(odd, records, trained), _except(odd, unseen, assessment.after) if unseen else []
+    removed = len(records) + len(unseen) - sum(map(len, kept))
     if removed > len(odd) or (unseen and not kept[1]):  # several logs may bear one name
         return assessment
-    if len(kept[0]) < len(logs):
+    if len(kept[0]) < len(records):
         context.say("without the odd logs", 1.0)
-        last = context.refit(last.model, logs=kept)
+        last = context.refit(last.model, records=kept)
         fitter, trial = compiled_fitter(last, (), (), *kept)
         assessment = replace(
             assessment,
             remaining=remaining_structure(fitter, trial),
             one_step=one_step_sizes(fitter, trial),
         )
-    training = compare(last, kept[0], initial=last.initial)
-    return replace(assessment, apart=(training, compare(last, kept[1]) if kept[1] else training))
+    training = compare_records(last, kept[0], trained=True)
+    held_out = compare_records(last, kept[1]) if kept[1] else training
+    return replace(assessment, apart=(training, held_out))
 
 
-def _except(names: Collection[str], logs: Sequence[Log], comparison: Comparison) -> list[Log]:
-    """The logs whose runs bear none of some names."""
-    return [log for log, run in zip(logs, comparison.runs, strict=True) if run.name not in names]
+def _except(
+    names: Collection[str], records: Sequence[Record], comparison: Comparison
+) -> list[Record]:
+    """The records whose runs bear none of some names."""
+    pairs = zip(records, comparison.runs, strict=True)
+    return [record for record, run in pairs if run.name not in names]
 
 
 def with_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Outcome:
@@ -314,11 +326,11 @@ def agrees_with_law(
     """Whether logs that were odd err no more than the others in a fit with the law."""
     if not odd or assessment.trained is None:
         return not odd
-    logs, unseen = context.fitter.logs, context.unseen
-    before, after = assessment.trained[1].runs, compare(fit, logs, initial=fit.initial).runs
+    records, unseen = context.fitter.records, context.unseen
+    before, after = assessment.trained[1].runs, compare_records(fit, records, trained=True).runs
     if unseen:
         before = (*before, *assessment.after.runs)
-        after = (*after, *compare(fit, unseen).runs)
+        after = (*after, *compare_records(fit, unseen).runs)
     return no_longer_odd(odd, before, after)
 
 

@@ -125,7 +125,8 @@ def proposal(
         words = " and ".join(filter(None, group))
         context.say(f"looking for a test that separates {words}", 0.95)
         rivals = [last.fit]
-        log = max(fitter.logs, key=lambda log: log.duration)
+        logs = [record.log for record in fitter.records]
+        log = max(logs, key=lambda log: log.duration)
         try:
             for name in group[1:3]:
                 rival = with_candidates(context.given, [*kept, name or ""], fitter.candidates)
@@ -136,7 +137,7 @@ def proposal(
                     duration=min(log.duration, 2000 * log.step),
                     step=log.step,
                     limits=limits,
-                    logs=fitter.logs,
+                    logs=logs,
                 )
         except InputError:
             return None  # inputs that cannot be prescribed

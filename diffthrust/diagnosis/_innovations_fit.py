@@ -42,11 +42,10 @@ from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import NOISE_MODELS
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._solver import solve
-from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._inputs import measured_outputs
 from diffthrust.simulation._levels import port_readings
+from diffthrust.simulation._record import Record, measured_outputs
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -168,8 +167,8 @@ class CandidateFitter:
     Args:
         model: the model with the effects that it has already.
         candidates: effects to try, at any values.
-        logs: training logs.
-        unseen: unseen logs.
+        records: training records.
+        unseen: unseen records.
         substeps: integrator steps per sample.
         noise_model: with "ar1" no random forces act and no state is corrected, as in a fit with
             that noise.
@@ -180,26 +179,26 @@ class CandidateFitter:
         self,
         model: Model,
         candidates: Sequence[Effect],
-        logs: Sequence[Log],
-        unseen: Sequence[Log],
+        records: Sequence[Record],
+        unseen: Sequence[Record],
         substeps: int = 1,
         noise_model: str = "white",
         held: Sequence[str] = (),
     ) -> None:
         self.model = model
-        self.logs = tuple(logs)
-        self.channels = measured_outputs(model, logs)
-        self.places = places_of(model, logs[0], self.channels)
+        self.records = tuple(records)
+        self.channels = measured_outputs(model, records)
+        self.places = places_of(model, records[0], self.channels)
         self.constants = tuple(held)
         self.candidates = {effect.name: effect for effect in candidates}
         self.free = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
-        observer = observer_of(model, logs[0], self.channels, remembering, lasts)
+        observer = observer_of(model, records[0], self.channels, remembering, lasts)
         likelihood = Innovations(law=StudentT(), observer=observer)
         self._arranged = partial(build, substeps=substeps, likelihood=likelihood, compact=True)
         self._unseen, self._lock = tuple(unseen), RLock()
-        first = self._arranged(model, self.logs)
+        first = self._arranged(model, self.records)
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
         self.width = len(self.free) + len(self.nuisance) + _ROOM
         self._programs = [self._program(())]
@@ -215,18 +214,20 @@ class CandidateFitter:
 
     def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
         """The model with these effects at their nulls; constants to try may be freed."""
-        problem = self._problem(effects, self.logs, least)
+        problem = self._problem(effects, self.records, least)
         unseen = self._problem(effects, self._unseen, least) if self._unseen else None
         return Compiled(frozenset((*effects, *self.constants)), problem, unseen)
 
-    def _problem(self, effects: Collection[str], logs: Sequence[Log], least: int = 0) -> Problem:
+    def _problem(
+        self, effects: Collection[str], records: Sequence[Record], least: int = 0
+    ) -> Problem:
         model, free = self.model.free(*self.constants), len(self.constants)
         for name in self.candidates:
             if name in effects:
                 model = model + self.candidates[name].at_null()
                 free += self._free(name)
         width = max(self.width - _ROOM + min(free, _ROOM), least)
-        return self._arranged(model, logs, width=width)
+        return self._arranged(model, records, width=width)
 
     def _free(self, name: str) -> int:
         """Parameters that are estimated of a candidate."""
@@ -294,7 +295,7 @@ class CandidateFitter:
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
         known = (tuple(effects), problem.values(z), q, names)
-        bare = partial(self._problem, effects, self.logs)
+        bare = partial(self._problem, effects, self.records)
         ended = partial(TrialFit, *known, limit=limit, problem=whole, bare=bare)
         if not np.isfinite(q.cost):
             return ended(cost=np.inf, promise=0.0, begin=begin)

@@ -65,6 +65,7 @@ class LinearResponse:
         """
         if ends is None:
             ends = [np.concatenate([s[..., 1:], s[..., -1:]], axis=-1) for s in series]
+        # straight between samples, so its mean pushes the state; constant under zero-order hold
         held = [dict(grid.hold).get(place) == "zero" for grid in self.problem.layout.grids]
         return [
             _response_to(

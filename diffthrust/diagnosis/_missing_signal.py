@@ -126,7 +126,7 @@ def missing_signals(fitter: CandidateFitter, trial: TrialFit) -> tuple[Missing, 
                 share=dependence.share,
                 p_value=min(1.0, p_value),
                 curve=dependence.curve,
-                logs=tuple(log.name for log in fitter.logs),
+                logs=tuple(record.name for record in fitter.records),
                 gain=gain,
             )
         )
@@ -182,19 +182,20 @@ def _smoothed_runs(
     """Time, missing signal and its standard error of each log, in the unit of the port."""
     model, channel = with_values(fitter.model, trial.values), place.target
     runs = []
-    for path, log in zip(trial.path, trial.problem.logs, strict=True):
+    for path, record in zip(trial.path, trial.problem.records, strict=True):
+        measured = {**record.measured, **record.measured_states}
         step = np.diff(path["time"], append=2 * path["time"][-1] - path["time"][-2])
         rate, push = slopes_along(model, path, place)
         zero = np.zeros_like(step)
-        if channel not in log.measured:
+        if channel not in measured:
             runs.append(LinearErrors(np.full_like(step, np.nan), zero, zero, zero, zero))
             continue
-        innovation = np.where(np.isnan(log.measured[channel]), np.nan, path[f"rest.{channel}"])
+        innovation = np.where(np.isnan(measured[channel]), np.nan, path[f"rest.{channel}"])
         if place.output:
             runs.append(LinearErrors(innovation, zero, zero, zero, push))
             continue
         # an unsigned sensor reads the other way round where the state is negative
-        reversed_sign = (path[channel] < 0) & (channel in log.unsigned)
+        reversed_sign = (path[channel] < 0) & (channel in record.unsigned)
         innovation = np.where(reversed_sign, -innovation, innovation)
         # exact over a sample; expm1 keeps slow states, and the clip unstable ones, finite
         growth = np.expm1(np.clip(rate * step, -50.0, 1.0))
@@ -203,7 +204,7 @@ def _smoothed_runs(
         moved, pushed = (path.get(f"{kind}.{channel}", 0.0) for kind in ("moved", "pushed"))
         correction = decay * moved + integral * pushed
         runs.append(LinearErrors(innovation, decay, correction, integral * push, zero))
-    step = fitter.logs[0].step
+    step = fitter.records[0].log.step
     lasting = float(np.exp(-step / trial.values.get(f"noise.{channel}.correlation", step)))
     signals = smoothed_signals(runs, lasting)
     return [(path["time"], *smoothed) for path, smoothed in zip(trial.path, signals, strict=True)]

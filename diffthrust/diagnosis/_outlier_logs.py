@@ -91,10 +91,10 @@ def deviating_logs(trials: CandidateFitter, trial: TrialFit, count: int) -> list
 def _passing(trials: CandidateFitter, trial: TrialFit, row: int) -> Callable[[np.ndarray], Pass]:
     """The pass over one log as a function of how far the parameters are moved, ``(P,)``."""
     problem = trial.at_values
-    if row >= len(trials.logs):
+    if row >= len(trials.records):
         unseen = trials.ready(trial.effects).unseen
         assert unseen is not None
-        row -= len(trials.logs)
+        row -= len(trials.records)
         problem = trial.limit.on(unseen.focus(trial.names, trial.values))
     known = [i for i, n in enumerate(trial.names) if n not in trials.nuisance]
     low, high = problem.limits()

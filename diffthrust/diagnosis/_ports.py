@@ -11,11 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._linearise import Reading, slopes_at
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
@@ -46,29 +45,29 @@ def words_and_unit(model: Model, port: str) -> tuple[str, str]:
     return (parts[1], parts[2]) if parts else (model.ports[port], "")
 
 
-def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
+def unseen_at(model: Model, record: Record, channels: Collection[str]) -> set[str]:
     """Ports and inputs through which nothing reaches a measured channel.
 
     Where a state is prescribed by the log, what would drive it drives nothing.
     """
-    rates, outputs = slopes_at(model, log)
-    observed = [rates[n] for n in model.states if n not in log.inputs]
-    observed += [outputs[n] for n in outputs if n in channels and n not in log.inputs]
+    rates, outputs = slopes_at(model, record)
+    observed = [rates[n] for n in model.states if n not in record.inputs]
+    observed += [outputs[n] for n in outputs if n in channels and n not in record.inputs]
     names = [(1, port) for port in model.ports]
-    names += [(2, name) for name in inputs_of(model, log) if name not in model.states]
+    names += [(2, name) for name in record.inputs_for(model) if name not in model.states]
     return {name for index, name in names if all(slopes[index][name] == 0 for slopes in observed)}
 
 
-def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingPort, ...]:
+def places_of(model: Model, record: Record, channels: Sequence[str]) -> tuple[DrivingPort, ...]:
     """One port for every state that a port drives, and one for every measured output that one does.
 
     Nothing drives a state that the log prescribes. Of several ports that drive the same, the last
     one is taken: the sum of all that acts there.
     """
-    rates, outputs = slopes_at(model, log)
+    rates, outputs = slopes_at(model, record)
     places: list[DrivingPort] = []
     for state in model.states:
-        if state in log.inputs:
+        if state in record.inputs:
             continue
         pushing = [p for p in model.ports if state in rates and rates[state][1][p] != 0]
         if pushing:

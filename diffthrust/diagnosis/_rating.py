@@ -115,7 +115,7 @@ def rate(
     if delta > -CLEAR and p_value < ALONE and behind < CLEAR:
         delta = criterion(trials, trial) - present.criterion
     errors = simulation_errors(trials, trial)
-    named, shown = trial.problem.named, ShownUnits(log.written for log in trials.logs)
+    named, shown = trial.problem.named, ShownUnits(r.log.written for r in trials.records)
     sizes = {n: shown_unit(named[n], trial.problem.model, shown) for n in own}
     return TriedEffect(
         stage=known.number,

@@ -148,7 +148,7 @@ def candidate_signals(
             rate = SignalForm(driving.state, rate=True)
             out[rate] = [np.asarray(ports[driving.port]) for ports in observed.ports]
     for name in model.states:
-        if name in fitter.logs[0].inputs:  # prescribed by the log: it moves as it was recorded
+        if name in fitter.records[0].inputs:  # prescribed by the log: it moves as it was recorded
             out[SignalForm(name)] = [path[name] for path in paths]
             rate = SignalForm(name, rate=True)
             out[rate] = [np.gradient(path[name], path["time"]) for path in paths]
@@ -198,7 +198,7 @@ def exponential_mean(series: np.ndarray, samples: int) -> np.ndarray:
 
 def downstream_ports(fitter: CandidateFitter, place: DrivingPort) -> tuple[str, ...]:
     """The ports whose signal drives what a place drives, and nothing else; itself included."""
-    rates, outputs = slopes_at(fitter.model, fitter.logs[0])
+    rates, outputs = slopes_at(fitter.model, fitter.records[0])
     derivatives = rates if place.state else outputs
     of_target = derivatives[place.target][1]
     elsewhere = [by_port for n, (_, by_port, *_) in derivatives.items() if n != place.target]

@@ -115,7 +115,7 @@ def levels_of(trials: CandidateFitter, trial: TrialFit) -> dict[str, float]:
     """The 90th percentile of the absolute value of every signal, and the longest duration."""
     pairs = zip(trial.path, trials.readings(trial), strict=True)
     series = [{**path, **ports} for path, ports in pairs]
-    return levels_over(series, trials.logs)
+    return levels_over(series, trials.records)
 
 
 def is_at_null(trials: CandidateFitter, trial: TrialFit) -> bool:

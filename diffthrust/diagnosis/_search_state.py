@@ -20,13 +20,14 @@ from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffec
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.effects import EFFECTS
-from diffthrust.estimation._fit import fit as fit_model
+from diffthrust.estimation._arguments import FitOptions
+from diffthrust.estimation._fit import fit_records
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
-from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._levels import levels_when_asked
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import pooled_errors, runs_over
 from diffthrust.simulation._step_size import CoarseStepWarning
 
@@ -70,10 +71,10 @@ class SearchContext:
     Args:
         given: the model that is diagnosed.
         fitter: fits it with any candidate.
-        unseen: unseen logs.
+        unseen: unseen records.
         refit: fits a model to whole runs, with the first fit's options; given values are starts,
-            given ``logs``, training and unseen ones, take the place of all; with ``segments`` its
-            model may go through these first where the first fit had no need of them; with so many
+            given ``records``, training and unseen ones, take the place of all; with ``segments``
+            its model may go through these first where the first fit had no need of them; with
             ``substeps`` nobody looks whether finer ones are needed.
         guess: values from which the first fit began.
         say: told how far the work is.
@@ -82,7 +83,7 @@ class SearchContext:
 
     given: Model
     fitter: CandidateFitter
-    unseen: tuple[Log, ...]
+    unseen: tuple[Record, ...]
     refit: Callable[..., Fit]
     guess: Mapping[str, float]
     say: Progress
@@ -177,8 +178,8 @@ class SearchState:
 
 def start_search(
     fit: Fit | Model,
-    train: Sequence[Log],
-    unseen: Sequence[Log],
+    train: Sequence[Record],
+    unseen: Sequence[Record],
     wanted: Candidates | None,
     seed: int,
     say: Progress,
@@ -193,23 +194,23 @@ def start_search(
         guesses: Sequence[Mapping[str, float]] = (),
         tell: Progress | None = None,
         starts: int = 0,
-        logs: tuple[Sequence[Log], Sequence[Log]] = (train, unseen),
+        records: tuple[Sequence[Record], Sequence[Record]] = (train, unseen),
         segments: bool = False,
         substeps: int = 0,
     ) -> Fit:
         starts = starts or _STARTS[bool(guesses)]
-        told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
+        told = {"starts": starts, "seed": seed, "guesses": guesses, **options}
         with clock("refit"), warnings.catch_warnings(record=True) as seen:  # its notes say the same
             warnings.simplefilter("always", CoarseStepWarning)
             if begun_with:
                 alike = {n: v for n, v in begun_with.items() if not segments or n != "horizon"}
                 alike |= {"substeps": substeps} if substeps else {}
-                fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **alike)
+                fitted = fit_records(model, *records, FitOptions(**told, **alike), tell).fit
                 if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in seen):
                     return fitted
                 if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do
                     model, told = fitted.model, {**told, "starts": 1, "guesses": ()}
-            return fit_model(model, logs[0], holdout=logs[1] or None, **told)
+            return fit_records(model, *records, FitOptions(**told), tell).fit
 
     tell = part(say, 0.0, FITTED)
     first = fit if isinstance(fit, Fit) else refit(fit, tell=tell)
@@ -231,7 +232,7 @@ def start_search(
     return tools, SearchState(CurrentModel(trials, trial), (Stage((), first),), untestable)
 
 
-def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> bool:
+def _is_of_these_logs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) -> bool:
     """Whether a fit's errors are those of the logs of this diagnosis."""
     if len(fit.initial) != len(train) or (fit.holdout is None) == bool(unseen):
         return False
@@ -247,8 +248,8 @@ def compiled_fitter(
     fit: Fit,
     effects: Sequence[Effect],
     held: Sequence[str],
-    train: Sequence[Log],
-    unseen: Sequence[Log],
+    train: Sequence[Record],
+    unseen: Sequence[Record],
     present: TrialFit | None = None,
 ) -> tuple[CandidateFitter, TrialFit]:
     """The trials, and the first: the model as it is, or with what is ``present`` in another."""
@@ -260,7 +261,7 @@ def compiled_fitter(
     raise _not_finite(fit, effects, train)
 
 
-def few_substeps(fit: Fit, train: Sequence[Log]) -> int:
+def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
     """The fewest integrator steps per sample with which whole runs err as with those of a fit."""
     substeps = min(_SUBSTEPS, fit.substeps)
     while substeps < fit.substeps:
@@ -271,7 +272,7 @@ def few_substeps(fit: Fit, train: Sequence[Log]) -> int:
     return substeps
 
 
-def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Log]) -> InputError:
+def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
     """What to say where no trial can be begun: the effects of the user's own that are why."""
     for effect in effects:
         if type(effect) is EFFECTS.get(effect.name):

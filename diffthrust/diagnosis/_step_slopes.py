@@ -79,7 +79,7 @@ class StepSlopes:
 
 @cache
 def pushed_at(port: str) -> type[Effect]:
-    """An effect that adds a number to what passes a port or a channel."""
+    """An effect that adds a number to the signal at a port or a channel."""
 
     def call(self: Any, value: Any, s: Signals) -> Any:
         return value + self.amount

@@ -50,8 +50,8 @@ class CommandDeadband(Effect):
         """The command that the motor sees."""
         beyond = jnp.abs(value) - self.width
         edge = jnp.clip(0.5 + beyond / (0.1 * self.width + 1e-12), 0.0, 1.0)
-        left = jnp.maximum(beyond, 0.0) + self.restored * self.width * edge
-        return jnp.sign(value) * left
+        passed = jnp.maximum(beyond, 0.0) + self.restored * self.width * edge
+        return jnp.sign(value) * passed
 
 
 @registered

@@ -273,8 +273,8 @@ class SwappedThrusters(Effect):
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """The force that this thruster gives."""
-        other = s.right_force if port == "left_force" else s.left_force
-        return value + self.share * (other - value)
+        opposite = s.right_force if port == "left_force" else s.left_force
+        return value + self.share * (opposite - value)
 
 
 @registered

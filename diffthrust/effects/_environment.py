@@ -68,7 +68,7 @@ class Wind(Effect):
     vessel's parameters are. Where the log has ``wind_speed`` [m/s] and ``wind_direction`` [rad]
     (over ground, from where it blows, clockwise from north), ``direction`` is the misalignment of
     the vane. Where it has not, a constant wind of ``speed`` blows from ``direction``; the speed is
-    held at what was given, because only its square times the other three can be told. Directions
+    held at its value, because only its square times the other three shows in a log. Directions
     count from the first heading in logs that do not measure it.
     Null: along = 0, across = 0, turning = 0 (the direction then has no influence).
     Source: Fossen 2011, section 8.1.

@@ -130,15 +130,15 @@ class Formula(MadeEffect):
                     described[name] = replace(p, size=size, probes=(size, -size))
         return self._copy(_parameters=described)
 
-    def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
+    def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
         """The error for a name that is neither parameter nor signal, with a mark below it."""
-        near = nearest(name, (*known, *self.declared))
+        near = nearest(name, (*signals, *self.declared))
         return expression_of(self.expression).refused(
             expression_of(self.expression).places[name],
             f"{name!r} is no parameter of '{self.name}', and no signal at the port '{port}'"
             f"{'; ' + near if near else ''}",
             f'Correct the name, or give a parameter\'s unit: {name}="rad/s". Signals there are '
-            f"{listing(known)}.",
+            f"{listing(signals)}.",
         )
 
 

@@ -30,9 +30,9 @@ _QUICK = 1e4
 
 def separated(tree: ast.expr) -> tuple[ast.expr, tuple[Memory, ...]]:
     """An expression with states in place of what remembers, and what that is."""
-    found = _Apart()
-    left = found.visit(deepcopy(tree))
-    return left, tuple(found.memories)
+    separation = _Apart()
+    present = separation.visit(deepcopy(tree))
+    return present, tuple(separation.memories)
 
 
 class _Apart(ast.NodeTransformer):
@@ -44,16 +44,18 @@ class _Apart(ast.NodeTransformer):
         kind = node.func.id
         if kind not in REMEMBERS:
             return self.generic_visit(node)
-        parts = [self.visit(part) for part in node.args]
+        parts = [self.visit(argument) for argument in node.args]
         if len(parts) > 1 and not isinstance(parts[1], ast.Name | ast.Constant):
             parts[1] = ast.Call(ast.Name("maximum"), [parts[1], ast.Constant(0.0)], [])
-        alike = [one for one in self.memories if one.kind == kind]
-        for one in alike:
-            if list(map(_text, one[2:])) == list(map(_text, [*parts, None, None][:3])):
-                return _now(one)
-        one = Memory(f"{kind}{len(alike) + 1}" if alike else kind, kind, *[*parts, None, None][:3])
-        self.memories.append(one)
-        return _now(one)
+        same_kind = [memory for memory in self.memories if memory.kind == kind]
+        for memory in same_kind:
+            if list(map(_text, memory[2:])) == list(map(_text, [*parts, None, None][:3])):
+                return _now(memory)
+        memory = Memory(
+            f"{kind}{len(same_kind) + 1}" if same_kind else kind, kind, *[*parts, None, None][:3]
+        )
+        self.memories.append(memory)
+        return _now(memory)
 
 
 def _text(node: ast.expr | None) -> str:
@@ -140,15 +142,17 @@ def values_along(
     """
     states: dict[str, Any] = {}
     later: dict[str, Any] = {}
-    known = _with(states, names)
+    signals = _with(states, names)
     for memory in law.memories:
-        series = np.broadcast_to(np.asarray(valued(memory.of, known, np), float), time.shape)
-        size = None if memory.size is None else float(valued(memory.size, known, np))
-        first = float(np.broadcast_to(valued(begun_at(memory), known, np), time.shape)[0])
-        own = states[memory.state] = _ALONG[memory.kind](series, size, time, first)
+        series = np.broadcast_to(np.asarray(valued(memory.of, signals, np), float), time.shape)
+        size = None if memory.size is None else float(valued(memory.size, signals, np))
+        first = float(np.broadcast_to(valued(begun_at(memory), signals, np), time.shape)[0])
+        series_of_state = states[memory.state] = _ALONG[memory.kind](series, size, time, first)
         pushed = memory.kind == "play"  # where it is asked
-        later[memory.state] = own if pushed else np.append(own[1:], own[-1:])
-    now, end = (np.asarray(law(one, np), float) for one in (known, _with(later, ends)))
+        later[memory.state] = (
+            series_of_state if pushed else np.append(series_of_state[1:], series_of_state[-1:])
+        )
+    now, end = (np.asarray(law(point, np), float) for point in (signals, _with(later, ends)))
     return np.broadcast_to(now, time.shape), np.broadcast_to(end, time.shape)
 
 

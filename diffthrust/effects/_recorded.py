@@ -35,8 +35,8 @@ def _recognisable(function: Callable[..., Signal]) -> Callable[..., Signal]:
 
     @wraps(function)
     def called(*given: Signal | float) -> Signal:
-        # where nothing traces it, a scan would be compiled anew at each call
-        traced = any(isinstance(part, Tracer) for part in given)
+        # where nothing traces it, a scan would be compiled again at each call
+        traced = any(isinstance(argument, Tracer) for argument in given)
         return (function if traced and not _marked.get() else named)(*given)
 
     return called

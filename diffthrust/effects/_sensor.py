@@ -12,7 +12,7 @@ class SpeedSensorScale(Effect):
     """The speed sensor's factor is off.
 
     Acts on the reported speed [rad/s]: (1 + change) * speed. Without a thrust sensor this cannot be
-    told from other values of the model's own parameters. Null: change = 0. Source: sensitivity
+    separated from other values of the model's own parameters. Null: change = 0. Source: sensitivity
     error of Doebelin 2004, chapter 3.
 
     Example:

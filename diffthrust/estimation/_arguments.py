@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, shortly
-from diffthrust.estimation._limits import SEED_LIMIT, STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._commands import adopted
-from diffthrust.simulation._inputs import check_samples, inputs_of
+
+STARTS_LIMIT = 1_000
+"""More starts find nothing that these did not, and take hours."""
+SUBSTEPS_LIMIT = 10_000
+"""A model that needs finer steps is a stiff one: no fixed step is right for it."""
+SEED_LIMIT = 2**64 - 1
+"""As long as the integers of a spec file."""
 
 
 def listed(logs: Any) -> tuple[Log, ...]:
@@ -45,60 +50,76 @@ def by_input(what: str, given: Any, model: Model, example: str) -> dict[str, Any
     return dict(given or {})
 
 
-def check_arguments(
-    model: Any,
-    logs: Sequence[Log],
-    unseen: Sequence[Log],
-    *,
-    seed: Any,
-    starts: Any = 1,
-    substeps: Any = None,
-    loss: str = "gaussian",
-    initial: str = "auto",
-    likelihood: str = "simulation",
-    noise_model: str = "white",
-    horizon: Any = None,
-    guesses: Any = (),
-) -> None:
-    """Raise `InputError` for an argument of `fit` or `diagnose` that cannot be meant."""
+@dataclass(frozen=True)
+class FitOptions:
+    """The options of `fit`, which describes them."""
+
+    starts: int = 8
+    guesses: Sequence[Mapping[str, float]] = ()
+    seed: int = 0
+    horizon: float | Sequence[float | None] | Literal["auto"] | None = "auto"
+    likelihood: str = "simulation"
+    loss: str = "gaussian"
+    noise_model: str = "white"
+    initial: str = "auto"
+    substeps: int | None = None
+    doubts: bool = True
+
+
+def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> None:
+    """Raise `InputError` for an argument of `fit` or `diagnose` that cannot be meant.
+
+    Only `check_guesses` needs the model in the units of its logs.
+    """
     if not isinstance(model, Model):
         raise InputError(
             f"Expected a model, found {model!r}.", "Give an instance, such as dft.Thruster()."
         )
-    for what, value, known in (
-        ("loss", loss, LOSSES),
-        ("initial", initial, ("auto", "estimate", "measured")),
-        ("likelihood", likelihood, LIKELIHOODS),
-        ("noise_model", noise_model, NOISE_MODELS),
+    for what, value, choices in (
+        ("loss", options.loss, LOSSES),
+        ("initial", options.initial, ("auto", "estimate", "measured")),
+        ("likelihood", options.likelihood, LIKELIHOODS),
+        ("noise_model", options.noise_model, NOISE_MODELS),
     ):
-        if value not in known:
-            near = nearest(value, known) if isinstance(value, str) else ""
+        if value not in choices:
+            near = nearest(value, choices) if isinstance(value, str) else ""
             raise InputError(
-                f"{what}: expected one of {', '.join(known)}, found {value!r}"
+                f"{what}: expected one of {', '.join(choices)}, found {value!r}"
                 f"{f' ({near})' if near else ''}.",
                 "Correct it.",
             )
-    corrects = LIKELIHOODS[likelihood].corrects
-    if corrects and noise_model != "white":
+    corrects = LIKELIHOODS[options.likelihood].corrects
+    if corrects and options.noise_model != "white":
         raise InputError(
-            f"noise_model: expected 'white' with the innovations form, found {noise_model!r}: it "
-            "has lasting sensor errors of its own.",
+            f"noise_model: expected 'white' with the innovations form, found "
+            f"{options.noise_model!r}: it has lasting sensor errors of its own.",
             "Leave noise_model out, or use likelihood='simulation'.",
         )
-    if corrects and horizon is not None and horizon != "auto":
-        raise InputError(  # every sample sets the states right: there is nothing else to set
-            f"horizon: the innovations form goes through whole runs, found {horizon!r}.",
+    if corrects and options.horizon is not None and options.horizon != "auto":
+        raise InputError(  # every sample corrects the states: there is nothing to restart
+            f"horizon: the innovations form goes through whole runs, found {options.horizon!r}.",
             "Leave the horizon out, or use likelihood='simulation'.",
         )
+    _check_whole_numbers(options)
+    if not logs:
+        raise InputError("Expected at least one log to fit, found none.", "Give at least one log.")
+    if all(p.fixed for p in model.parameters.values()):
+        raise InputError(
+            f"Every parameter of '{model}' is fixed: there is nothing to fit.",
+            "Free at least one, or use compare.",
+        )
+
+
+def _check_whole_numbers(options: FitOptions) -> None:
     for what, value, least, most in (
-        ("starts", starts, 1, STARTS_LIMIT),
-        ("seed", seed, 0, SEED_LIMIT),
-        ("substeps", substeps, 1, SUBSTEPS_LIMIT),
+        ("starts", options.starts, 1, STARTS_LIMIT),
+        ("seed", options.seed, 0, SEED_LIMIT),
+        ("substeps", options.substeps, 1, SUBSTEPS_LIMIT),
     ):
         if what == "substeps" and value is None:
             continue
         try:
-            number = operator.index(value)
+            number = operator.index(value)  # pyright: ignore[reportArgumentType]
         except TypeError:
             number = -1
         if number < least:
@@ -110,20 +131,9 @@ def check_arguments(
             raise InputError(
                 f"{what}: expected at most {most}, found {shortly(value)}.", "Correct it."
             )
-    check_samples(model, (*logs, *unseen))
-    _check_guesses(adopted(model, logs), guesses)
-    for log in unseen:  # before the work, not after it
-        inputs_of(adopted(model, logs), log)
-    if not logs:
-        raise InputError("Expected at least one log to fit, found none.", "Give at least one log.")
-    if all(p.fixed for p in model.parameters.values()):
-        raise InputError(
-            f"Every parameter of '{model}' is fixed: there is nothing to fit.",
-            "Free at least one, or use compare.",
-        )
 
 
-def _check_guesses(model: Model, guesses: Any) -> None:
+def check_guesses(model: Model, guesses: Any) -> None:
     """Raise `InputError` for guesses that are no values of the model's free parameters."""
     if not isinstance(guesses, Sequence) or not all(isinstance(g, Mapping) for g in guesses):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Logs arranged for estimation: padded arrays in batches, and where simulations begin anew."""
+"""Records arranged for estimation: padded arrays in batches, and where simulations begin anew."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from diffthrust.estimation._censored import at_rails
 from diffthrust.estimation._numbers import Batch, ProblemNumbers, Restart
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Likelihood, SimulationError
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import unwrapped
 from diffthrust.simulation._fixed_step import starting_states
-from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_outputs
+from diffthrust.simulation._record import Record, measured_outputs
 from diffthrust.simulation._starts import following
 from diffthrust.simulation._step_size import sensor_noise
 from diffthrust.simulation._trajectory import Grid, Key
@@ -31,7 +30,7 @@ the simulation."""
 
 def build(
     model: Model,
-    logs: Sequence[Log],
+    records: Sequence[Record],
     *,
     substeps: int = 1,
     initial: str = "estimate",
@@ -40,52 +39,47 @@ def build(
     width: int | None = None,
     compact: bool = False,
 ) -> Problem:
-    """Arrange a model and its logs for estimation.
+    """Arrange a model and its records for estimation.
 
     The likelihood is that of the simulation error, white and Gaussian, where none is given.
 
     Raises:
-        InputError: no measured channel that the model puts out, a missing input, or a unit of the
-            wrong dimension.
+        InputError: no measured channel that the model puts out, or noise levels that differ.
     """
     likelihood = SimulationError() if likelihood is None else likelihood
-    channels = measured_outputs(model, logs)
+    channels = measured_outputs(model, records)
     if not channels:
-        measured = sorted({name for log in logs for name in log.measured})
+        measured = sorted({name for record in records for name in record.log.measured})
         raise InputError(
             f"No log measures an output of '{model.name}': expected one of "
             f"{listing(model.outputs)}, found {listing(measured)}.",
             "Map a column to one of these channels.",
         )
-    given = logs
-    logs, originals = zip(*(bridged(log.counted) for log in given), strict=True)
-    nuisance = likelihood.parameters(channels, logs)
+    nuisance = likelihood.parameters(channels, records)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
-    follow, starts = following(model, logs), likelihood.starts(model, logs)
+    follow, starts = following(model, records), likelihood.starts(model, records)
     if initial != "estimate":
-        starts = tuple(n for n in starts if not any(n in log.measured for log in logs))
+        starts = tuple(n for n in starts if not any(n in r.measured_states for r in records))
     starts = tuple(n for n in starts if n not in follow)
-    noise = _known_noise(model, logs, channels)
+    noise = _known_noise(records, channels)
     if likelihood.corrects or likelihood.noise.lasts:  # a given level is the sensor's alone
         noise = [None] * len(noise)
     grids, batches, order = [], [], []
-    for indices, hold in _grouped(model, logs):
-        group = [logs[i] for i in indices]
+    for indices, hold in _grouped(model, records):
+        group = [records[i] for i in indices]
         restarted = tuple(
-            n for n in trusted(model) if segmented and any(_reads(log, n) for log in group)
+            n for n in trusted(model) if segmented and any(_reads(record, n) for record in group)
         )
-        uniform = all(log.even for log in group)
+        uniform = all(record.even for record in group)
         grids.append(Grid(hold, substeps, restarted, uniform, compact, padded=alone()))
         batch = _batch(model, group, channels, starts, restarted, follow)
         if likelihood.law.censors:
-            units = [(name, model.outputs[name]) for name in channels]
-            places = [originals[i] for i in indices]
-            batch = at_rails(batch, [given[i] for i in indices], places, units)
+            batch = at_rails(batch, group, channels)
         batches.append(batch)
         order.append(tuple(indices))
     counts = _counts(batches)
-    spread = [_spread(model, logs, n) for n in channels]
+    spread = [_spread(records, n) for n in channels]
     layout = Layout(
         key=Key(model.bind({})),
         free=free,
@@ -111,7 +105,7 @@ def build(
             n: (np.asarray(p.mean, float), np.asarray(p.std, float)) for n, p in priors.items() if p
         },
     )
-    problem = Problem(model, tuple(logs), layout, numbers, tuple(order), nuisance=nuisance)
+    problem = Problem(model, tuple(records), layout, numbers, tuple(order), nuisance=nuisance)
     return _for_noise(problem)
 
 
@@ -129,7 +123,7 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
     for batch, indices in zip(problem.numbers.batches, problem.order, strict=True):
         series = {name: np.array(restart.series) for name, restart in batch.restarts.items()}
         for row, index in enumerate(indices):
-            time = problem.logs[index].time
+            time = problem.records[index].time
             ours = [np.isfinite(s[row, : time.size]) for s in series.values()]
             ours = [seen for seen in ours if seen.any()]
             seen = np.all(ours, axis=0) if ours else np.zeros(time.size, bool)
@@ -159,7 +153,7 @@ def _counts(batches: Sequence[Batch]) -> np.ndarray:
 
 def _for_noise(problem: Problem) -> Problem:
     """The problem with what its noise needs to know of the samples."""
-    step = min(log.step for log in problem.logs)
+    step = min(record.step for record in problem.records)
     return replace(problem, numbers=problem.layout.likelihood.noise.arranged(problem.numbers, step))
 
 
@@ -174,44 +168,44 @@ def trusted(model: Model) -> tuple[str, ...]:
     return tuple(n for n in model.states if all(n not in effect.ports for effect in model.effects))
 
 
-def _reads(log: Log, state: str) -> bool:
-    return state in log.measured and state not in log.inputs
+def _reads(record: Record, state: str) -> bool:
+    return state in record.measured_states and state not in record.inputs
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
-def _spread(model: Model, logs: Sequence[Log], name: str) -> float:
-    seen = np.concatenate(
-        [lg.values(name, model.outputs[name]) for lg in logs if name in lg.measured]
-    )
-    seen = seen[np.isfinite(seen)]
-    return (float(np.std(seen)) if seen.size else float("nan")) or 1.0
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are reported elsewhere
+def _spread(records: Sequence[Record], name: str) -> float:
+    """Standard deviation of what all records measured of a channel; 1 for a constant."""
+    values = np.concatenate([r.measured[name] for r in records if name in r.measured])
+    values = values[np.isfinite(values)]
+    return (float(np.std(values)) if values.size else float("nan")) or 1.0
 
 
-def _known_noise(model: Model, logs: Sequence[Log], channels: Sequence[str]) -> list[float | None]:
-    known: list[float | None] = []
+def _known_noise(records: Sequence[Record], channels: Sequence[str]) -> list[float | None]:
+    """The noise level of each channel, where the logs state it."""
+    stated: list[float | None] = []
     for name in channels:
-        levels = {log.noise_in(name, model.outputs[name]) for log in logs if name in log.measured}
+        levels = {record.noise[name] for record in records if name in record.measured}
         if len(levels) > 1:
             raise InputError(
                 f"Channel '{name}': the logs give different noise levels "
                 f"({', '.join(map(str, sorted(levels, key=str)))}).",
                 "Give every log the same noise, or none to have it estimated.",
             )
-        known.append(levels.pop())
-    return known
+        stated.append(levels.pop())
+    return stated
 
 
 def _grouped(
-    model: Model, logs: Sequence[Log]
+    model: Model, records: Sequence[Record]
 ) -> list[tuple[list[int], tuple[tuple[str, str], ...]]]:
-    """Logs of the same inputs and of similar length, which are simulated as one batch."""
+    """Records of the same inputs and of similar length, which are simulated as one batch."""
     groups: list[tuple[list[int], tuple[tuple[str, str], ...]]] = []
-    for index in sorted(range(len(logs)), key=lambda i: (-len(logs[i]), i)):
-        hold = hold_of(logs[index], inputs_of(model, logs[index]))
-        for members, theirs in groups:
-            samples = sum(len(logs[i]) for i in (*members, index))
-            padded = len(logs[members[0]]) * (len(members) + 1)
-            if theirs == hold and padded - samples <= _WASTE * samples:
+    for index in sorted(range(len(records)), key=lambda i: (-len(records[i]), i)):
+        hold = records[index].holds(records[index].inputs_for(model))
+        for members, group_hold in groups:
+            samples = sum(len(records[i]) for i in (*members, index))
+            padded = len(records[members[0]]) * (len(members) + 1)
+            if group_hold == hold and padded - samples <= _WASTE * samples:
                 members.append(index)
                 break
         else:
@@ -221,13 +215,13 @@ def _grouped(
 
 def _batch(
     model: Model,
-    logs: Sequence[Log],
+    records: Sequence[Record],
     channels: Sequence[str],
     starts: Sequence[str],
     restarted: Sequence[str],
     follow: Sequence[str],
 ) -> Batch:
-    length = padded_length(max(len(log) for log in logs))
+    length = padded_length(max(len(record) for record in records))
 
     def padded(values: np.ndarray, fill: str) -> np.ndarray:
         extra = length - values.shape[0]
@@ -235,36 +229,37 @@ def _batch(
             return np.concatenate([values, np.repeat(values[-1:], extra)])
         return np.concatenate([values, np.full(extra, np.nan)])
 
-    inputs = [inputs_of(model, log) for log in logs]
-    measured = np.full((len(logs), len(channels), length), np.nan)
-    for row, log in enumerate(logs):
+    count = len(records)
+    inputs = [record.inputs_for(model) for record in records]
+    measured = np.full((count, len(channels), length), np.nan)
+    for row, record in enumerate(records):
         for column, name in enumerate(channels):
-            if name in log.measured:
-                measured[row, column, : len(log)] = log.values(name, model.outputs[name])
-    first = [starting_states(model, log) for log in logs]
+            if name in record.measured:
+                measured[row, column, : len(record)] = record.measured[name]
+    first = [starting_states(model, record) for record in records]
     restarts = {
         name: Restart(
-            series=np.stack([padded(_restart_values(model, log, name), "nan") for log in logs]),
-            value=np.full((len(logs), length), np.nan),
-            unsigned=np.array([name in log.unsigned for log in logs]),
+            series=np.stack([padded(_restart_values(model, r, name), "nan") for r in records]),
+            value=np.full((count, length), np.nan),
+            unsigned=np.array([name in record.unsigned for record in records]),
         )
         for name in restarted
     }
     return Batch(
-        time=np.stack([padded(log.time, "edge") for log in logs]),
+        time=np.stack([padded(record.time, "edge") for record in records]),
         inputs={n: np.stack([padded(g[n], "edge") for g in inputs]) for n in inputs[0]},
         measured=measured,
-        start=np.array([[f[n] for n in starts] for f in first]).reshape(len(logs), len(starts)),
+        start=np.array([[f[n] for n in starts] for f in first]).reshape(count, len(starts)),
         held={n: np.array([f[n] for f in first]) for n in first[0] if n not in {*starts, *follow}},
-        unsigned=np.array([[n in log.unsigned for n in channels] for log in logs]),
+        unsigned=np.array([[n in record.unsigned for n in channels] for record in records]),
         restarts=restarts,
     )
 
 
-def _restart_values(model: Model, log: Log, name: str) -> np.ndarray:
-    if not _reads(log, name):
-        return np.full(len(log), np.nan)
-    values = log.values(name, model.states[name])
+def _restart_values(model: Model, record: Record, name: str) -> np.ndarray:
+    if not _reads(record, name):
+        return np.full(len(record), np.nan)
+    values = record.measured_states[name]
     return smoothed(unwrapped(values) if name in model.angles else values)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from diffthrust._support.words import joined
 from diffthrust.estimation._laws import Gaussian, Law
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
-from diffthrust.logs._log import Log
+from diffthrust.simulation._record import Record
 
 _ROUNDS = 100
 """Of the level of the noise: each leaves the share of the samples that stand at a rail."""
@@ -91,51 +91,42 @@ def _mills(a: Any) -> tuple[Any, Any]:
     return jnp.where(tail, far + room, ratio), jnp.where(tail, room, ratio + near)
 
 
-def at_rails(
-    batch: Batch,
-    logs: Sequence[Log],
-    originals: Sequence[np.ndarray],
-    units: Sequence[tuple[str, str]],
-) -> Batch:
+def at_rails(batch: Batch, records: Sequence[Record], channels: Sequence[str]) -> Batch:
     """A batch in which samples at the rails of censored channels stand at them, and on which side.
 
     Args:
-        batch: of these logs, without such samples.
-        logs: as they were given.
-        originals: where the samples of each log are in the batch.
-        units: each channel with the unit of the model.
+        batch: of these records, without such samples.
+        records: of the batch.
+        channels: of the batch.
     """
     measured = np.array(batch.measured)
     beyond = np.zeros(measured.shape, np.int8)
-    for row, (log, places) in enumerate(zip(logs, originals, strict=True)):
-        for column, (name, unit) in enumerate(units):
-            if name not in log.censored or name not in log.railed:
-                continue
-            low, high, side = log.railed[name]
-            at = np.flatnonzero(side)
-            ends = log.replaced(measured={name: np.where(side[at] > 0, high, low)})
-            measured[row, column, places[at]] = ends.values(name, unit)
-            beyond[row, column, places[at]] = side[at]
+    for row, record in enumerate(records):
+        for column, name in enumerate(channels):
+            if name in record.rails:
+                places, values, sides = record.rails[name]
+                measured[row, column, places] = values
+                beyond[row, column, places] = sides
     return replace(batch, measured=measured, beyond=beyond)
 
 
-def are_censored(logs: Sequence[Log]) -> bool:
+def are_censored(records: Sequence[Record]) -> bool:
     """Whether any sample is to be taken as "at least" or "at most"."""
-    return any(log.censored & {*log.railed} for log in logs)
+    return any(record.rails for record in records)
 
 
-def rail_notes(law: Law, logs: Sequence[Log]) -> tuple[str, ...]:
+def rail_notes(law: Law, records: Sequence[Record]) -> tuple[str, ...]:
     """A note on how a fit took the samples at the rails of censored channels."""
-    if not are_censored(logs):
+    if not are_censored(records):
         return ()
     counts: dict[str, int] = {}
-    for log in logs:
-        for name in sorted(log.censored & {*log.railed}):
-            counts[name] = counts.get(name, 0) + log.railed[name].samples
-    told = joined([f"{count} of {name}" for name, count in counts.items()])
+    for record in records:
+        for name in sorted(record.rails):
+            counts[name] = counts.get(name, 0) + record.rails[name].sides.size
+    samples = joined([f"{count} of {name}" for name, count in counts.items()])
     if law.censors:
-        return (f"Samples at a rail are taken as 'at least' or 'at most' it: {told}.",)
+        return (f"Samples at a rail are taken as 'at least' or 'at most' it: {samples}.",)
     return (
-        f"Samples at a rail carry no weight: {told}. Only likelihood='simulation' with white "
+        f"Samples at a rail carry no weight: {samples}. Only likelihood='simulation' with white "
         "Gaussian noise can take them as 'at least' or 'at most'.",
     )

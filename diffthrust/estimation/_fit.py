@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust._support.progress import Progress, ProgressOption, part, progressing, teller
 from diffthrust._support.warned import warn
-from diffthrust.estimation._arguments import check_arguments, listed
+from diffthrust.estimation._arguments import FitOptions, check_arguments, check_guesses, listed
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._censored import rail_notes
 from diffthrust.estimation._estimate import Estimate, shown_unit
@@ -37,8 +37,8 @@ from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
-from diffthrust.simulation._inputs import input_ranges
 from diffthrust.simulation._levels import with_sizes
+from diffthrust.simulation._record import Record, bind, input_ranges
 from diffthrust.simulation._runs import (
     Run,
     failures,
@@ -130,65 +130,113 @@ def fit(
     """
     logs = listed(logs)
     unseen = listed(holdout) if holdout is not None else ()
-    check_arguments(
-        model,
-        logs,
-        unseen,
-        seed=seed,
+    options = FitOptions(
         starts=starts,
-        substeps=substeps,
-        loss=loss,
-        initial=initial,
-        likelihood=likelihood,
-        noise_model=noise_model,
-        horizon=horizon,
         guesses=guesses,
-    )
-    model = with_sizes(adopted(model, logs), logs)
-    words = {"likelihood": likelihood, "noise_model": noise_model, "loss": loss}
-    law = likelihood_of(model, logs, **words)
-    task = _Task(
-        logs=logs,
-        likelihood=law,
-        horizons=(None,) if law.corrects else schedule(model, logs, horizon),
-        automatic=horizon == "auto",
+        seed=seed,
+        horizon=horizon,
+        likelihood=likelihood,
+        loss=loss,
+        noise_model=noise_model,
         initial=initial,
-        starts=starts,
-        guesses=tuple(guesses),
-        rng=np.random.default_rng(seed),
+        substeps=substeps,
+        doubts=doubts,
+    )
+    check_arguments(model, logs, options)
+    model = adopted(model, logs)
+    check_guesses(model, guesses)
+    records, holdout_records = bind(model, logs), bind(model, unseen)
+    return fit_records(model, records, holdout_records, options, progress).fit
+
+
+class FitRuns(NamedTuple):
+    """A fit with the whole runs of its model.
+
+    Args:
+        fit: the fit.
+        runs: over the training records.
+        holdout_runs: over the unseen ones.
+    """
+
+    fit: Fit
+    runs: tuple[Run, ...]
+    holdout_runs: tuple[Run, ...]
+
+
+def fit_records(
+    model: Model,
+    records: Sequence[Record],
+    holdout_records: Sequence[Record],
+    options: FitOptions,
+    progress: ProgressOption = None,
+) -> FitRuns:
+    """As `fit`, of records, whose options are checked; with the runs that it made.
+
+    Args:
+        model: the model, with any effects, to which the records are bound.
+        records: training records.
+        holdout_records: unseen ones.
+        options: of `fit`.
+        progress: a function of a message and the share done.
+    """
+    records, holdout_records = tuple(records), tuple(holdout_records)
+    model = with_sizes(model, records)
+    words = {
+        "likelihood": options.likelihood,
+        "noise_model": options.noise_model,
+        "loss": options.loss,
+    }
+    likelihood, substeps = likelihood_of(model, records, **words), options.substeps
+    task = _Task(
+        records=records,
+        likelihood=likelihood,
+        horizons=(None,) if likelihood.corrects else schedule(model, records, options.horizon),
+        automatic=options.horizon == "auto",
+        initial=options.initial,
+        starts=options.starts,
+        guesses=tuple(options.guesses),
+        rng=np.random.default_rng(options.seed),
         tell=teller(progress),
     )
     # the first guess may need more steps than the optimum does
-    optimum, again = _pass(task, model, substeps or 1, (0.0, 0.9)), ()
+    optimum, notes = _pass(task, model, substeps or 1, (0.0, 0.9)), ()
     if not substeps and optimum.needed > optimum.substeps:
         optimum = _pass(task, optimum.released, optimum.needed, (0.9, 1.0))
-        again = (
+        notes = (
             f"The integration step was too coarse at the optimum: refitted with {optimum.substeps} "
             "steps per sample.",
         )
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps
-    held = runs_over(optimum.model, unseen, substeps=steps) if unseen else ()
-    again += (*failures(held), *start_notes(held), *rail_notes(law.law, logs))
+    holdout_runs = (
+        runs_over(optimum.model, holdout_records, substeps=steps) if holdout_records else ()
+    )
+    notes += (
+        *failures(holdout_runs),
+        *start_notes(holdout_runs),
+        *rail_notes(likelihood.law, records),
+    )
     task.tell("done", 1.0)
-    return Fit(
-        holdout=pooled_errors(held) if held else None,
+    logs, unseen = [r.log for r in records], [r.log for r in holdout_records]
+    fitted = Fit(
+        holdout=pooled_errors(holdout_runs) if holdout_runs else None,
         guess={name: p.value for name, p in model.parameters.items()},
         origin=origin_of(logs, unseen),
-        ranges=(ranges := input_ranges(model, logs)),
-        hold={name: logs[0].hold[name] for name in ranges},
+        ranges=(ranges := input_ranges(model, records)),
+        hold={name: records[0].hold[name] for name in ranges},
         written={name: way for log in reversed(logs) for name, way in log.written.items()},
         **words,
-        **_judged(optimum, again, doubts_of((*logs, *unseen), model) if doubts else ()),
+        **_judged(optimum, notes, doubts_of((*logs, *unseen), model) if options.doubts else ()),
         **_of_noise(optimum.problem, optimum.best),
     )
+    return FitRuns(fitted, optimum.runs, holdout_runs)
 
 
 class _Task(NamedTuple):
     """What is asked of a fit, whatever the values of the model and its steps."""
 
-    logs: tuple[Log, ...]
+    records: tuple[Record, ...]
     likelihood: Likelihood
     horizons: tuple[float | None, ...]
     automatic: bool
@@ -271,7 +319,7 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     model = alive(model)
     arrange = partial(
         build,
-        logs=task.logs,
+        records=task.records,
         substeps=substeps,
         initial="measured" if task.initial == "measured" else "estimate",
         segmented=any(h is not None for h in horizons),
@@ -288,20 +336,20 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
     length = horizons[-1]
     if task.automatic and horizons != (None,):
-        (length, search, final), notes = by_left_out(Ended(length, search, final), task.logs)
+        (length, search, final), notes = by_left_out(Ended(length, search, final))
     if task.likelihood.corrects:
         search, final = refined(search, final)
     search = polished(search, final)
     model = final.model_at(search.best.z)
     states = tuple(final.initial_states(search.best.z))
     failed = not np.isfinite(search.best.quadratic.cost)
-    runs = runs_over(model, task.logs, initial=None if failed else states, substeps=substeps)
+    runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
     needed = _substeps(model, runs)
     return _Optimum(search, final, length, silent, model, states, runs, substeps, needed, notes)
 
 
-def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]) -> dict[str, Any]:
-    """What a fit reports of its optimum; ``again`` is the note on a refit."""
+def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]) -> dict[str, Any]:
+    """What a fit reports of its optimum; ``notes`` are on a refit, unseen runs and rails."""
     search, problem, best = optimum.search, optimum.problem, optimum.best
     local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
     if np.isfinite(cost) and local.gradient > GRADIENT_LIMIT:
@@ -337,7 +385,7 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
         "substeps": optimum.substeps,
         "notes": (
             *optimum.notes,
-            *again,
+            *notes,
             *gone,
             *optimum.coarse,
             *correlated,
@@ -362,9 +410,9 @@ def _of_noise(problem: Problem, best: Solved) -> dict[str, Any]:
 
 def _substeps(model: Model, runs: Sequence[Run]) -> int:
     """What the log with the longest step needs, from its estimated initial states on."""
-    run = max(runs, key=lambda run: (run.log.step, len(run.log)))
+    run = max(runs, key=lambda run: (run.record.step, run.time.size))
     simulated = run.signals if run.substeps == 1 else None
-    return fewest_steps(model, run.log, run.start, simulated)[0]
+    return fewest_steps(model, run.record, run.start, simulated).substeps
 
 
 def _estimates(

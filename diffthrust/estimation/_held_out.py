@@ -15,8 +15,7 @@ import numpy as np
 from diffthrust.estimation._arrange import rearranged
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved, solve
-from diffthrust.logs._log import Log
-from diffthrust.simulation._inputs import measured_start
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
 
 _FOLDS = 4
@@ -28,34 +27,34 @@ Hidden = Mapping[int, tuple[float, float]]
 """By log, the time [s] from which to which its measurements are hidden."""
 
 
-def parts_of(logs: Sequence[Log]) -> tuple[Hidden, ...]:
-    """What to hide in turn: groups of logs, or either half of a log that is alone."""
-    if len(logs) > 1:
-        count = min(_FOLDS, len(logs))
+def folds(records: Sequence[Record]) -> tuple[Hidden, ...]:
+    """What to hide in turn: groups of logs, or either half of a single log."""
+    if len(records) > 1:
+        count = min(_FOLDS, len(records))
         return tuple(
-            dict.fromkeys(range(i, len(logs), count), (-math.inf, math.inf)) for i in range(count)
+            dict.fromkeys(range(i, len(records), count), (-math.inf, math.inf))
+            for i in range(count)
         )
-    middle = 0.5 * float(logs[0].time[0] + logs[0].time[-1])
+    middle = 0.5 * float(records[0].time[0] + records[0].time[-1])
     return {0: (-math.inf, middle)}, {0: (middle, math.inf)}
 
 
-def held_out_error(problem: Problem, end: Solved, logs: Sequence[Log]) -> float:
+def held_out_error(problem: Problem, end: Solved) -> float:
     """The error (NRMSE) of whole runs over what was hidden from the fit; infinite where it fails.
 
     Args:
         problem: at some horizon.
         end: its optimum.
-        logs: as they were given.
     """
     runs: list[Run] = []
-    for hidden in parts_of(logs):
-        rest = without(problem, hidden)
-        if not np.all(rest.numbers.counts > 0):  # a channel of these logs alone
+    for hidden in folds(problem.records):
+        remaining = without(problem, hidden)
+        if not np.all(remaining.numbers.counts > 0):  # only hidden logs measure some channel
             continue
-        solved = solve(rest, end.z, budget=_BUDGET)
+        solved = solve(remaining, end.z, budget=_BUDGET)
         if not np.isfinite(solved.quadratic.cost):
             return math.inf
-        runs += _runs(rest, solved, hidden, logs)
+        runs += _runs(remaining, solved, hidden)
     return pooled_errors(runs).nrmse if runs else math.inf
 
 
@@ -72,15 +71,14 @@ def without(problem: Problem, hidden: Hidden) -> Problem:
     return rearranged(problem, batches)
 
 
-def _runs(problem: Problem, solved: Solved, hidden: Hidden, logs: Sequence[Log]) -> tuple[Run, ...]:
-    """The model of a fit over whole logs, beside what was hidden from it."""
+def _runs(problem: Problem, solved: Solved, hidden: Hidden) -> tuple[Run, ...]:
+    """The model of a fit over whole records, beside what was hidden from it."""
     model, substeps = problem.model_at(solved.z), problem.layout.grids[0].substeps
-    seen, starts = [], []
+    held_out = []
     for index, (first, last) in hidden.items():
-        log = logs[index]
-        away = (log.time < first) | (log.time > last)
-        parts = {name: np.where(away, np.nan, v) for name, v in log.measured.items()}
-        if any(np.isfinite(v).any() for v in parts.values()):
-            seen.append(log if not away.any() else log.replaced(measured=parts))
-            starts.append(measured_start(model, log))
-    return runs_over(model, seen, initial=starts, substeps=substeps) if seen else ()
+        record = problem.records[index]
+        outside = (record.time < first) | (record.time > last)
+        measured = {n: np.where(outside, np.nan, v) for n, v in record.measured.items()}
+        if any(np.isfinite(values).any() for values in measured.values()):
+            held_out.append(replace(record, measured=measured) if outside.any() else record)
+    return runs_over(model, held_out, substeps=substeps) if held_out else ()

@@ -15,8 +15,8 @@ from diffthrust.estimation._held_out import held_out_error
 from diffthrust.estimation._multistart import Search, search
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import Record
 
 _GROWTH = 1.1
 """Errors accumulate where whole runs raise a channel's noise by more than this factor over that of
@@ -31,7 +31,7 @@ _FIRST = 0.6
 
 
 def schedule(
-    model: Model, logs: Sequence[Log], horizon: float | Sequence[float | None] | str | None
+    model: Model, records: Sequence[Record], horizon: float | Sequence[float | None] | str | None
 ) -> tuple[float | None, ...]:
     """The horizons [s] to go through, the last one to be judged by; ``None`` means whole runs.
 
@@ -41,13 +41,13 @@ def schedule(
     if isinstance(horizon, str):
         if horizon != "auto":
             raise InputError(f"horizon: expected seconds or 'auto', found {horizon!r}.", "")
-        longest = max(log.duration for log in logs)
-        restartable = all(any(n in log.measured for n in model.states) for log in logs)
+        longest = max(record.duration for record in records)
+        restartable = all(record.measured_states for record in records)
         if model.horizon is None or longest <= 2 * model.horizon or not restartable:
             return (None,)
         return (model.horizon / 10, model.horizon / 3, model.horizon)
     stages = horizon if isinstance(horizon, Sequence) else (horizon,)
-    least = max(log.step for log in logs)
+    least = max(record.step for record in records)
     for seconds in stages or ("nothing",):
         number = isinstance(seconds, int | float) and math.isfinite(seconds)
         if seconds is not None and not (number and float(seconds) > least):
@@ -94,7 +94,7 @@ class Ended(NamedTuple):
     problem: Problem
 
 
-def by_left_out(ended: Ended, logs: Sequence[Log]) -> tuple[Ended, tuple[str, ...]]:
+def by_left_out(ended: Ended) -> tuple[Ended, tuple[str, ...]]:
     """The horizon at which whole runs of logs that were left out come out best, with a note.
 
     Where random forces act or an effect is missing, errors accumulate, and either may be better:
@@ -106,9 +106,9 @@ def by_left_out(ended: Ended, logs: Sequence[Log]) -> tuple[Ended, tuple[str, ..
     growth = entire.search.best.quadratic.sigma / ended.search.best.quadratic.sigma
     several = [ended, entire]
     longer = _LONGER * (ended.horizon or 0.0)
-    if np.any(growth > _GROWTH) and max(log.duration for log in logs) > 2 * longer:
+    if np.any(growth > _GROWTH) and max(r.duration for r in ended.problem.records) > 2 * longer:
         several.insert(1, _followed(ended, longer))
-    errors = [held_out_error(one.problem, one.search.best, logs) for one in several]
+    errors = [held_out_error(one.problem, one.search.best) for one in several]
     quiet = bool(np.all(growth <= _GROWTH))
     usual = len(several) - 1 if quiet else 0
     best = int(np.argmin([e * (1.0 + _TIE * (i != usual)) for i, e in enumerate(errors)]))

@@ -18,8 +18,7 @@ from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._result import Fit
-from diffthrust.logs._log import Log
-from diffthrust.simulation._inputs import bridged
+from diffthrust.simulation._record import Record
 
 
 def refined(search: Search, problem: Problem) -> tuple[Search, Problem]:
@@ -60,8 +59,8 @@ def limits_of(problem: Problem) -> dict[str, float]:
     return dict(zip(problem.layout.channels, map(float, problem.numbers.clip), strict=True))
 
 
-def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str, np.ndarray]]:
-    """Errors of the one-step predictions of a fit on any logs, from their measured states on.
+def one_step(fit: Fit, records: Sequence[Record], substeps: int = 1) -> list[dict[str, np.ndarray]]:
+    """Errors of the one-step predictions of a fit on any records, from their measured states on.
 
     Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured.
 
@@ -73,10 +72,10 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
     estimates = fit.disturbance or {}
     problem = build(
         fit.model,
-        logs,
+        records,
         substeps=substeps,
         initial="measured",
-        likelihood=Innovations.of(fit.model, logs, White(), Gaussian()),
+        likelihood=Innovations.of(fit.model, records, White(), Gaussian()),
     )
     nuisance = {}
     for name, p in problem.nuisance.items():
@@ -86,6 +85,8 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
     if fit.limits is not None:
         large = [fit.limits.get(name, np.inf) for name in problem.layout.channels]
         problem = with_clip(problem, large, fit.reach)
-    rests = errors_at(problem, problem.start())
-    at = [bridged(log)[1] for log in logs]
-    return [{n: rest[i] for n, rest in run.items()} for run, i in zip(rests, at, strict=True)]
+    errors = errors_at(problem, problem.start())
+    return [
+        {name: record.at_samples(series) for name, series in by_channel.items()}
+        for record, by_channel in zip(records, errors, strict=True)
+    ]

@@ -82,10 +82,10 @@ def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
     for rests, batch, indices in zip(by_batch, problem.numbers.batches, problem.order, strict=True):
         rests = np.where(np.isnan(batch.measured), np.nan, rests)
         for row, index in enumerate(indices):
-            log = problem.logs[index]
-            by_channel = zip(problem.layout.channels, rests[row, :, : len(log)], strict=True)
-            by_log[index] = {name: rest for name, rest in by_channel if name in log.measured}
-    return [by_log[index] for index in range(len(problem.logs))]
+            record = problem.records[index]
+            by_channel = zip(problem.layout.channels, rests[row, :, : len(record)], strict=True)
+            by_log[index] = {name: rest for name, rest in by_channel if name in record.measured}
+    return [by_log[index] for index in range(len(problem.records))]
 
 
 @program(1)

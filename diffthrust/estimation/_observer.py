@@ -26,14 +26,13 @@ from jaxtyping import Bool, Float
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.estimation._numbers import AnyArray, Batch
-from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._errors import wrapped
-from diffthrust.simulation._inputs import measured_outputs
 from diffthrust.simulation._linearise import slopes_at
+from diffthrust.simulation._record import Record, measured_outputs
 from diffthrust.simulation._runge_kutta import with_push
 from diffthrust.simulation._trajectory import Grid, equations_of, march, read_out
 
@@ -95,7 +94,7 @@ class Observer:
 
 def observer_of(
     model: Model,
-    log: Log,
+    record: Record,
     channels: Sequence[str],
     remembering: Collection[str] = (),
     still: bool = False,
@@ -108,9 +107,9 @@ def observer_of(
     reads more than the present sample. Where no state is measured nothing is corrected, and the
     errors of the outputs keep their colour.
     """
-    free = [n for n in model.states if n not in log.inputs]
+    free = [n for n in model.states if n not in record.inputs]
     fed = tuple(n for n in free if n in channels and n not in remembering)
-    rates, _ = slopes_at(model, log)
+    rates, _ = slopes_at(model, record)
     corrected = tuple(
         (n, (n,) if n in fed else fed)
         for n in free
@@ -122,22 +121,22 @@ def observer_of(
     return Observer(tuple(channels), fed, corrected, forced, still)
 
 
-def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
-    """The observer of a model for what the logs measure.
+def observer_for(model: Model, records: Sequence[Record]) -> Observer:
+    """The observer of a model for what the records measure.
 
     Raises:
         InputError: no state is measured as it is, or the logs prescribe different states.
     """
-    prescribed = {tuple(n for n in model.states if n in log.inputs) for log in logs}
+    prescribed = {tuple(n for n in model.states if n in record.inputs) for record in records}
     if len(prescribed) > 1:
         raise InputError(
             f"The innovations form needs logs that drive the model alike; '{model}' is given "
             f"{' and '.join(listing(names) for names in prescribed)} as an input.",
             "Fit these logs apart, or use likelihood='simulation'.",
         )
-    channels = measured_outputs(model, logs)
+    channels = measured_outputs(model, records)
     remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
-    observer = observer_of(model, logs[0], channels, remembering)
+    observer = observer_of(model, records[0], channels, remembering)
     if not observer.fed:
         raise InputError(
             f"The innovations form needs a measured state of '{model}': expected one of "

@@ -37,7 +37,7 @@ class Pass:
 
 
 def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
-    """A pass over each log of a problem in the innovations form, in the order of ``logs``.
+    """A pass over each log of a problem in the innovations form, in the order of ``records``.
 
     Args:
         problem: the problem.
@@ -51,10 +51,10 @@ def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
         series = {**batch.inputs, **path, "time": batch.time}
         series = {name: np.asarray(values) for name, values in series.items()}
         for row, index in enumerate(indices):
-            size = len(problem.logs[index])
+            size = len(problem.records[index])
             signals = {name: values[row, :size] for name, values in series.items()}
             by_log[index] = Pass(errors[row, :, :size], measured[row, :, :size], signals)
-    return [by_log[index] for index in range(len(problem.logs))]
+    return [by_log[index] for index in range(len(problem.records))]
 
 
 def batch_passes(problem: Problem, z: np.ndarray | None = None) -> list[tuple[Any, dict[str, Any]]]:

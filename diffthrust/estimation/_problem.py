@@ -11,9 +11,9 @@ import numpy as np
 
 from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._residuals import Likelihood
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._trajectory import Grid, Key
 
 
@@ -51,17 +51,17 @@ class Problem:
 
     Args:
         model: the model; its values are where the fit starts.
-        logs: the logs as they were given, with gaps in time bridged.
+        records: the logs, bound to the model.
         layout: the static part.
         numbers: the numeric part.
-        order: for each batch, the indices of its logs.
+        order: for each batch, the indices of its records.
         held: measured initial states stay at their measured values.
         nuisance: parameters of the observer or of the noise, estimated with the model's.
         chosen: the coordinates that are moved, where the layout has a width.
     """
 
     model: Model
-    logs: tuple[Log, ...]
+    records: tuple[Record, ...]
     layout: Layout
     numbers: ProblemNumbers = field(repr=False)
     order: tuple[tuple[int, ...], ...] = ()
@@ -118,7 +118,7 @@ class Problem:
     @property
     def local(self) -> int:
         """Number of estimated initial states over all logs."""
-        return len(self.layout.starts) * len(self.logs)
+        return len(self.layout.starts) * len(self.records)
 
     def sign_free(self) -> list[int]:
         """Coordinates of initial states that only an unsigned sensor reads."""
@@ -126,7 +126,7 @@ class Problem:
         for indices in self.order:
             for index in indices:
                 for state in self.layout.starts:
-                    if state in self.logs[index].unsigned:
+                    if state in self.records[index].unsigned:
                         out.append(at)
                     at += 1
         return [] if self.held else out
@@ -162,9 +162,9 @@ class Problem:
         low, high = np.array(pairs, float).reshape(-1, 2).T
         if self.held:
             start, at = self.start(), self.shared
-            for log in (self.logs[index] for indices in self.order for index in indices):
+            for record in self._in_order:
                 for state in self.layout.starts:
-                    if state in log.measured:
+                    if state in record.measured_states:
                         low[at] = high[at] = start[at]
                     at += 1
         return low, high
@@ -177,19 +177,23 @@ class Problem:
         search would run off to values at which the simulation fails.
         """
         pairs = []
-        for log in (self.logs[index] for indices in self.order for index in indices):
+        for record in self._in_order:
             for state in self.layout.starts:
-                seen = log.measured.get(state, np.array([]))
-                if state in self.model.angles or not np.isfinite(seen).any():
+                measured = record.measured_states.get(state, np.array([]))
+                if state in self.model.angles or not np.isfinite(measured).any():
                     pairs.append((-np.inf, np.inf))
                     continue
-                seen = log.values(state, self.model.states[state])
-                low, high = float(np.nanmin(seen)), float(np.nanmax(seen))
-                if state in log.unsigned:
+                low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
+                if state in record.unsigned:
                     low = -high
                 room = 2.0 * (high - low)
                 pairs.append((low - room, high + room) if room > 0 else (-np.inf, np.inf))
         return pairs
+
+    @property
+    def _in_order(self) -> list[Record]:
+        """The records in the order of their initial states among the coordinates."""
+        return [self.records[index] for indices in self.order for index in indices]
 
     @property
     def shared(self) -> int:
@@ -218,9 +222,9 @@ class Problem:
         )
 
     def initial_states(self, z: np.ndarray) -> list[dict[str, float]]:
-        """Estimated initial states of each log, in the order of ``logs``."""
+        """Estimated initial states of each log, in the order of ``records``."""
         starts, at = self.layout.starts, self.shared
-        out: list[dict[str, float]] = [{} for _ in self.logs]
+        out: list[dict[str, float]] = [{} for _ in self.records]
         for indices in self.order:
             for index in indices:
                 out[index] = dict(zip(starts, map(float, z[at : at + len(starts)]), strict=True))

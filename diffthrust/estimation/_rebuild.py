@@ -20,6 +20,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
+from diffthrust.simulation._record import bind
 
 _SAME = 1e-6
 """The likelihood is that of the fit where it differs by no more than this times its samples."""
@@ -67,15 +68,16 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
             "Give the training logs of the fit, in their order.",
         )
     silent = [n for n, p in fit.model.parameters.items() if not p.fixed and n not in fit.free]
+    records = bind(fit.model, logs)
     problem = build(
         fit.model.fix(*silent) if silent else fit.model,
-        logs,
+        records,
         substeps=fit.substeps,
         initial="estimate" if fit.begins_freely else "measured",
         segmented=fit.horizon is not None,
         likelihood=likelihood_of(
             fit.model,
-            logs,
+            records,
             likelihood=fit.likelihood,
             noise_model=fit.noise_model,
             loss=fit.loss,

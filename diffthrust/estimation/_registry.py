@@ -14,8 +14,8 @@ from diffthrust.estimation._censored import Censored, are_censored
 from diffthrust.estimation._laws import Gaussian, Law, StudentT
 from diffthrust.estimation._noise import NoiseModel, White
 from diffthrust.estimation._residuals import Innovations, Likelihood, SimulationError
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import Record
 
 LIKELIHOODS: dict[str, type[Likelihood]] = {
     kind.word: kind for kind in (SimulationError, Innovations)
@@ -25,14 +25,14 @@ LOSSES: dict[str, Law] = {law.word: law for law in (Gaussian(), StudentT())}
 
 
 def likelihood_of(
-    model: Model, logs: Sequence[Log], *, likelihood: str, noise_model: str, loss: str
+    model: Model, records: Sequence[Record], *, likelihood: str, noise_model: str, loss: str
 ) -> Likelihood:
-    """The likelihood that the words of a fit mean, for a model and its logs.
+    """The likelihood that the words of a fit mean, for a model and its records.
 
     Raises:
         InputError: logs that it cannot be made for.
     """
     kind, noise, law = LIKELIHOODS[likelihood], NOISE_MODELS[noise_model], LOSSES[loss]
-    if law.closed and not kind.corrects and not noise.lasts and are_censored(logs):
+    if law.closed and not kind.corrects and not noise.lasts and are_censored(records):
         law = Censored()
-    return kind.of(model, logs, noise, law)
+    return kind.of(model, records, noise, law)

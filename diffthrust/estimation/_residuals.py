@@ -19,10 +19,10 @@ from diffthrust.estimation._laws import Gaussian, Law
 from diffthrust.estimation._noise import WHITE, NoiseModel, White, Whiteness
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import Limits, Observer, guesses, innovations, observer_for
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import wrapped
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._starts import felt
 from diffthrust.simulation._trajectory import Grid, trajectory
 
@@ -47,18 +47,20 @@ class Likelihood(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, model: Model, logs: Sequence[Log], noise: NoiseModel, law: Law) -> Likelihood:
-        """For a model and what its logs measure.
+    def of(cls, model: Model, records: Sequence[Record], noise: NoiseModel, law: Law) -> Likelihood:
+        """For a model and what its records measure.
 
         Raises:
             InputError: logs that it cannot be made for.
         """
 
     @abstractmethod
-    def starts(self, model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+    def starts(self, model: Model, records: Sequence[Record]) -> tuple[str, ...]:
         """The states whose initial values may be estimated."""
 
-    def parameters(self, channels: Sequence[str], logs: Sequence[Log]) -> dict[str, Parameter]:
+    def parameters(
+        self, channels: Sequence[str], records: Sequence[Record]
+    ) -> dict[str, Parameter]:
         """What is estimated with the model's parameters, by name."""
         return self.noise.parameters(channels)
 
@@ -102,14 +104,16 @@ class SimulationError(Likelihood):
     corrects: ClassVar[bool] = False
 
     @classmethod
-    def of(cls, model: Model, logs: Sequence[Log], noise: NoiseModel, law: Law) -> SimulationError:
-        """Whatever the logs measure."""
+    def of(
+        cls, model: Model, records: Sequence[Record], noise: NoiseModel, law: Law
+    ) -> SimulationError:
+        """Whatever the records measure."""
         return cls(noise, law)
 
-    def starts(self, model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+    def starts(self, model: Model, records: Sequence[Record]) -> tuple[str, ...]:
         """All that no log prescribes, and that a measured output feels."""
-        free = felt(model, logs)
-        return tuple(n for n in free if not any(n in log.inputs for log in logs))
+        free = felt(model, records)
+        return tuple(n for n in free if not any(n in record.inputs for record in records))
 
     def residuals(
         self,
@@ -152,17 +156,22 @@ class Innovations(Likelihood):
     corrects: ClassVar[bool] = True
 
     @classmethod
-    def of(cls, model: Model, logs: Sequence[Log], noise: NoiseModel, law: Law) -> Innovations:
-        """For what the logs measure."""
-        return cls(noise, law, observer=observer_for(model, logs))
+    def of(
+        cls, model: Model, records: Sequence[Record], noise: NoiseModel, law: Law
+    ) -> Innovations:
+        """For what the records measure."""
+        return cls(noise, law, observer=observer_for(model, records))
 
-    def starts(self, model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+    def starts(self, model: Model, records: Sequence[Record]) -> tuple[str, ...]:
         """Those that are measured: the others come from the corrections."""
         return self.observer.fed
 
-    def parameters(self, channels: Sequence[str], logs: Sequence[Log]) -> dict[str, Parameter]:
+    def parameters(
+        self, channels: Sequence[str], records: Sequence[Record]
+    ) -> dict[str, Parameter]:
         """Gains and memories."""
-        longest, step = max(log.duration for log in logs), min(log.step for log in logs)
+        longest = max(record.duration for record in records)
+        step = min(record.step for record in records)
         return self.observer.parameters(longest, step)
 
     def guesses(self, names: Collection[str]) -> tuple[Mapping[str, float], ...]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._runs import Run, runs_over
+from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._runs import Run
 
 _SMALL = 1e-8
 """What initial states are moved by, as a share of the range that the state has in the run."""
@@ -50,6 +51,6 @@ def _parted(model: Model, run: Run) -> float:
     states = {n: run.signals[n] for n in model.all_states if n in run.signals}
     sizes = {n: float(np.ptp(x)) or 1.0 for n, x in states.items()}
     begin = {n: float(x[0]) + _SMALL * sizes[n] for n, x in states.items()}
-    (other,) = runs_over(model, [run.log], initial=[begin], substeps=run.substeps)
-    apart = [np.max(np.abs(other.signals[n] - x)) / (_SMALL * sizes[n]) for n, x in states.items()]
+    moved = simulate_fixed(model, run.record, begin, run.substeps)
+    apart = [np.max(np.abs(moved[n] - x)) / (_SMALL * sizes[n]) for n, x in states.items()]
     return float(max(apart, default=0.0))

@@ -16,6 +16,7 @@ from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import examine
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import bind
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def rival_of(source: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
     if isinstance(source, Fit):
         return Rival(model, free, _precision(model, free, source.free, source.covariance))
     if logs and free:
-        problem = build(model, logs)
+        problem = build(model, bind(model, logs))
         z = problem.start()
         local = examine(problem, z, solve(problem, z, budget=1).quadratic)
         return Rival(model, free, _precision(model, free, problem.free, local.covariance))

@@ -13,7 +13,7 @@ from diffthrust.export._operations import MEMORY, Constant, Operation, Operation
 _LONGEST = 56
 """An expression longer than this gets a name of its own, rather than a place in the next."""
 LINE = 92
-"""Lines are broken behind so many characters."""
+"""Lines are broken after this many characters."""
 
 
 class Term(NamedTuple):
@@ -96,8 +96,8 @@ class Language(ABC):
         if operation.name in _INFIX:
             sign, rank = _INFIX[operation.name]
             bound = rank + (operation.name in ("sub", "lt", "le", "gt", "ge", "eq", "ne", "xor"))
-            left = _within(terms[0], rank + (rank == COMPARISON))
-            return Term(f"{left} {sign} {_within(terms[1], bound)}", rank)
+            first_operand = _within(terms[0], rank + (rank == COMPARISON))
+            return Term(f"{first_operand} {sign} {_within(terms[1], bound)}", rank)
         if operation.name == "div":
             return self.divided(terms[0], terms[1], safe)
         if operation.name == "neg":
@@ -152,7 +152,7 @@ Remember = Callable[[Operation, list[Term]], str]
 def lines_of(
     operations: Operations,
     language: Language,
-    given: Mapping[str, str],
+    names: Mapping[str, str],
     values: Mapping[str, float],
     remarks: Mapping[str, str],
     remember: Remember,
@@ -162,17 +162,17 @@ def lines_of(
     Args:
         operations: what to write.
         language: in which.
-        given: how signals and parameters are written there.
+        names: how signals and parameters are written there.
         values: of the parameters; where a divisor is made of them alone, it is known.
         remarks: on the names that the equations give to operations.
         remember: how values are handed on to memory.
 
     Returns:
-        The lines, the expression of each result, and the names of ``given`` that are read.
+        The lines, the expression of each result, and the names of ``names`` that are read.
     """
     uses, lines, terms = operations.needed(), [], {}
-    known: dict[Any, float] = dict(values)
-    taken, read = {language.name(name) for name in given}, set()
+    constants: dict[Any, float] = dict(values)
+    taken, read = {language.name(name) for name in names}, set()
     repeated = {
         operation.operands[0] for operation in operations.listed if operation.name in _REPEATED
     }
@@ -183,21 +183,21 @@ def lines_of(
             return Term(text, SIGN if text.startswith("-") else ATOM)
         if isinstance(operand, str):
             read.add(operand)
-            return Term(given[operand], ATOM)
+            return Term(names[operand], ATOM)
         return terms[operand]
 
     for number, operation in enumerate(operations.listed):
         if not uses[number]:
             continue
-        value = _worked_out(operation, known)
+        value = _worked_out(operation, constants)
         if value is not None:
-            known[number] = value
+            constants[number] = value
         parts = [term(operand) for operand in operation.operands]
         if operation.name in MEMORY:
             language.used.add(operation.name)
             made = Term(remember(operation, parts), ATOM)
         else:
-            safe = operation.name == "div" and bool(_value(operation.operands[1], known))
+            safe = operation.name == "div" and bool(_value(operation.operands[1], constants))
             made = language.expression(operation, parts, safe)
         called = operations.called.get(number)
         if called or uses[number] > 1 or number in repeated or len(made.text) > _LONGEST:
@@ -229,13 +229,13 @@ _ARITHMETIC: Mapping[str, Callable[..., float]] = {
 }
 
 
-def _value(operand: Any, known: Mapping[Any, float]) -> float | None:
-    return operand.value if isinstance(operand, Constant) else known.get(operand)
+def _value(operand: Any, constants: Mapping[Any, float]) -> float | None:
+    return operand.value if isinstance(operand, Constant) else constants.get(operand)
 
 
-def _worked_out(operation: Operation, known: Mapping[Any, float]) -> float | None:
+def _worked_out(operation: Operation, constants: Mapping[Any, float]) -> float | None:
     """What an operation gives where it reads parameters alone: to see whether that is zero."""
-    values = [_value(operand, known) for operand in operation.operands]
+    values = [_value(operand, constants) for operand in operation.operands]
     numbers = [value for value in values if value is not None]
     if operation.name not in _ARITHMETIC or len(numbers) < len(values):
         return None

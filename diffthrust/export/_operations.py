@@ -86,23 +86,23 @@ class Operations:
 
 def traced(
     function: Callable[[Mapping[str, Any]], Mapping[str, Any]],
-    given: Mapping[str, Any],
+    signals: Mapping[str, Any],
     where: str,
 ) -> Operations:
     """The operations by which a function works out its results.
 
     Args:
         function: from named signals and parameters to named results.
-        given: an example of each, of which the shape counts; a series stands for one signal.
+        signals: an example of each; only its shape counts, and a series stands for one signal.
         where: the model, for messages.
 
     Raises:
         InputError: an operation that is not elementwise, or is not known here, by its name.
     """
-    names = list(given)
+    names = list(signals)
     closed, shape = jax.make_jaxpr(
         lambda *values: dict(function(dict(zip(names, values, strict=True)))), return_shape=True
-    )(*given.values())
+    )(*signals.values())
     operations = Operations()
     outputs = _walk(
         operations, closed.jaxpr, [_constant(c, where) for c in closed.consts], names, where
@@ -129,11 +129,11 @@ def _walk(
     operations: Operations, jaxpr: Any, consts: Sequence[Any], arguments: Sequence[Any], where: str
 ) -> list[Any]:
     """Add a traced function's operations; what it is given and gives are operands."""
-    known: dict[Any, Any] = dict(zip(jaxpr.constvars, consts, strict=True))
-    known.update(zip(jaxpr.invars, arguments, strict=True))
+    values: dict[Any, Any] = dict(zip(jaxpr.constvars, consts, strict=True))
+    values.update(zip(jaxpr.invars, arguments, strict=True))
 
     def read(atom: Any) -> Any:
-        return _constant(atom.val, where) if hasattr(atom, "val") else known[atom]
+        return _constant(atom.val, where) if hasattr(atom, "val") else values[atom]
 
     for eqn in jaxpr.eqns:
         name, operands = eqn.primitive.name, [read(atom) for atom in eqn.invars]
@@ -167,7 +167,7 @@ def _walk(
                 "Write it with sums, products, powers, jnp.where and the functions of mathematics, "
                 "or leave out the effect that uses it.",
             )
-        known.update(zip(eqn.outvars, results, strict=True))
+        values.update(zip(eqn.outvars, results, strict=True))
     return [read(atom) for atom in jaxpr.outvars]
 
 

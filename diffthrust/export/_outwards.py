@@ -31,7 +31,7 @@ class Outwards:
         forces: np.ndarray,
         span: float,
         reach: float,
-        told: Callable[[float], str],
+        converted: Callable[[float], str],
     ) -> None:
         self.rows = [(float(commands[0]), 0.0)]
         self.notes: list[str] = []
@@ -47,15 +47,17 @@ class Outwards:
                 if len(self.rows) == 1 + (flat is not None):
                     self.idle = last
                 if command - last <= 2 * CLOSEST * reach and force - low > _JUMP * span:
-                    self.notes.append(f"The force jumps at {told(last)}: it is not held between.")
+                    self.notes.append(
+                        f"The force jumps at {converted(last)}: it is not held between."
+                    )
                 self.rows.append((float(command), float(force)))
                 flat = None
             elif force >= top - 2 * least:
                 flat = float(command)
             else:
                 self.notes.append(
-                    f"The force falls beyond {told(self.rows[-1][0])}: the table ends there."
+                    f"The force falls beyond {converted(self.rows[-1][0])}: the table ends there."
                 )
                 return
         if flat is not None and len(self.rows) > 1:
-            self.notes.append(f"The force does not change beyond {told(self.rows[-1][0])}.")
+            self.notes.append(f"The force does not change beyond {converted(self.rows[-1][0])}.")

@@ -86,10 +86,10 @@ class Program:
         """The lines of one function, its results in order, and the words that it reads."""
         language, traced = self.language, self.traced
         values = {name: float(p.value) for name, p in self.source.model.parameters.items()}
-        given = {name: language.parameter(name) for name in values} | {"time": "time"}
-        given |= {name: language.name(name) for name in (*traced.inputs, *traced.states)}
+        names_of = {name: language.parameter(name) for name in values} | {"time": "time"}
+        names_of |= {name: language.name(name) for name in (*traced.inputs, *traced.states)}
         lines, results, read = lines_of(
-            operations, language, given, values, self.source.model.ports, self._remember
+            operations, language, names_of, values, self.source.model.ports, self._remember
         )
         fetched = [
             language.fetched(name, of, number)

@@ -81,17 +81,17 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
     """
     model = source.model
     channel = commanding(model, source)
-    known = model.quadratic_load is not None or model.name in _LAWS
-    if channel != "command" or not known:
+    has_dynamics = model.quadratic_load is not None or model.name in _LAWS
+    if channel != "command" or not has_dynamics:
         raise InputError(
             f"Simulators have no place for the model '{model}'; they know the dynamics of "
             f"{', '.join(['thruster', *_LAWS])}, from a command.",
             "Export it to python or to c.",
         )
     low, high = command_limits(source, channel, limits)
-    left = _without_place(model)
+    left_out = _without_place(model)
     plain = model
-    for effect in left:
+    for effect in left_out:
         plain = plain - effect.name
     values = {name: float(p.value) for name, p in plain.parameters.items()}
     taken_as_one: tuple[str, ...] = ()
@@ -128,23 +128,23 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
         off <= _PROPORTIONAL,
         speeds,
         forces,
-        tuple(left),
+        tuple(left_out),
         (*taken_as_one, *notes),
     )
 
 
 def _without_place(model: Model) -> list[Effect]:
     """The effects that simulators do not know."""
-    left: list[Effect] = []
+    left_out: list[Effect] = []
     for effect in reversed(model.effects):
         if all(port in model.outputs for port in effect.ports):
             continue  # what only a sensor does is no part of a thruster
         # simulators clamp what they are sent, after all that is done to it before
-        last = not any("command" in other.ports for other in left)
+        last = not any("command" in earlier.ports for earlier in left_out)
         taken = effect.name == "linear_damping" or (effect.name == "command_saturation" and last)
         if not (taken or _of_speed(effect)):
-            left.insert(0, effect)
-    return left
+            left_out.insert(0, effect)
+    return left_out
 
 
 def _of_speed(effect: Effect) -> bool:
@@ -164,8 +164,8 @@ def _force(model: Model, speeds: np.ndarray) -> np.ndarray:
         if effect.ports != ("propeller",):
             model = model - effect.name
     signals = {"speed": jnp.asarray(speeds), "time": jnp.zeros(speeds.shape)}
-    own = {name: jnp.zeros(speeds.shape) for name in (*model.states, *model.inputs)}
-    return np.asarray(read_out(model, Signals({**own, **signals}))[OUTPUT])
+    zeros = {name: jnp.zeros(speeds.shape) for name in (*model.states, *model.inputs)}
+    return np.asarray(read_out(model, Signals({**zeros, **signals}))[OUTPUT])
 
 
 def _torque(

@@ -6,7 +6,7 @@ What each of them works out, with the source that was read for it:
   thrust_coefficient fluid_density propeller_diameter^4 w |w| of the commanded speed w [rad/s].
 - uuv_simulator, ``Dynamics.cc``, ``ThrusterConversionFcn.cc`` and ``ThrusterPlugin.cc`` (commits
   b2f9e58, 668e4ff, 1fab55a): the command, held within clampMin and clampMax and times gain, drives
-  a first-order state, of which a conversion gives the force.
+  a first-order state, which a conversion turns into the force.
 - Stonefish, ``ActuatorDynamics.h`` and ``Thruster.cpp`` (of 2024 and later): the same, and the
   speed is held within twice ``max_setpoint``, whatever its unit.
 """
@@ -112,9 +112,9 @@ def _text(
 
 def _left_out(rotor: Rotor, target: str) -> list[str]:
     """A sentence on each effect that has no place."""
-    told = {False: "it is left out.", True: "do it to the command before you send it."}
+    mends = {False: "it is left out.", True: "do it to the command before you send it."}
     return [
         f"{target} has no place for the effect '{effect.name}' ({spelt(effect.name)}): "
-        + told["command" in effect.ports]
+        + mends["command" in effect.ports]
         for effect in rotor.left_out
     ]

@@ -51,8 +51,8 @@ class ExportSource:
         if pulses is not None:
             low, high = sorted(float(effort) for effort in pulses.effort(limits))
             return low, high
-        zero, one = self.shown(channel, np.array([0.0, 1.0]), unit)
-        low, high = ((limit - zero) / (one - zero) for limit in limits)
+        zero, unit_value = self.shown(channel, np.array([0.0, 1.0]), unit)
+        low, high = ((limit - zero) / (unit_value - zero) for limit in limits)
         return float(low), float(high)
 
     def pulses(self, channel: str) -> PWM | None:
@@ -63,19 +63,19 @@ class ExportSource:
     @property
     def conversions(self) -> list[str]:
         """A sentence on each channel that the logs have in another unit."""
-        told = []
+        lines = []
         for name, unit in {**self.inputs, **self.model.outputs}.items():
             pulses, theirs = self.pulses(name), self.unit(name, unit)
             if pulses is not None:
-                told.append(
+                lines.append(
                     f"The {name} is an effort here; the logs have pulses, stop {pulses.stop:g}, "
                     f"full {pulses.full:g}, astern {pulses.astern:g} {theirs}."
                 )
             elif theirs != unit:
-                zero, one = self.stored(name, (0.0, 1.0), unit)
-                each = f"{one - zero:.9g}"
-                told.append(f"The {name} is in {unit} here; of the logs, 1 {theirs} is {each}.")
-        return told
+                zero, unit_value = self.stored(name, (0.0, 1.0), unit)
+                each = f"{unit_value - zero:.9g}"
+                lines.append(f"The {name} is in {unit} here; of the logs, 1 {theirs} is {each}.")
+        return lines
 
     @property
     def head(self) -> list[str]:

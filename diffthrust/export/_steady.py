@@ -18,9 +18,9 @@ from diffthrust.simulation._trajectory import Grid, Key, trajectory
 _STEPS = 1000
 """Operations of integration between two looks at whether the model has settled."""
 _LOOKS = 60
-"""After so many looks it never will."""
+"""Looks after which an output that has not settled is given up."""
 _TOGETHER = 64
-"""Sets of inputs are simulated in multiples of so many, so that few programs are compiled."""
+"""Sets of inputs are simulated in multiples of this number, so that few programs are compiled."""
 _SETTLED = 1e-10
 """An output has settled where it moves less than this share of all that is found."""
 
@@ -42,9 +42,9 @@ def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -
     plain = bare(model)
     step = min(0.02, 4 * model.time_scales[0] or 0.02)
     for _ in range(4):
-        found = _run(plain, inputs, output, step)
-        if found is not None:
-            return found
+        settled = _run(plain, inputs, output, step)
+        if settled is not None:
+            return settled
         step /= 4  # friction and small inertias are stiff
     raise InputError(
         f"The model '{model}' does not settle under constant inputs.",
@@ -57,7 +57,7 @@ _Static = tuple[Key, Grid, str, float]
 
 @program(1)
 def _on(static: _Static, numbers: Any) -> Any:
-    """The output, and the states, so many steps later."""
+    """The output and the states after a number of steps."""
     key, grid, output, step = static
     values, start, inputs, begin = numbers
     time = start + step * jnp.arange(_STEPS + 1.0)

@@ -56,22 +56,22 @@ def steady_table(source: ExportSource, limits: tuple[float, float] | None = None
     channel = commanding(model, source)
     low, high = command_limits(source, channel, limits)
     notes: list[str] = []
-    others = {}
+    constants = {}
     for name, unit in source.inputs.items():
         if name != channel:
             inner = source.ranges.get(name, (0.0, 0.0))
-            others[name] = 0.0 if name == "inflow" else 0.5 * (inner[0] + inner[1])
-            notes.append(f"It holds for {name} = {number(others[name], 4)} {unit}".strip() + ".")
+            constants[name] = 0.0 if name == "inflow" else 0.5 * (inner[0] + inner[1])
+            notes.append(f"It holds for {name} = {number(constants[name], 4)} {unit}".strip() + ".")
 
-    left = [e.name for e in model.effects if all(port in model.outputs for port in e.ports)]
-    if left:
-        notes.append(f"The force itself, without what its sensor adds: {', '.join(left)}.")
+    left_out = [e.name for e in model.effects if all(port in model.outputs for port in e.ports)]
+    if left_out:
+        notes.append(f"The force itself, without what its sensor adds: {', '.join(left_out)}.")
 
     def forces(commands: np.ndarray) -> np.ndarray:
-        given = {name: np.full(commands.shape, value) for name, value in others.items()}
-        return steady_output(model, {channel: commands, **given}, OUTPUT)
+        inputs = {name: np.full(commands.shape, value) for name, value in constants.items()}
+        return steady_output(model, {channel: commands, **inputs}, OUTPUT)
 
-    def told(command: float) -> str:
+    def as_written(command: float) -> str:
         unit = source.inputs[channel]
         shown = float(source.shown(channel, np.array([command]), unit)[0])
         return f"{number(shown, 4)} {source.unit(channel, unit)}"
@@ -79,8 +79,8 @@ def steady_table(source: ExportSource, limits: tuple[float, float] | None = None
     commands = np.linspace(low, high, _FIRST)
     if low < 0.0 < high:
         commands = np.unique([*commands, 0.0])
-    commands, found = _refined(commands, forces(commands), forces)
-    return _monotone(ForceTable(channel, commands, found, tuple(notes)), told)
+    commands, computed = _refined(commands, forces(commands), forces)
+    return _monotone(ForceTable(channel, commands, computed, tuple(notes)), as_written)
 
 
 def commanding(model: Model, source: ExportSource) -> str:
@@ -89,14 +89,14 @@ def commanding(model: Model, source: ExportSource) -> str:
     Raises:
         InputError: the model is no thruster.
     """
-    known = [name for name in ("command", "speed") if name in source.inputs]
-    if OUTPUT not in model.outputs or not known:
+    drives = [name for name in ("command", "speed") if name in source.inputs]
+    if OUTPUT not in model.outputs or not drives:
         raise InputError(
             f"The model '{model}' has the inputs {listing(source.inputs)} and the outputs "
             f"{listing(model.outputs)}; expected a thruster, from a command to a thrust.",
             "Export it to python or to c.",
         )
-    return known[0]
+    return drives[0]
 
 
 def command_limits(
@@ -108,42 +108,46 @@ def command_limits(
         InputError: none are known, or the lowest is not below the highest.
     """
     unit = source.unit(channel, source.inputs[channel])
-    given = source.ranges.get(channel)
+    range_given = source.ranges.get(channel)
     if limits is not None:
-        given = source.stored(channel, limits, source.inputs[channel])
-    if given is None:
+        range_given = source.stored(channel, limits, source.inputs[channel])
+    if range_given is None:
         raise InputError(
             f"The range of the {channel} [{unit}] is not known: expected limits, found none.",
             f"Give the lowest and highest {channel}: limits=(LOW, HIGH), or --limits LOW HIGH.",
         )
-    low, high = (float(value) for value in given)
+    low, high = (float(value) for value in range_given)
     if not (np.isfinite(low) and np.isfinite(high) and low < high):
         raise InputError(
             f"limits: expected the lowest and the highest {channel} [{unit}], found "
-            f"{limits or given}.",
+            f"{limits or range_given}.",
             "Give two numbers, the lower one first.",
         )
     return low, high
 
 
 def _refined(
-    commands: np.ndarray, found: np.ndarray, forces: Callable[[np.ndarray], np.ndarray]
+    commands: np.ndarray, computed: np.ndarray, forces: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows added where a straight line between rows would be off, in either direction."""
     reach = commands[-1] - commands[0]
-    rows = dict(zip(commands, found, strict=True))
+    rows = dict(zip(commands, computed, strict=True))
     open_ = list(pairwise(commands))
     while open_:
         span = float(np.ptp([*rows.values()])) or 1.0
         middles = np.array([0.5 * (low + high) for low, high in open_])
         bent = []
-        for (low, high), middle, known in zip(open_, middles, forces(middles), strict=True):
+        for (low, high), middle, middle_force in zip(open_, middles, forces(middles), strict=True):
             rise = rows[high] - rows[low]
-            off = abs(known - 0.5 * (rows[low] + rows[high])) / span
+            off = abs(middle_force - 0.5 * (rows[low] + rows[high])) / span
             sloped = abs(rise) > FLAT * span  # the line's command for the force in the middle
-            back = abs((known - rows[low]) / rise - 0.5) * (high - low) / reach if sloped else 0.0
+            back = (
+                abs((middle_force - rows[low]) / rise - 0.5) * (high - low) / reach
+                if sloped
+                else 0.0
+            )
             if max(off, back) > _ACCURACY and high - low > CLOSEST * reach:
-                rows[middle] = known
+                rows[middle] = middle_force
                 bent += [(low, middle), (middle, high)]
         open_ = bent
     edges = _edges(rows)
@@ -164,25 +168,27 @@ def _edges(rows: Mapping[float, float]) -> list[tuple[float, float]]:
     return [(commands[i], commands[i + 1]) for i in np.flatnonzero(edge)]
 
 
-def _monotone(table: ForceTable, told: Callable[[float], str]) -> ForceTable:
+def _monotone(table: ForceTable, converted: Callable[[float], str]) -> ForceTable:
     """The rows on which the force grows with the command (or falls), with what was left out."""
     commands, forces = table.commands, table.forces
     span = float(np.ptp(forces))
     if not span:
         raise InputError(
-            f"The force is the same at every {table.channel} from {told(commands[0])} to "
-            f"{told(commands[-1])}.",
+            f"The force is the same at every {table.channel} from {converted(commands[0])} to "
+            f"{converted(commands[-1])}.",
             "Widen the limits.",
         )
     turn, stop = np.sign(forces[-1] - forces[0]) or 1.0, int(np.argmin(np.abs(commands)))
     rise = turn * (forces - forces[stop])
     reach = commands[-1] - commands[0]
-    up = Outwards(commands[stop:], rise[stop:], span, reach, told)
-    down = Outwards(-commands[stop::-1], -rise[stop::-1], span, reach, lambda c: told(-c))
+    up = Outwards(commands[stop:], rise[stop:], span, reach, converted)
+    down = Outwards(-commands[stop::-1], -rise[stop::-1], span, reach, lambda c: converted(-c))
     rows = [(-c, -f) for c, f in down.rows[:0:-1]] + up.rows
     notes = [*down.notes, *up.notes]
     if up.idle or down.idle:
-        notes.insert(0, f"No force from {told(-down.idle)} to {told(up.idle)}: a dead band.")
+        notes.insert(
+            0, f"No force from {converted(-down.idle)} to {converted(up.idle)}: a dead band."
+        )
     return replace(
         table,
         commands=np.array([c for c, _ in rows]),

@@ -62,12 +62,12 @@ class _Naming(Ports):
         super().tell(**{name: checkpoint_name(value, name) for name, value in signals.items()})
 
 
-def read_inputs(model: Model, known: Mapping[str, Any]) -> dict[str, str]:
+def read_inputs(model: Model, signals: Mapping[str, Any]) -> dict[str, str]:
     """The inputs that a model and its effects read, with units.
 
     Args:
         model: the model with its effects.
-        known: names of the inputs that the logs have; empty where that is not known.
+        signals: names of the inputs that the logs have; empty where that is not known.
 
     Raises:
         InputError: a name that the model cannot read.
@@ -75,7 +75,7 @@ def read_inputs(model: Model, known: Mapping[str, Any]) -> dict[str, str]:
     possible = {**model.inputs, **model.optional_inputs, **model.states}
     possible |= {name: "" for effect in model.effects for name in effect.needs} | possible
     needs = [name for effect in model.effects for name in effect.needs]
-    names = list(known) or list(dict.fromkeys([*model.inputs, *needs]))
+    names = list(signals) or list(dict.fromkeys([*model.inputs, *needs]))
     unknown = [name for name in names if name not in possible]
     if unknown:
         raise InputError(
@@ -94,24 +94,24 @@ def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
     where = f"The model '{model}'"
     states = {name: unit for name, unit in model.all_states.items() if name not in inputs}
     values = {name: np.float64(p.value) for name, p in model.parameters.items()}
-    one = {**values, "time": 0.5, **dict.fromkeys((*inputs, *states), np.float64(0.5))}
+    example = {**values, "time": 0.5, **dict.fromkeys((*inputs, *states), np.float64(0.5))}
     many = {
         name: value if name in values else np.linspace(0.5, 1.0, _SAMPLES)
-        for name, value in one.items()
+        for name, value in example.items()
     }
 
-    def signals(given: Mapping[str, Any], *kinds: Mapping[str, str]) -> dict[str, Any]:
-        return {"time": given["time"], **{n: given[n] for kind in kinds for n in kind}}
+    def signals(by_name: Mapping[str, Any], *kinds: Mapping[str, str]) -> dict[str, Any]:
+        return {"time": by_name["time"], **{n: by_name[n] for kind in kinds for n in kind}}
 
-    def arrive(given: Mapping[str, Any]) -> Mapping[str, Any]:
-        return arriving(model.bind(given), given["time"], signals(given, inputs, {}))
+    def arrive(signals_in: Mapping[str, Any]) -> Mapping[str, Any]:
+        return arriving(model.bind(signals_in), signals_in["time"], signals(signals_in, inputs, {}))
 
-    def start(given: Mapping[str, Any]) -> Mapping[str, Any]:
-        first = Signals(signals(given, inputs))
-        bound = model.bind(given)
-        own = bound.initial(first) if any(n in model.states for n in states) else {}
+    def start(signals_in: Mapping[str, Any]) -> Mapping[str, Any]:
+        first = Signals(signals(signals_in, inputs))
+        bound = model.bind(signals_in)
+        initial = bound.initial(first) if any(n in model.states for n in states) else {}
         chosen = {
-            name: jnp.where(jnp.isnan(given[name]), own.get(name, 0.0), given[name])
+            name: jnp.where(jnp.isnan(signals_in[name]), initial.get(name, 0.0), signals_in[name])
             for name in model.states
             if name in states
         }
@@ -119,24 +119,24 @@ def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
         return {
             name: value
             if name in model.states
-            else jnp.where(jnp.isnan(given[name]), value, given[name])
+            else jnp.where(jnp.isnan(signals_in[name]), value, signals_in[name])
             for name, value in every.items()
         }
 
-    def slopes(given: Mapping[str, Any]) -> dict[str, Any]:
-        bound, s = model.bind(given), Signals(signals(given, inputs, states))
+    def slopes(signals_in: Mapping[str, Any]) -> dict[str, Any]:
+        bound, s = model.bind(signals_in), Signals(signals(signals_in, inputs, states))
         port = _Naming(bound.effects, s)
-        own, _ = equations_of(bound, s, port)
-        return {name: {**own, **port.rates}[name] for name in states}
+        own_rates, _ = equations_of(bound, s, port)
+        return {name: {**own_rates, **port.rates}[name] for name in states}
 
-    def rates(given: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {n: k.rate if isinstance(k, Relaxing) else k for n, k in slopes(given).items()}
+    def rates(signals_in: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {n: k.rate if isinstance(k, Relaxing) else k for n, k in slopes(signals_in).items()}
 
-    def decays(given: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {n: k.decay for n, k in slopes(given).items() if isinstance(k, Relaxing)}
+    def decays(signals_in: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {n: k.decay for n, k in slopes(signals_in).items() if isinstance(k, Relaxing)}
 
-    def read(given: Mapping[str, Any]) -> Mapping[str, Any]:
-        return read_out(model.bind(given), Signals(signals(given, inputs, states)))
+    def read(signals_in: Mapping[str, Any]) -> Mapping[str, Any]:
+        return read_out(model.bind(signals_in), Signals(signals(signals_in, inputs, states)))
 
     with marked():
         return Traced(
@@ -144,8 +144,8 @@ def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
             inputs,
             states,
             arrive=traced(arrive, many, where),
-            start=traced(start, one, where),
-            rates=traced(rates, one, where),
-            decays=traced(decays, one, where),
+            start=traced(start, example, where),
+            rates=traced(rates, example, where),
+            decays=traced(decays, example, where),
             read=traced(read, many, where),
         )

@@ -64,10 +64,10 @@ class SpeedLoopThruster(Model):
 
     def commanded_in(self, unit: str) -> Self:
         """The thruster with its command in another unit; only of an effort is the curve fitted."""
-        other, bends = super().commanded_in(unit), unit == "effort"
+        converted, bends = super().commanded_in(unit), unit == "effort"
         if bends == (self.command in ("effort", "")):
-            return other
-        return other.replace(exponent={"fixed": not bends})
+            return converted
+        return converted.replace(exponent={"fixed": not bends})
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Fossen 2011, section 12.3, behind a static curve."""

@@ -129,19 +129,19 @@ class Vessel(Model):
 
     def commanded_in(self, unit: str) -> Self:
         """The vessel with its drive given in another unit; see `Model.commanded_in`."""
-        other = super().commanded_in(unit)
+        converted = super().commanded_in(unit)
         forces = self.drive == "twin" and unit == "N"
         described = {
             name: replace(p, unit=p.unit.removesuffix("/A") + ("" if forces else "/A"))
             if name in _RATIOS
             else p
-            for name, p in other._parameters.items()
+            for name, p in converted._parameters.items()
         }
         if self.drive == "twin" and forces:  # no power law is left to estimate
             described["exponent"] = Parameter(1.0, fixed=True)
         elif self.drive == "twin" and described["exponent"].fixed:
             described["exponent"] = replace(self.declared["exponent"], value=1.0)
-        return other._copy(_parameters=described, exponent=described["exponent"].value)
+        return converted._copy(_parameters=described, exponent=described["exponent"].value)
 
     def _power(self, command: Signal) -> Signal:
         """A command by the power law of the force, with a derivative also at rest."""

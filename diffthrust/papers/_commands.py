@@ -40,8 +40,8 @@ def staircase(
         raise InputError(
             f"staircase, levels: expected finite numbers, found {levels!r}.", "Give [1, 2, 3]."
         )
-    each, before = round(dwell / step), round(rest / step)
-    values = np.concatenate([np.zeros(before), np.repeat(heights, each), heights[-1:]])
+    each, pause = round(dwell / step), round(rest / step)
+    values = np.concatenate([np.zeros(pause), np.repeat(heights, each), heights[-1:]])
     return step * np.arange(values.size), values
 
 

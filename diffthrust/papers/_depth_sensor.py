@@ -214,10 +214,12 @@ def calibrate(
     lines = {name: fit_line(depth, y, f"calibrate, {name}") for name, y in columns.items()}
     count, all_y = len(columns), np.concatenate(list(columns.values()))
     together = fit_line(np.tile(depth, count), all_y, "calibrate, together")
-    left = {name: _squares(y - lines[name](depth)) for name, y in columns.items()}
+    remaining = {name: _squares(y - lines[name](depth)) for name, y in columns.items()}
     apart = {name: _squares(y - line(depth)) for name, y in columns.items()}
-    free, scatter = depth.size - 2, sum(left.values())
-    tests = {name: _f(apart[name] - left[name], 2, left[name], free, level) for name in columns}
+    free, scatter = depth.size - 2, sum(remaining.values())
+    tests = {
+        name: _f(apart[name] - remaining[name], 2, remaining[name], free, level) for name in columns
+    }
     tests["together"] = _f(sum(apart.values()) - scatter, 2 * count, scatter, count * free, level)
     joint = _squares(all_y - together(together.x))
     same = _f(joint - scatter, 2 * (count - 1), scatter, count * free, level)

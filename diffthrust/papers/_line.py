@@ -100,14 +100,21 @@ def fit_line(
             "Give records at more levels.",
         )
     coefficients, *_ = np.linalg.lstsq(matrix, y, rcond=None)
-    left = x.size - matrix.shape[1]
+    degrees = x.size - matrix.shape[1]
     inverse = np.linalg.pinv(matrix)
-    scatter = float(np.sum((y - matrix @ coefficients) ** 2)) / left if left else np.nan
-    told = np.sqrt(scatter * np.sum(inverse**2, axis=1))
+    scatter = float(np.sum((y - matrix @ coefficients) ** 2)) / degrees if degrees else np.nan
+    errors_of = np.sqrt(scatter * np.sum(inverse**2, axis=1))
     if errors is not None:
-        told = np.fmax(told, np.sqrt(np.sum((inverse * np.asarray(errors, float)) ** 2, axis=1)))
+        errors_of = np.fmax(
+            errors_of, np.sqrt(np.sum((inverse * np.asarray(errors, float)) ** 2, axis=1))
+        )
     if through_origin:
-        return FittedLine(float(coefficients[0]), 0.0, float(told[0]), 0.0, x, y)
+        return FittedLine(float(coefficients[0]), 0.0, float(errors_of[0]), 0.0, x, y)
     return FittedLine(
-        float(coefficients[0]), float(coefficients[1]), float(told[0]), float(told[1]), x, y
+        float(coefficients[0]),
+        float(coefficients[1]),
+        float(errors_of[0]),
+        float(errors_of[1]),
+        x,
+        y,
     )

@@ -54,7 +54,7 @@ def manoeuvres(
     """Sort records of free sailing into steady, accelerating and turning portions.
 
     The planned runs of Siramdasu & Fahimi (2013, section 3) hold the propeller and its angle;
-    records of free sailing do not, so portions are told by what the vessel does, not by its
+    records of free sailing do not, so portions are recognised by what the vessel does, not by its
     inputs. It runs straight where its yaw rate is small against the largest one in all records,
     and steadily where its surge would need long to change.
 

@@ -56,20 +56,24 @@ class Steady(Brief):
     def std_error(self, channel: str, unit: str) -> float:
         """Standard error of the mean under white noise; NaN where fewer than two were measured."""
         values = self.log.values(channel, unit)[self.first : self.end]
-        seen = values[np.isfinite(values)]
-        return float(np.std(seen, ddof=1) / np.sqrt(seen.size)) if seen.size > 1 else float("nan")
+        finite = values[np.isfinite(values)]
+        return (
+            float(np.std(finite, ddof=1) / np.sqrt(finite.size))
+            if finite.size > 1
+            else float("nan")
+        )
 
     def drift(self, channel: str, unit: str) -> float:
         """What a channel changed by over the portion, by the line through its samples.
 
         NaN where fewer than three samples were measured.
         """
-        part = slice(self.first, self.end)
-        time, values = self.log.time[part], self.log.values(channel, unit)[part]
-        seen = np.isfinite(values)
-        if seen.sum() < 3:
+        portion = slice(self.first, self.end)
+        time, values = self.log.time[portion], self.log.values(channel, unit)[portion]
+        finite = np.isfinite(values)
+        if finite.sum() < 3:
             return float("nan")
-        slope = np.polyfit(time[seen] - time[0], values[seen], 1)[0]
+        slope = np.polyfit(time[finite] - time[0], values[finite], 1)[0]
         return float(slope * (time[-1] - time[0]))
 
 

@@ -86,7 +86,7 @@ class TabulatedVessel(Model):
 
 
 class _Form:
-    """A vessel of which only the form counts."""
+    """A vessel that only gives the form; its values do not count."""
 
     def __init__(self, model: Vessel) -> None:
         self.model = model

@@ -45,5 +45,5 @@ def thrust_line(
     variance = max(flatter, 0.0) * (squared @ squared) / (4.0 * speed @ speed)
     squared = squared - variance * np.sign(speed)
     ct = (instrument @ thrust) / (instrument @ squared)
-    rest = instrument * (thrust - ct * squared)
-    return float(ct), float(np.sqrt(rest @ rest) / (instrument @ squared))
+    residual = instrument * (thrust - ct * squared)
+    return float(ct), float(np.sqrt(residual @ residual) / (instrument @ squared))

@@ -49,9 +49,9 @@ def surge_transient(
     def rising(log: Log) -> tuple[np.ndarray, np.ndarray, float]:
         n, u = log.values(*SCREW), log.values(*SURGE)
         begin = int(np.argmax(n > 0))
-        seen = np.isfinite(u[begin:])
-        time = (log.time[begin:] - log.time[begin])[seen]
-        return time, u[begin:][seen], float(np.median(n[begin:])) ** exponent / d11
+        finite = np.isfinite(u[begin:])
+        time = (log.time[begin:] - log.time[begin])[finite]
+        return time, u[begin:][finite], float(np.median(n[begin:])) ** exponent / d11
 
     def course(time: np.ndarray, u: np.ndarray, end: float, lag: float) -> np.ndarray:
         return end + (u[0] - end) * np.exp(-time / lag)
@@ -89,12 +89,12 @@ def yaw_transient(
         held = np.abs(angle - end.mean(*ANGLE)) < AMIDSHIPS
         begin = int(np.argmax(held))
         stop = int(np.searchsorted(log.time, log.time[begin] + first + 1e-9))
-        part = slice(begin, stop)
-        time = log.time[part] - log.time[begin]
-        u, v = (_exponential(time, log.values(*c)[part]) for c in (SURGE, SWAY))
+        portion = slice(begin, stop)
+        time = log.time[portion] - log.time[begin]
+        u, v = (_exponential(time, log.values(*c)[portion]) for c in (SURGE, SWAY))
         moment = (values["m11"] - values["m22"]) * u * v
-        moment -= lever_arm * n[part] ** exponent * np.sin(angle[part])
-        return time, r[part], moment / values["d33"]
+        moment -= lever_arm * n[portion] ** exponent * np.sin(angle[portion])
+        return time, r[portion], moment / values["d33"]
 
     def course(time: np.ndarray, r: np.ndarray, target: np.ndarray, lag: float) -> np.ndarray:
         """A first-order lag behind a target that is straight between the samples."""
@@ -126,8 +126,8 @@ def _exponential(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The course of an exponential through samples, equations (17) and (18)."""
     from scipy.optimize import least_squares
 
-    seen = np.isfinite(values)
-    t, y = time[seen], values[seen]
+    finite = np.isfinite(values)
+    t, y = time[finite], values[finite]
 
     def course(x: np.ndarray, t: np.ndarray) -> np.ndarray:
         return x[0] * np.exp(-np.exp(x[1]) * t) + x[2]

@@ -92,9 +92,9 @@ def cut_out(log: Log, start: float, stop: float) -> Log:
 
 def without_noise(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
     """The running mean over ``length`` seconds, of what was measured."""
-    seen = np.isfinite(values)
-    total = np.concatenate([[0.0], np.cumsum(np.where(seen, values, 0.0))])
-    count = np.concatenate([[0], np.cumsum(seen)])
+    finite = np.isfinite(values)
+    total = np.concatenate([[0.0], np.cumsum(np.where(finite, values, 0.0))])
+    count = np.concatenate([[0], np.cumsum(finite)])
     first = np.searchsorted(time, time - 0.5 * length - 1e-9)
     end = np.searchsorted(time, time + 0.5 * length + 1e-9)
     return (total[end] - total[first]) / np.maximum(count[end] - count[first], 1)

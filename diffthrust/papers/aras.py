@@ -174,9 +174,9 @@ def steady_map(motor: DCMotorThruster, thrust: ArrayLike) -> SteadyMap:
     half = 0.5 * v["thrust_linear"] / v["thrust_quadratic"]
     speed = np.sqrt(half**2 + size / v["thrust_quadratic"]) - half
     torque = v["load"] * speed**2 + v["viscous"] * speed + v["coulomb"] * np.tanh(speed / 0.1)
-    own = v["resistance"] * torque / v["torque_constant"] + v["back_emf"] * speed
+    computed = v["resistance"] * torque / v["torque_constant"] + v["back_emf"] * speed
     sign = np.sign(thrust)
-    return SteadyMap(thrust, sign * speed, sign * printed, sign * own)
+    return SteadyMap(thrust, sign * speed, sign * printed, sign * computed)
 
 
 def load_from(speed: float, voltage: float = SUPPLY) -> float:
@@ -198,14 +198,14 @@ def load_from(speed: float, voltage: float = SUPPLY) -> float:
     """
     v = _values(thruster(), "load_from")
     current = (voltage - v["back_emf"] * speed) / v["resistance"]
-    left = v["torque_constant"] * current - v["viscous"] * speed - v["coulomb"]
-    if not (speed > 0 and left > 0):
+    load = v["torque_constant"] * current - v["viscous"] * speed - v["coulomb"]
+    if not (speed > 0 and load > 0):
         raise InputError(
             f"load_from: expected a speed between zero and that of the motor without load, found "
             f"{speed:g} rad/s at {voltage:g} V.",
             "Check the units; the encoder's speed is printed as 280.4 rad/s.",
         )
-    return float(left / speed**2)
+    return float(load / speed**2)
 
 
 def _values(motor: DCMotorThruster, what: str) -> dict[str, float]:

@@ -149,11 +149,11 @@ def sequential(
     n, u, v, r = (np.array([end.mean(*c) for end in ends]) for c in (SCREW, SURGE, SWAY, YAW))
     push = n**exponent
     widest = turning & (np.abs(angles) > 0.95 * np.max(np.abs(angles)))
-    rest = turning & ~widest
+    remaining = turning & ~widest
     points: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def line_of(name: str, x: np.ndarray, y: np.ndarray) -> FittedLine:
-        points[name] = (x[rest], y[rest])
+        points[name] = (x[remaining], y[remaining])
         return fit_line(x[widest], y[widest], f"sequential, {name}", through_origin=True)
 
     m22 = line_of("m22", v * r, d11 * u - push * np.cos(angles))

@@ -147,19 +147,19 @@ def static_test(
     """
     _check_direction(direction)
     portions = steady_portions(logs, settle=settle, least=least, inputs=["command"])
-    used = [part for part in portions if _in_direction(part.mean(*_COMMAND), direction)]
+    used = [portion for portion in portions if _in_direction(portion.mean(*_COMMAND), direction)]
     if not used:
         raise InputError(
             f"static_test: no steady portion with a command {direction}; "
             f"{len(portions)} portions were found.",
             "Give direction='reverse' or 'both', or records with such commands.",
         )
-    command = np.array([part.mean(*_COMMAND) for part in used])
-    thrust = np.array([part.mean(*_THRUST) for part in used])
-    speed = np.array([_signed_mean(part) for part in used])
+    command = np.array([portion.mean(*_COMMAND) for portion in used])
+    thrust = np.array([portion.mean(*_THRUST) for portion in used])
+    speed = np.array([_signed_mean(portion) for portion in used])
     squared = speed * np.abs(speed)
-    of_squared = 2.0 * np.abs(speed) * np.array([part.std_error(*_SPEED) for part in used])
-    of_thrust = np.array([part.std_error(*_THRUST) for part in used])
+    of_squared = 2.0 * np.abs(speed) * np.array([portion.std_error(*_SPEED) for portion in used])
+    of_thrust = np.array([portion.std_error(*_THRUST) for portion in used])
     ct = fit_line(squared, thrust, "static_test, thrust", through_origin=True).slope
     apart = np.hypot(of_thrust, ct * of_squared)
     return StaticTest(
@@ -237,9 +237,9 @@ def dynamic_test(
     values, errors = _least_squares(matrix, slope[used])
     ct = None
     if thrust is not None:
-        seen = used & np.isfinite(thrust[:-1])
-        simulated = _simulated(log, *values)[:-1][seen]
-        ct = Quantity(*thrust_line(speed[:-1][seen], thrust[:-1][seen], simulated), "N s^2/rad^2")
+        valid = used & np.isfinite(thrust[:-1])
+        simulated = _simulated(log, *values)[:-1][valid]
+        ct = Quantity(*thrust_line(speed[:-1][valid], thrust[:-1][valid], simulated), "N s^2/rad^2")
     return DynamicTest(
         Quantity(values[0], errors[0], "1/rad"),
         Quantity(values[1], errors[1], "rad/(V s^2)"),
@@ -259,11 +259,11 @@ def _simulated(log: Log, alpha: float, beta: float) -> np.ndarray:
     return simulate(Thruster(alpha=alpha, beta=beta), log)["speed"]
 
 
-def _signed_mean(part: Steady) -> float:
+def _signed_mean(portion: Steady) -> float:
     """The mean speed; where the sensor gives no sign it has that of the command."""
-    speed = part.mean(*_SPEED)
-    unsigned = "speed" in part.log.unsigned
-    return abs(speed) * float(np.sign(part.mean(*_COMMAND))) if unsigned else speed
+    speed = portion.mean(*_SPEED)
+    unsigned = "speed" in portion.log.unsigned
+    return abs(speed) * float(np.sign(portion.mean(*_COMMAND))) if unsigned else speed
 
 
 def _in_direction(command: float, direction: str) -> bool:

@@ -86,8 +86,8 @@ def black_box(
     finite("black_box, step", step, lambda x: 0 < x <= longest,
            f"seconds, above zero, up to {longest:.3g}")  # fmt: skip
     make = _binary if signal == "prbs" else _sines
-    one = make(begin, end, step)
-    values = 0.5 * (low + high) + 0.5 * (high - low) * np.append(np.tile(one, count), one[0])
+    log = make(begin, end, step)
+    values = 0.5 * (low + high) + 0.5 * (high - low) * np.append(np.tile(log, count), log[0])
     unit = model.inputs["command"] if thruster else "V"
     run = Log(step * np.arange(values.size), {"command": values}, units={"command": unit})
     return Plan(

@@ -96,7 +96,7 @@ def excited(
         Lowest and highest frequency [Hz], or ``None`` where no part is excited.
     """
     edges = np.geomspace(*band, _PARTS + 1)
-    wanted, recorded = (_power(one, channel, unit, edges) for one in (plan, log))
+    wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
     good = [*(recorded >= _ENOUGH * wanted), False]
     best, start = (0, 0), 0
     for k, here in enumerate(good):

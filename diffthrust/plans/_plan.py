@@ -193,14 +193,14 @@ class Plan(Brief):
         return PlanCheck(tuple(self._findings(logs)))
 
     def _findings(self, logs: Sequence[Log]) -> Iterator[Finding]:
-        left: dict[tuple[tuple[str, float], ...], list[_Held]] = {}
+        groups: dict[tuple[tuple[str, float], ...], list[_Held]] = {}
         for name, run in self.runs.items():
             levels = _levels(name, run, self.settle)
             for level in levels:
                 key = tuple(sorted(level.inputs.items()))
-                if key not in left:
-                    left[key] = self._held(level, logs)
-                yield self._level(level, left[key].pop(0) if left[key] else None, logs)
+                if key not in groups:
+                    groups[key] = self._held(level, logs)
+                yield self._level(level, groups[key].pop(0) if groups[key] else None, logs)
             if not levels:
                 for channel, values in run.inputs.items():
                     unit = run.units.get(channel, "")
@@ -221,9 +221,9 @@ class Plan(Brief):
             )  # fmt: skip
             for first, last in true_stretches(held):
                 lasted = float(log.time[last] - log.time[first])
-                part = slice(first, last + 1)
+                portion = slice(first, last + 1)
                 absent = tuple(n for n in self.measure if n not in log.measured
-                               or not np.isfinite(log.measured[n][part]).any())  # fmt: skip
+                               or not np.isfinite(log.measured[n][portion]).any())  # fmt: skip
                 times = max(1, int(lasted / (level.stop - level.start) + 0.05))
                 stays += times * [_Held(lasted / times, absent)]
         return sorted(stays, key=lambda held: -held.lasted)
@@ -300,5 +300,5 @@ def _excites(
     if not parts:
         return Finding(name, words, "not excited", False)
     low, high = max(parts, key=lambda part: part[1] / part[0])
-    whole = low <= 1.001 * band[0] and high >= 0.999 * band[1]
-    return Finding(name, words, f"excited from {low:.3g} to {high:.3g} Hz", whole)
+    covers = low <= 1.001 * band[0] and high >= 0.999 * band[1]
+    return Finding(name, words, f"excited from {low:.3g} to {high:.3g} Hz", covers)

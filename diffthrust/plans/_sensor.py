@@ -26,7 +26,7 @@ def depth_calibration(
 ) -> Plan:
     """Depths held one after the other, several times, down and up again in turn.
 
-    With the way back a drift of the sensor, and what it remembers, are told from its line. At each
+    The way back separates a drift of the sensor, and what it remembers, from its line. At each
     depth the reading comes to rest first: to a hundredth, in 4.6 time constants.
 
     Args:

@@ -27,7 +27,7 @@ def speed_steps(
 ) -> Plan:
     """Wanted speeds of a speed loop, each held until the loop has come to rest.
 
-    On each side of zero that the limits allow: up to the limit in so many even steps, and from
+    On each side of zero that the limits allow: up to the limit in a number of even steps, and from
     there to zero in one. The loop is simulated from rest to the smallest and to the largest speed,
     which tells how long it takes, and whether the motor reaches them.
 
@@ -78,15 +78,15 @@ def _rests(loop: Loop, speed: float) -> float:
     span = 1.0
     while span <= MAX_REST:
         run = loop.simulate(Step(speed), span)
-        rest = settled(run.time, run["speed"])
-        if rest < 0.5 * span:
+        settling = settled(run.time, run["speed"])
+        if settling < 0.5 * span:
             if abs(run["speed"][-1] - speed) > _REACHED * abs(speed):
                 raise InputError(
                     f"speed_steps: for {speed:.4g} rad/s the loop comes to rest at "
                     f"{run['speed'][-1]:.4g} rad/s.",
                     "Narrow the limits, or look at the controller's integral and its limit.",
                 )
-            return rest
+            return settling
         span *= 2.0
     raise InputError(
         f"speed_steps: the loop does not come to rest at {speed:.4g} rad/s within {MAX_REST:g} s.",

@@ -94,9 +94,9 @@ def sequential(
     )
 
 
-def _run(n: float, angle: float, before: float, behind: float, step: float) -> Log:
-    time = step * np.arange(round((before + behind) / step) + 1)
-    turned = np.where(time >= before - 1e-9, angle, 0.0)
+def _run(n: float, angle: float, ahead: float, behind: float, step: float) -> Log:
+    time = step * np.arange(round((ahead + behind) / step) + 1)
+    turned = np.where(time >= ahead - 1e-9, angle, 0.0)
     return Log(
         time, {"propeller_speed": np.full(time.size, n), "rudder_angle": turned}, units=_UNITS
     )

@@ -12,18 +12,24 @@ from diffthrust.models._base.model import Model
 
 
 def command_kind(model: Model, unit: str) -> str:
-    """Which of the units of a model's command measures the same; that of the model if none."""
-    alike = (kind for kind in model.commands if unit and same_quantity(unit, kind))
-    return next(alike, model.command)
+    """The unit of the model's command that measures the same as ``unit``; its present one if none.
+
+    Args:
+        model: the model.
+        unit: in which a log has the command; empty where the log does not say.
+    """
+    same = (kind for kind in model.commands if unit and same_quantity(unit, kind))
+    return next(same, model.command)
 
 
 def adopted(model: Model, logs: Sequence[Log]) -> Model:
     """The model with its command in the unit in which the logs have it.
 
-    Its numbers stay as they are: they are a first guess for whoever fits it.
+    Its numbers stay as they are: they are a first guess for whoever fits it. To be called before
+    the logs are bound, for a record has its inputs in the units of one model.
 
     Raises:
-        InputError: two logs have it in different units, or a number that is held is per another.
+        InputError: two logs have it in different units, or a fixed number is given per another.
     """
     kinds = {
         command_kind(model, log.units[name]): log.name
@@ -32,9 +38,9 @@ def adopted(model: Model, logs: Sequence[Log]) -> Model:
         if name in log.inputs
     }
     if len(kinds) > 1:
-        found = listing(f"{unit} in {name}" for unit, name in kinds.items())
+        units = listing(f"{unit} in {name}" for unit, name in kinds.items())
         raise InputError(
-            f"The logs command the model '{model.name}' in different units: {found}.",
+            f"The logs command the model '{model.name}' in different units: {units}.",
             "Give all of them in one, or fit them apart.",
         )
     for unit in kinds:
@@ -45,7 +51,11 @@ def adopted(model: Model, logs: Sequence[Log]) -> Model:
 
 
 def _check_free(model: Model, unit: str) -> None:
-    """Raise InputError where a value that counts was given for another unit of the command."""
+    """Raise InputError where a fixed number or a prior was given for another unit of the command.
+
+    A free number is only a first guess and may be of the wrong size; a fixed one or a prior would
+    go into the result.
+    """
     changed = model.commanded_in(unit).parameters
     for name, p in model.parameters.items():
         if (p.fixed or p.prior is not None) and p.value != p.null and changed[name].unit != p.unit:

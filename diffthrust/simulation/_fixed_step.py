@@ -1,4 +1,4 @@
-"""Simulation of a model over a log with a given number of integrator steps."""
+"""Simulation of a model over a record with a fixed number of integrator steps per sample."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from diffthrust._support._running.batching import alone, padded_length, run_prog
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_start
-from diffthrust.simulation._remembered import remembered
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._trajectory import Grid, Key, driven, trajectory
 
 
@@ -28,37 +26,52 @@ def compiled_simulation(static: tuple[Key, Grid], numbers: Any) -> Any:
 
 
 def _run(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
+    # each length is a program of its own, which XLA never unmaps; steps of no length leave the
+    # states where they are
     spare = padded_length(time.size) - time.size
-    if spare:  # steps of no length: the state rests
+    if spare:
         time, inputs = jax.tree.map(lambda s: np.pad(s, (0, spare), "edge"), (time, inputs))
     return run_program(compiled_simulation, (key, grid), (values, time, inputs, start))
 
 
 def simulate_fixed(
-    model: Model, log: Log, initial: Mapping[str, float] | None, substeps: int
+    model: Model, record: Record, initial: Mapping[str, float] | None, substeps: int
 ) -> dict[str, np.ndarray]:
-    """As `simulate`, with so many integrator steps per sample."""
-    start = {**measured_start(model, log), **checked_initial(model, initial)}
-    key, values = Key(model), {name: p.value for name, p in model.parameters.items()}
-    asked = (key, *values.values(), id(log), *sorted(start.items()), substeps)
-    return remembered(asked, log, lambda: simulated_from(key, values, log, start, substeps))
+    """States and outputs of a model at the samples of a record's log, ``(n,)`` each.
+
+    Args:
+        model: the model at its present values.
+        record: inputs, time base, and measured initial states.
+        initial: other initial states, by name.
+        substeps: integrator steps per sample.
+
+    Raises:
+        InputError: initial states that the model does not have.
+    """
+    start = {**record.start, **checked_initial(model, initial)}
+    values = {name: p.value for name, p in model.parameters.items()}
+    return simulated_from(Key(model), values, record, start, substeps)
 
 
 def simulated_from(
-    key: Key, values: Mapping[str, float], log: Log, start: Mapping[str, float], substeps: int
+    key: Key,
+    values: Mapping[str, float],
+    record: Record,
+    start: Mapping[str, float],
+    substeps: int,
 ) -> dict[str, np.ndarray]:
-    """A simulation with all that is known given; not remembered."""
-    log, original = bridged(log)
-    inputs = inputs_of(key.model, log)
+    """As `simulate_fixed`, from the given initial states alone and with values of parameters."""
+    inputs = record.inputs_for(key.model)
     outputs, states = _run(
         key,
-        Grid(hold_of(log, inputs), substeps, uniform=log.even, padded=alone()),
+        Grid(record.holds(inputs), substeps, uniform=record.even, padded=alone()),
         {name: np.asarray(value, float) for name, value in values.items()},
-        log.time,
+        record.time,
         inputs,
         {name: np.asarray(value, float) for name, value in start.items()},
     )
-    return {name: np.asarray(value)[original] for name, value in {**states, **outputs}.items()}
+    series = {**states, **outputs}
+    return {name: np.asarray(value)[record.original] for name, value in series.items()}
 
 
 def checked_initial(model: Model, initial: Any) -> dict[str, float]:
@@ -95,10 +108,10 @@ def checked_initial(model: Model, initial: Any) -> dict[str, float]:
     return start
 
 
-def starting_states(model: Model, log: Log) -> dict[str, float]:
+def starting_states(model: Model, record: Record) -> dict[str, float]:
     """Where every integrated state begins: first measurement, or the model's own initial value."""
-    inputs = inputs_of(model, log)
-    _, first = driven(model, log.time, inputs)
-    own = [name for name in model.states if name not in inputs]
-    start = {**(model.initial(first) if own else {}), **measured_start(model, log)}
-    return {name: float(start.get(name, 0.0)) for name in own}
+    inputs = record.inputs_for(model)
+    _, first = driven(model, record.time, inputs)
+    integrated = [name for name in model.states if name not in inputs]
+    start = {**(model.initial(first) if integrated else {}), **record.start}
+    return {name: float(start.get(name, 0.0)) for name in integrated}

@@ -8,39 +8,41 @@ from functools import cache
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._fixed_step import simulate_fixed
-from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._linearise import Reading
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._trajectory import equations_of
 
 
-def with_sizes(model: Model, logs: Sequence[Log]) -> Model:
+def with_sizes(model: Model, records: Sequence[Record]) -> Model:
     """The model with the sizes that its effects take from the logs."""
-    levels = levels_when_asked(model, logs)
+    levels = levels_when_asked(model, records)
     return model._copy(effects=tuple(effect.scaled(levels) for effect in model.effects))
 
 
-def levels_when_asked(model: Model, logs: Sequence[Log]) -> Callable[[], Mapping[str, float]]:
-    """How large the signals of a model are, worked out at the first call: most effects ask not.
+def levels_when_asked(model: Model, records: Sequence[Record]) -> Callable[[], Mapping[str, float]]:
+    """How large the signals of a model are, worked out at the first call: few effects ask for it.
 
     Of inputs, states, measured outputs, ports, what the model tells there, and "duration". States
     that a log measures are as measured, others as simulated.
     """
-    return cache(lambda: levels_over([_signals(model, log) for log in logs], logs))
+    return cache(lambda: levels_over([_signals(model, record) for record in records], records))
 
 
 def levels_over(
-    series: Sequence[Mapping[str, np.ndarray]], logs: Sequence[Log]
+    signals: Sequence[Mapping[str, np.ndarray]], records: Sequence[Record]
 ) -> dict[str, float]:
-    """The 90th percentile of the absolute value of every signal, and the longest duration."""
-    every = [name for name in series[0] if all(name in one for one in series)]
-    pooled = {name: np.abs(np.concatenate([one[name] for one in series])) for name in every}
-    seen = {name: values[np.isfinite(values)] for name, values in pooled.items()}
-    levels = {name: float(np.quantile(v, 0.9)) for name, v in seen.items() if v.size}
-    return {**levels, "duration": max(log.duration for log in logs)}
+    """The 90th percentile of the absolute value of every signal, and the longest duration.
+
+    Not the maximum: a spike of a sensor is no level.
+    """
+    shared = [name for name in signals[0] if all(name in series for series in signals)]
+    pooled = {name: np.abs(np.concatenate([series[name] for series in signals])) for name in shared}
+    finite = {name: values[np.isfinite(values)] for name, values in pooled.items()}
+    levels = {name: float(np.quantile(v, 0.9)) for name, v in finite.items() if v.size}
+    return {**levels, "duration": max(record.duration for record in records)}
 
 
 def port_readings(model: Model, series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -48,16 +50,16 @@ def port_readings(model: Model, series: Mapping[str, np.ndarray]) -> dict[str, n
     s = Signals({name: jnp.asarray(value) for name, value in series.items()})
     port = Reading(model.effects, s)
     equations_of(model, s, port)
-    shape, every = np.shape(series["time"]), {**port.told, **port.seen}
-    return {name: np.broadcast_to(np.asarray(value), shape) for name, value in every.items()}
+    shape, readings = np.shape(series["time"]), {**port.told, **port.seen}
+    return {name: np.broadcast_to(np.asarray(value), shape) for name, value in readings.items()}
 
 
-def _signals(model: Model, log: Log) -> dict[str, np.ndarray]:
-    """Every signal of a model over a log."""
-    series = {"time": log.time, **inputs_of(model, log)}
-    series |= {n: log.values(n, u) for n, u in model.states.items() if n in log.measured}
+def _signals(model: Model, record: Record) -> dict[str, np.ndarray]:
+    """Every signal of a model at the samples of a log; channels as recorded."""
+    inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
+    series = {"time": record.log.time, **inputs}
+    series |= {n: record.recorded[n] for n in model.states if n in record.recorded}
     if any(name not in series for name in model.all_states):
-        modelled = simulate_fixed(model, log, None, 1)
+        modelled = simulate_fixed(model, record, None, 1)
         series = {n: v for n, v in modelled.items() if n in model.all_states} | series
-    measured = {n: log.values(n, u) for n, u in model.outputs.items() if n in log.measured}
-    return {**measured, **port_readings(model, series), **series}
+    return {**record.recorded, **port_readings(model, series), **series}

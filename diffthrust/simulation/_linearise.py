@@ -9,11 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
@@ -39,14 +38,16 @@ class Reading(Ports):
         return value + self.push[port] if port in self.push else value
 
 
-def slopes_at(model: Model, log: Log) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Derivatives of rates and outputs by states, ports and inputs, at one point of a log.
+def slopes_at(model: Model, record: Record) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Derivatives of rates and outputs by states, ports and inputs, at one point of a record.
 
     Returns:
         ``{rate: (by_state, by_port, by_input)}`` and the same of the outputs.
     """
     rng = np.random.default_rng(0)
-    inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in inputs_of(model, log).items()}
+    series = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
+    # away from zero, where a slope may vanish by symmetry (the drag of a vessel at rest)
+    inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in series.items()}
     at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
 
     def both(x: dict[str, Any], push: dict[str, Any], given: dict[str, Any]) -> Any:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import Record
 
 
 class SimulationFailedWarning(RuntimeWarning):
@@ -19,51 +19,51 @@ class SimulationFailedWarning(RuntimeWarning):
     """
 
 
-def overflow(model: Model, log: Log, modelled: Mapping[str, np.ndarray]) -> str:
+def overflow(model: Model, record: Record, modelled: Mapping[str, np.ndarray]) -> str:
     """A sentence on when and by which state a simulation left the finite numbers; empty if not.
 
     Args:
         model: that was simulated.
-        log: over which.
-        modelled: states and outputs, ``(n,)`` each.
+        record: over which.
+        modelled: states and outputs at the samples of its log, ``(n,)`` each.
     """
     units = {**model.all_states, **model.outputs}
-    found = {n: int(np.argmin(np.isfinite(modelled[n]))) for n in units if n in modelled}
-    lost = {n: k for n, k in found.items() if not np.isfinite(modelled[n][k])}
+    first = {n: int(np.argmin(np.isfinite(modelled[n]))) for n in units if n in modelled}
+    lost = {n: k for n, k in first.items() if not np.isfinite(modelled[n][k])}
     if not lost:
         return ""
-    name = min(lost, key=lambda n: lost[n])  # states before outputs, which follow them
-    k, here = lost[name], modelled[name]
-    known = [name] if name in model.all_states and k else []
-    at = k - 1 if known else k
-    known = known or [n for n in model.all_states if n in modelled and n != name]
-    beside = [f"{n} {modelled[n][at]:.4g} {units[n]}".rstrip() for n in known]
-    when = f" ({'one sample earlier ' * (at < k)}{', '.join(beside)})" if beside else ""
+    name = min(lost, key=lambda n: lost[n])  # states come before outputs, which follow from them
+    k, series = lost[name], modelled[name]
+    shown = [name] if name in model.all_states and k else []
+    at = k - 1 if shown else k
+    shown = shown or [n for n in model.all_states if n in modelled and n != name]
+    values = [f"{n} {modelled[n][at]:.4g} {units[n]}".rstrip() for n in shown]
+    when = f" ({'one sample earlier ' * (at < k)}{', '.join(values)})" if values else ""
     return (
-        f"{log.name}: the simulation leaves the finite numbers at t = {log.time[k]:.6g} s, where "
-        f"the {'state' if name in model.all_states else 'output'} '{name}' is "
-        f"{'no number' if np.isnan(here[k]) else 'infinite'}{when}."
+        f"{record.name}: the simulation leaves the finite numbers at t = {record.log.time[k]:.6g} "
+        f"s, where the {'state' if name in model.all_states else 'output'} '{name}' is "
+        f"{'no number' if np.isnan(series[k]) else 'infinite'}{when}."
     )
 
 
-def too_large(model: Model, log: Log, modelled: Mapping[str, np.ndarray]) -> str:
+def too_large(model: Model, record: Record, modelled: Mapping[str, np.ndarray]) -> str:
     """A sentence on a channel of finite numbers that are too large to be squared; empty if none.
 
     Args:
         model: that was simulated.
-        log: over which.
-        modelled: its outputs, ``(n,)`` each.
+        record: over which.
+        modelled: its outputs at the samples of its log, ``(n,)`` each.
     """
     for name, unit in model.outputs.items():
-        if name not in log.measured:
+        if name not in record.measured:
             continue
-        theirs = np.abs(log.values(name, unit))
+        measured = np.abs(record.observed[name])
         with np.errstate(over="ignore", invalid="ignore"):
-            if np.isfinite(np.nansum(theirs**2) + np.sum(modelled[name] ** 2)):
+            if np.isfinite(np.nansum(measured**2) + np.sum(modelled[name] ** 2)):
                 continue
         return (
-            f"{log.name}: numbers of {name} are too large to be squared: measured up to "
-            f"{np.nanmax(theirs):.4g} {unit}, simulated up to "
+            f"{record.name}: numbers of {name} are too large to be squared: measured up to "
+            f"{np.nanmax(measured):.4g} {unit}, simulated up to "
             f"{np.max(np.abs(modelled[name])):.4g} {unit}. Is its unit right?"
         )
     return ""

@@ -16,11 +16,10 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._fixed_step import simulate_fixed
-from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._overflow import overflow, too_large
-from diffthrust.simulation._remembered import simulated_once
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._starts import estimated_start, unknown_starts
-from diffthrust.simulation._step_size import choose_substeps
+from diffthrust.simulation._step_size import simulate_over
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,7 +41,7 @@ class Run(Brief):
         time: time stamps [s], ``(n,)``.
         channels: measured and modelled, by channel that the log measures.
         errors: errors by channel.
-        log: the log as it counts: without repeats of held sensors, and samples at a rail.
+        record: the log as the model reads it.
         signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
         units: unit of each signal.
         start: initial states that were given, and those that were estimated from the run.
@@ -55,13 +54,18 @@ class Run(Brief):
     time: np.ndarray
     channels: Mapping[str, Trace]
     errors: Errors
-    log: Log = field(repr=False)
+    record: Record = field(repr=False)
     signals: Mapping[str, np.ndarray] = field(repr=False)
     units: Mapping[str, str] = field(repr=False)
     start: Mapping[str, float]
     substeps: int
     estimated: tuple[str, ...] = ()
     failure: str = ""
+
+    @property
+    def log(self) -> Log:
+        """The log with what carries weight: no repeats of held sensors, no samples at a rail."""
+        return self.record.counted
 
     @cached_property
     def shown(self) -> ShownUnits:
@@ -82,32 +86,32 @@ class Run(Brief):
 
 def runs_over(
     model: Model,
-    logs: Sequence[Log],
+    records: Sequence[Record],
     *,
     initial: Sequence[Mapping[str, float]] | None = None,
     substeps: int | None = None,
 ) -> tuple[Run, ...]:
-    """Each whole log simulated, beside what it measured.
+    """Each whole record simulated, beside what it measured.
 
     Args:
         model: the model at its present parameter values.
-        logs: the logs.
-        initial: initial states for each log; by default measured states start from their first
+        records: the logs, bound to the model.
+        initial: initial states for each of them; by default measured states start from their first
             measurement, and others, where an output feels them, where the run errs least.
-        substeps: integrator steps per sample; chosen for each log where ``None``.
+        substeps: integrator steps per sample; chosen for each record where ``None``.
 
     Raises:
-        InputError: a log without a channel that the model needs, no log with one that it puts out,
-            or initial states of another number of logs.
+        InputError: none measures an output of the model, or initial states of another number of
+            logs.
     """
-    starts = [{}] * len(logs) if initial is None else initial
-    if isinstance(starts, Mapping) or len(starts) != len(logs):
+    starts = [{}] * len(records) if initial is None else initial
+    if isinstance(starts, Mapping) or len(starts) != len(records):
         raise InputError(
-            f"initial: expected a list with initial states for each of {len(logs)} logs.",
+            f"initial: expected a list with initial states for each of {len(records)} logs.",
             "Give initial=[{'speed': 1.0}, ...].",
         )
     runs = tuple(
-        _run(model, log.counted, start, substeps) for log, start in zip(logs, starts, strict=True)
+        _run(model, record, start, substeps) for record, start in zip(records, starts, strict=True)
     )
     if not any(run.channels for run in runs):
         raise InputError(
@@ -124,32 +128,40 @@ def are_tables(model: Model, runs: Sequence[Run]) -> bool:
     return counted and not model.states
 
 
-def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | None) -> Run:
-    with simulated_once():  # with the steps that are chosen it is simulated already
-        if substeps is None:
-            substeps = choose_substeps(model, log, initial=start)
-        if estimated := unknown_starts(model, log, start):
-            start = {**start, **estimated_start(model, log, start, estimated, substeps)}
-        modelled = simulate_fixed(model, log, start, substeps)
-    channels = {}
-    for name, unit in model.outputs.items():
-        if name not in log.measured:
-            continue
-        ours = np.abs(modelled[name]) if name in log.unsigned else modelled[name]
-        theirs = log.values(name, unit)
-        rest = theirs - ours
-        if name in model.angles:
-            rest = wrapped(rest)
-            theirs = unwrapped(theirs)
-            ours = theirs - rest
-        channels[name] = Trace(theirs, ours, rest, unit)
-    pairs = {n: [(t.measured, t.residual)] for n, t in channels.items()}
-    by_channel = errors(pairs, model.outputs, ShownUnits((log.written,)))
-    signals = {**inputs_of(model, log), **{n: v for n, v in modelled.items() if "." not in n}}
-    units = {**model.inputs, **model.optional_inputs, **model.states, **model.outputs}
-    failure = overflow(model, log, modelled) or too_large(model, log, modelled)
-    about = (log, signals, units, start, substeps, estimated, failure)
-    return Run(log.name, log.time, channels, by_channel, *about)
+def _run(model: Model, record: Record, start: Mapping[str, float], substeps: int | None) -> Run:
+    modelled, substeps = simulate_over(model, record, start, substeps)
+    if estimated := unknown_starts(model, record, start):
+        start = {**start, **estimated_start(model, record, start, estimated, substeps)}
+        modelled = simulate_fixed(model, record, start, substeps)
+    traces = {name: _trace(model, record, name, modelled[name]) for name in record.measured}
+    pairs = {n: [(t.measured, t.residual)] for n, t in traces.items()}
+    inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
+    return Run(
+        name=record.name,
+        time=record.log.time,
+        channels=traces,
+        errors=errors(pairs, model.outputs, ShownUnits((record.log.written,))),
+        record=record,
+        signals={**inputs, **{n: v for n, v in modelled.items() if "." not in n}},
+        units={**model.inputs, **model.optional_inputs, **model.states, **model.outputs},
+        start=start,
+        substeps=substeps,
+        estimated=estimated,
+        failure=overflow(model, record, modelled) or too_large(model, record, modelled),
+    )
+
+
+def _trace(model: Model, record: Record, name: str, modelled: np.ndarray) -> Trace:
+    """One measured channel beside what the model says of it."""
+    measured = record.observed[name]
+    if name in record.unsigned:
+        modelled = np.abs(modelled)
+    residual = measured - modelled
+    if name in model.angles:  # a heading that passes north is no error of a full turn
+        residual = wrapped(residual)
+        measured = unwrapped(measured)
+        modelled = measured - residual
+    return Trace(measured, modelled, residual, model.outputs[name])
 
 
 def start_notes(runs: Sequence[Run]) -> tuple[str, ...]:

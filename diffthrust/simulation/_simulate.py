@@ -9,9 +9,9 @@ import numpy as np
 
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._overflow import SimulationFailedWarning, overflow
-from diffthrust.simulation._step_size import choose_substeps
+from diffthrust.simulation._record import bind
+from diffthrust.simulation._step_size import simulate_over
 
 
 def simulate(
@@ -41,9 +41,8 @@ def simulate(
         >>> dft.simulate(dft.Thruster(), log)["thrust"].shape
         (240,)
     """
-    if substeps is None:
-        substeps = choose_substeps(model, log, initial=initial)
-    modelled = simulate_fixed(model, log, initial, substeps)
-    if failure := overflow(model, log, modelled):
+    (record,) = bind(model, [log], compared=False)
+    modelled, _ = simulate_over(model, record, initial, substeps)
+    if failure := overflow(model, record, modelled):
         warnings.warn(failure, SimulationFailedWarning, stacklevel=2)
     return modelled

@@ -17,14 +17,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._dependence import dependence, states_behind
 from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._fixed_step import simulated_from, starting_states
-from diffthrust.simulation._inputs import inputs_of, measured_start
-from diffthrust.simulation._remembered import remembered
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._trajectory import Key
 
 _ROUNDS = 20
@@ -40,18 +38,19 @@ _FAR = 10.0
 spread of its channel: a start that the run hardly feels stays near."""
 
 
-def following(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
-    """The states, measured in none of the logs, that begin as free parameters say."""
+def following(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
+    """The states, measured in none of the records, that begin as free parameters say."""
     free = tuple(name for name, p in model.parameters.items() if not p.fixed)
     if type(model).initial is Model.initial or not free:
         return ()
-    inputs = tuple(sorted(inputs_of(model, logs[0])))
-    said = _said(Key(model), free, inputs)
-    return tuple(n for n in said if not any(n in log.measured or n in log.inputs for log in logs))
+    inputs = tuple(sorted(records[0].inputs_for(model)))
+    dependent = _dependent(Key(model), free, inputs)
+    recorded = {n for record in records for n in (*record.measured_states, *record.inputs)}
+    return tuple(n for n in dependent if n not in recorded)
 
 
 @lru_cache(256)
-def _said(key: Key, free: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[str, ...]:
+def _dependent(key: Key, free: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[str, ...]:
     """The states whose initial values depend on some parameters."""
     first = Signals({**dict.fromkeys(inputs, 0.5), "time": 0.0})
 
@@ -60,44 +59,44 @@ def _said(key: Key, free: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[str
 
     numbers = {name: key.model.parameters[name].value for name in free}
     names = sorted(jax.eval_shape(initial, numbers))
-    reached = dependence(jax.make_jaxpr(initial)(numbers).jaxpr)
-    return tuple(name for name, by in zip(names, reached, strict=True) if by)
+    sources = dependence(jax.make_jaxpr(initial)(numbers).jaxpr)
+    return tuple(name for name, by in zip(names, sources, strict=True) if by)
 
 
-def felt(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
-    """The model's own states that any measured output feels, in their order."""
-    found = set()
-    for log in logs:
-        inputs = tuple(sorted(inputs_of(model, log)))
-        outputs = tuple(n for n in model.outputs if n in log.measured)
-        found |= _behind(Key(model), inputs, outputs)
-    return tuple(n for n in model.states if n in found)
+def felt(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
+    """The model's own states that any measured output depends on, in their order."""
+    names: set[str] = set()
+    for record in records:
+        inputs = tuple(sorted(record.inputs_for(model)))
+        names |= _upstream(Key(model), inputs, tuple(record.measured))
+    return tuple(n for n in model.states if n in names)
 
 
 @lru_cache(256)
-def _behind(key: Key, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> frozenset[str]:
+def _upstream(key: Key, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> frozenset[str]:
+    """The states that some outputs depend on, directly or through others."""
     states = tuple(n for n in key.model.all_states if n not in inputs)
     signals = {**dict.fromkeys(inputs, 0.5), "time": 0.0}
     return frozenset(n for o in outputs for n in states_behind(key.model, o, states, signals))
 
 
-def unknown_starts(model: Model, log: Log, given: Mapping[str, float]) -> tuple[str, ...]:
-    """The states that begin nobody knows where, and that a measured output feels."""
-    known = {*log.inputs, *given, *measured_start(model, log)}
+def unknown_starts(model: Model, record: Record, given: Mapping[str, float]) -> tuple[str, ...]:
+    """The states whose beginning is unknown and that a measured output depends on."""
+    known = {*record.inputs, *given, *record.start}
     if known >= {*model.states}:
         return ()
-    known |= {*following(model, [log])}
-    return tuple(n for n in felt(model, [log]) if n not in known)
+    known |= {*following(model, [record])}
+    return tuple(n for n in felt(model, [record]) if n not in known)
 
 
 def estimated_start(
-    model: Model, log: Log, given: Mapping[str, float], names: Sequence[str], substeps: int
+    model: Model, record: Record, given: Mapping[str, float], names: Sequence[str], substeps: int
 ) -> dict[str, float]:
     """The initial values of some states with which a whole run errs least.
 
     Args:
         model: the model at its present values.
-        log: the run.
+        record: the run.
         given: initial values of other states.
         names: the states that are sought.
         substeps: integrator steps per sample.
@@ -106,56 +105,56 @@ def estimated_start(
         The values: least squares of the errors of all measured channels, each over its spread.
     """
     key, values = Key(model), {name: p.value for name, p in model.parameters.items()}
-    fixed = {**measured_start(model, log), **given}
+    fixed = {**record.start, **given}
 
-    def ran(x: np.ndarray) -> dict[str, np.ndarray]:
+    def simulate(x: np.ndarray) -> dict[str, np.ndarray]:
         start = {**fixed, **dict(zip(names, map(float, x), strict=True))}
-        return simulated_from(key, values, log, start, substeps)
+        return simulated_from(key, values, record, start, substeps)
 
-    def search() -> dict[str, np.ndarray]:
-        begin = starting_states(model, log)
-        x = _least(ran, lambda path: _errors(model, log, path), {n: begin[n] for n in names})
-        return {name: np.asarray(value) for name, value in zip(names, x, strict=True)}
-
-    asked = ("start", key, *values.values(), id(log), *sorted(given.items()), *names, substeps)
-    return {name: float(value) for name, value in remembered(asked, log, search).items()}
+    begin = starting_states(model, record)
+    x = _least_squares(
+        simulate, lambda path: _errors(model, record, path), {n: begin[n] for n in names}
+    )
+    return {name: float(value) for name, value in zip(names, x, strict=True)}
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
-def _errors(model: Model, log: Log, path: Mapping[str, np.ndarray]) -> np.ndarray:
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are reported elsewhere
+def _errors(model: Model, record: Record, path: Mapping[str, np.ndarray]) -> np.ndarray:
     """Measured minus modelled of every channel, over its spread."""
-    rests = []
-    for name, unit in model.outputs.items():
-        if name in log.measured:
-            theirs, ours = log.values(name, unit), path[name]
-            seen = np.isfinite(theirs)
-            rest = (theirs - (np.abs(ours) if name in log.unsigned else ours))[seen]
-            rest = wrapped(rest) if name in model.angles else rest
-            rests.append(np.asarray(rest) / (float(np.std(theirs[seen])) or 1.0))
-    return np.concatenate(rests)
+    errors = []
+    for name, measured in record.observed.items():
+        valid = np.isfinite(measured)
+        modelled = np.abs(path[name]) if name in record.unsigned else path[name]
+        residual = (measured - modelled)[valid]
+        residual = wrapped(residual) if name in model.angles else residual
+        errors.append(np.asarray(residual) / (float(np.std(measured[valid])) or 1.0))
+    return np.concatenate(errors)
 
 
-def _least(ran: Any, errors: Any, begin: Mapping[str, float]) -> np.ndarray:
-    """Levenberg-Marquardt over a few numbers, by differences, from where the model begins."""
+def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np.ndarray:
+    """Levenberg-Marquardt over a few numbers, by differences, from where the model begins.
+
+    By differences, for a derivative of the simulation would be another program to compile.
+    """
     first = np.array([*begin.values()], float)
-    sizes = [np.max(np.abs(ran(first)[n])) for n in begin]
+    sizes = [np.max(np.abs(simulate(first)[n])) for n in begin]
     size = np.array([s if np.isfinite(s) and s > 0 else 1.0 for s in sizes])
 
-    def rests(y: np.ndarray) -> np.ndarray:
-        return np.append(errors(ran(first + size * y)), y / _FAR)
+    def residuals(y: np.ndarray) -> np.ndarray:
+        return np.append(errors(simulate(first + size * y)), y / _FAR)
 
     y, damping = np.zeros(first.size), 1e-3
-    rest = rests(y)
+    current = residuals(y)
     for _ in range(_ROUNDS):
-        slopes = np.array([(rests(y + d) - rest) / _NUDGE for d in _NUDGE * np.eye(y.size)])
-        square, against, fell = slopes @ slopes.T, slopes @ rest, 0.0
+        slopes = np.array([(residuals(y + d) - current) / _NUDGE for d in _NUDGE * np.eye(y.size)])
+        square, gradient, fell = slopes @ slopes.T, slopes @ current, 0.0
         while not fell and damping < _STUCK and np.isfinite(square).all():
-            step = np.linalg.solve(square + damping * np.diag(np.diag(square)), against)
-            tried = rests(y - step)
-            fell = max(0.0, 1.0 - float(tried @ tried) / float(rest @ rest))
+            step = np.linalg.solve(square + damping * np.diag(np.diag(square)), gradient)
+            trial = residuals(y - step)
+            fell = max(0.0, 1.0 - float(trial @ trial) / float(current @ current))
             damping *= 0.1 if fell > 0 else 10.0
             if fell > 0:
-                y, rest = y - step, tried
+                y, current = y - step, trial
         if not fell > _ENOUGH:
             break
     return first + size * y

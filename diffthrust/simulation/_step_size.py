@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._record import Record, bind
 
 MOST_SUBSTEPS = 32
+_TOLERANCE = 0.01
+"""Integration error allowed, as a share of the sensor noise: it then changes nothing in a fit."""
 
 
 class CoarseStepWarning(UserWarning):
@@ -21,11 +25,11 @@ class CoarseStepWarning(UserWarning):
         >>> import warnings
         >>> with warnings.catch_warnings():
         ...     warnings.simplefilter("error", dft.CoarseStepWarning)
-        ...     found = dft.simulate(dft.Thruster(), log)
+        ...     modelled = dft.simulate(dft.Thruster(), log)
     """
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are reported elsewhere
 def sensor_noise(values: np.ndarray) -> float:
     """Standard deviation of the sample-to-sample noise of a measured channel.
 
@@ -33,14 +37,15 @@ def sensor_noise(values: np.ndarray) -> float:
     factor for Gaussian noise. At least a ten-thousandth of the channel's own spread, so that
     noise-free and coarsely quantised channels have a scale too.
     """
-    seen = values[np.isfinite(values)]
-    if seen.size < 3:
-        return float(np.ptp(seen)) or 1.0
-    bends = np.abs(np.diff(seen, 2))
+    valid = values[np.isfinite(values)]
+    if valid.size < 3:
+        return float(np.ptp(valid)) or 1.0
+    bends = np.abs(np.diff(valid, 2))
     middle = [(bends.size - 1) // 2, bends.size // 2]  # NumPy's median takes five times as long
-    rough = np.partition(bends, middle)[middle].mean() / 0.6745 / np.sqrt(6.0)
-    rounding = 1e-9 * np.max(np.abs(seen))  # a constant channel has neither noise nor spread
-    return float(max(rough, 1e-4 * np.std(seen), rounding)) or 1.0
+    # 0.6745 and the root of six: the median of |x| of a Gaussian, and its second differences
+    level = np.partition(bends, middle)[middle].mean() / 0.6745 / np.sqrt(6.0)
+    rounding = 1e-9 * np.max(np.abs(valid))  # a constant channel has neither noise nor spread
+    return float(max(level, 1e-4 * np.std(valid), rounding)) or 1.0
 
 
 def step_error(
@@ -53,7 +58,7 @@ def step_error(
 
     Args:
         model: the model at the parameters in question.
-        log: the log that gives grid, inputs and measured channels.
+        log: the log that gives time base, inputs and measured channels.
         substeps: integrator steps per sample.
         initial: initial states, as for `simulate`.
 
@@ -65,27 +70,10 @@ def step_error(
         >>> errors["speed"] < 0.01
         True
     """
-    coarse = simulate_fixed(model, log, initial, substeps)
-    return _beside_half_the_step(model, log, substeps, initial, coarse)
-
-
-def _beside_half_the_step(
-    model: Model,
-    log: Log,
-    substeps: int,
-    initial: Mapping[str, float] | None,
-    coarse: Mapping[str, np.ndarray],
-) -> dict[str, float]:
-    fine = simulate_fixed(model, log, initial, 2 * substeps)
-    errors = {}
-    for name, unit in model.outputs.items():
-        if name not in log.measured:
-            continue
-        noise = log.noise_in(name, unit) or sensor_noise(log.values(name, unit))
-        with np.errstate(over="ignore", invalid="ignore"):
-            error = np.sqrt(np.mean((coarse[name] - fine[name]) ** 2)) / noise
-        errors[name] = float(error) if np.isfinite(error) else float("inf")
-    return errors
+    (record,) = bind(model, [log], compared=False)
+    coarse = simulate_fixed(model, record, initial, substeps)
+    fine = simulate_fixed(model, record, initial, 2 * substeps)
+    return _errors(coarse, fine, _noise_levels(record))
 
 
 def choose_substeps(
@@ -93,7 +81,7 @@ def choose_substeps(
     log: Log,
     *,
     initial: Mapping[str, float] | None = None,
-    tolerance: float = 0.01,
+    tolerance: float = _TOLERANCE,
     warn: bool = True,
 ) -> int:
     """The fewest integrator steps per sample that keep the error below the sensor noise.
@@ -112,39 +100,101 @@ def choose_substeps(
         >>> dft.simulation.choose_substeps(fit.model, log, tolerance=0.01)
         1
     """
-    substeps, errors = fewest_steps(model, log, initial, tolerance=tolerance)
-    if max(errors.values(), default=0.0) > tolerance and warn:
-        worst = max(errors, key=lambda name: errors[name])
-        warnings.warn(
-            f"{log.name}: with {substeps} integrator steps per sample the error of '{worst}' is "
-            f"still {errors[worst]:.2g} of the sensor noise (allowed: {tolerance:g}). The model is "
-            "too fast for the log's sample rate at these parameters.",
-            CoarseStepWarning,
-            stacklevel=2,
-        )
-    return substeps
+    (record,) = bind(model, [log], compared=False)
+    choose = sufficient_steps if warn else fewest_steps
+    return choose(model, record, initial, tolerance=tolerance).substeps
+
+
+class StepChoice(NamedTuple):
+    """The fewest integrator steps per sample that are fine enough, or `MOST_SUBSTEPS`.
+
+    Args:
+        substeps: steps per sample.
+        errors: the integration error that remains, by channel, over its sensor noise.
+        simulated: the simulation with these steps; ``None`` where none was needed to choose them.
+    """
+
+    substeps: int
+    errors: dict[str, float]
+    simulated: Mapping[str, np.ndarray] | None = None
 
 
 def fewest_steps(
     model: Model,
-    log: Log,
+    record: Record,
     initial: Mapping[str, float] | None,
     first: Mapping[str, np.ndarray] | None = None,
     *,
-    tolerance: float = 0.01,
-) -> tuple[int, dict[str, float]]:
-    """As `choose_substeps`, with the errors that are left.
+    tolerance: float = _TOLERANCE,
+) -> StepChoice:
+    """As `choose_substeps`, with the errors that remain and the simulation that was made for it.
 
-    ``first`` is the simulation with one step per sample, where it is known already.
+    ``first`` is the simulation with one step per sample, where it exists already.
     """
-    if not model.all_states or len(log) < 2 or not any(n in log.measured for n in model.outputs):
-        return 1, {}
-    if first is None:
-        errors = step_error(model, log, 1, initial=initial)
-    else:
-        errors = _beside_half_the_step(model, log, 1, initial, first)
-    substeps = 1
-    while max(errors.values()) > tolerance and substeps < MOST_SUBSTEPS:
-        substeps *= 2
-        errors = step_error(model, log, substeps, initial=initial)
-    return substeps, errors
+    if not model.all_states or len(record.original) < 2 or not record.measured:
+        return StepChoice(1, {})
+    noise, substeps = _noise_levels(record), 1
+    coarse = simulate_fixed(model, record, initial, 1) if first is None else first
+    while True:
+        fine = simulate_fixed(model, record, initial, 2 * substeps)
+        errors = _errors(coarse, fine, noise)
+        if max(errors.values()) <= tolerance or substeps >= MOST_SUBSTEPS:
+            return StepChoice(substeps, errors, coarse)
+        substeps, coarse = 2 * substeps, fine
+
+
+def sufficient_steps(
+    model: Model,
+    record: Record,
+    initial: Mapping[str, float] | None = None,
+    *,
+    tolerance: float = _TOLERANCE,
+) -> StepChoice:
+    """As `fewest_steps`, with a `CoarseStepWarning` where even the finest ones are too coarse."""
+    choice = fewest_steps(model, record, initial, tolerance=tolerance)
+    if max(choice.errors.values(), default=0.0) > tolerance:
+        worst = max(choice.errors, key=lambda name: choice.errors[name])
+        warnings.warn(
+            f"{record.name}: with {choice.substeps} integrator steps per sample the error of "
+            f"'{worst}' is still {choice.errors[worst]:.2g} of the sensor noise (allowed: "
+            f"{tolerance:g}). The model is too fast for the log's sample rate at these parameters.",
+            CoarseStepWarning,
+            stacklevel=3,
+        )
+    return choice
+
+
+class Simulated(NamedTuple):
+    """A simulation and the integrator steps per sample with which it was made."""
+
+    series: dict[str, np.ndarray]
+    substeps: int
+
+
+def simulate_over(
+    model: Model, record: Record, initial: Mapping[str, float] | None, substeps: int | None
+) -> Simulated:
+    """Simulate a model over a record, with steps that are chosen where ``substeps`` is ``None``."""
+    if substeps is None:
+        choice = sufficient_steps(model, record, initial)
+        substeps = choice.substeps
+        if choice.simulated is not None:
+            return Simulated(dict(choice.simulated), substeps)
+    return Simulated(simulate_fixed(model, record, initial, substeps), substeps)
+
+
+def _noise_levels(record: Record) -> dict[str, float]:
+    """The noise of each measured output: as the log states it, or by `sensor_noise`."""
+    return {n: record.noise[n] or sensor_noise(y) for n, y in record.observed.items()}
+
+
+def _errors(
+    coarse: Mapping[str, np.ndarray], fine: Mapping[str, np.ndarray], noise: Mapping[str, float]
+) -> dict[str, float]:
+    """Root mean square difference of two simulations over the noise of each channel."""
+    errors = {}
+    for name, level in noise.items():
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = np.sqrt(np.mean((coarse[name] - fine[name]) ** 2)) / level
+        errors[name] = float(error) if np.isfinite(error) else float("inf")
+    return errors

@@ -19,36 +19,34 @@ _ODD = {DRIVE: 7.0, PHYSICS: 1.8}
 by a lag has a gain that depends on how it was driven, the thrust of a speed has not. Of boats it
 depends too much (by a factor of up to 15 between runs of one): their drives are not compared."""
 _SPREAD = 4.0
-"""And so many times as far from their middle (as a logarithm) as the farthest of them."""
+"""And this many times as far from their middle (as a logarithm) as the farthest of them."""
 _KNOWN = 0.15
 """How near to a known factor (as a logarithm) a ratio must come to be taken for it."""
 _SHIFT = 0.4
 """Offset of a thrust sensor, as a share of its range, by which a log is odd; tares drift by 0.1."""
 
 
-def unlike(
-    records: Sequence[Record], found: Sequence[Sequence[Tie]]
-) -> Iterator[tuple[int, Doubt]]:
+def unlike(records: Sequence[Record], tied: Sequence[Sequence[Tie]]) -> Iterator[tuple[int, Doubt]]:
     """Doubts on single logs of three and more, by ratios of channels that they share.
 
     Each comes with the place of its log.
     """
     if len(records) < 3:
         return
-    gains = [{(t.channel, t.words): t for t in each if _comparable(t)} for each in found]
+    gains = [{(t.channel, t.words): t for t in each if _comparable(t)} for each in tied]
     for i, r in enumerate(records):
         beside: dict[tuple[str, str], float] = {}
         odd = False
         for key, tie in gains[i].items():
-            others = [g[key].gain for j, g in enumerate(gains) if j != i and key in g]
-            if len(others) < 2:
+            peers = [g[key].gain for j, g in enumerate(gains) if j != i and key in g]
+            if len(peers) < 2:
                 continue
-            if all(np.sign(g) != np.sign(tie.gain) for g in others):
-                if tie.kind == DRIVE:  # one that is opposed is told by its own log
+            if all(np.sign(g) != np.sign(tie.gain) for g in peers):
+                if tie.kind == DRIVE:  # its own log shows whether it is opposed
                     continue
                 yield i, _turned(r, tie)
                 continue
-            sizes = np.log(np.abs(others))
+            sizes = np.log(np.abs(peers))
             middle = float(np.median(sizes))
             off = float(np.log(abs(tie.gain))) - middle
             usual = float(np.abs(sizes - middle).max())
@@ -111,10 +109,10 @@ def _scaled(
 
 
 def _known(channel: str, size: float) -> str:
-    """The unit in which numbers are so much larger (as a logarithm) than in the one said."""
-    said = UNITS.get(channel, "")
-    for unit, factor in FACTORS.get(said, ()):
-        for name, due in ((unit, -np.log(factor)), (f"{said}, not {unit}", np.log(factor))):
+    """The unit in which numbers are larger by this logarithm than in the unit written."""
+    unit_name = UNITS.get(channel, "")
+    for unit, factor in FACTORS.get(unit_name, ()):
+        for name, due in ((unit, -np.log(factor)), (f"{unit_name}, not {unit}", np.log(factor))):
             if abs(size - due) < _KNOWN:
                 return name
     return ""
@@ -130,11 +128,11 @@ def _shifted(r: Record, gains: Sequence[dict[tuple[str, str], Tie]], i: int) -> 
             for j, g in enumerate(gains)
             if key in g
         }
-        others = [zero for j, zero in zeros.items() if j != i]
-        if len(others) < 2:
+        peers = [zero for j, zero in zeros.items() if j != i]
+        if len(peers) < 2:
             continue
-        middle, span = float(np.median(others)), float(np.ptp(tie.seen))
-        usual = max(abs(zero - middle) for zero in others)
+        middle, span = float(np.median(peers)), float(np.ptp(tie.seen))
+        usual = max(abs(zero - middle) for zero in peers)
         off = zeros[i] - middle
         if abs(off) > max(_SHIFT * span, _SPREAD * usual):
             yield Doubt(

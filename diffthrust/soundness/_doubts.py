@@ -24,7 +24,7 @@ from diffthrust.soundness._ties import Tie, ties
 from diffthrust.soundness._together import misplaced
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
+@np.errstate(over="ignore", invalid="ignore")  # a wrong unit may overflow, and is reported
 def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt, ...]:
     """Say what in logs is probably not what its name, unit or clock says.
 
@@ -45,45 +45,45 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         ()
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
-    found: list[Found] = []
+    findings: list[Found] = []
     places: list[int] = []
     records: list[Record] = []
     timeless = model is not None and not model.states
     for place, log in enumerate(logs):
         if timeless:  # a table of readings, in any order
-            found += [(place, doubt) for doubt in missized(log, None)]
+            findings += [(place, doubt) for doubt in missized(log, None)]
             continue
-        seen, r = [*misclocked(log, model), *jumping(log)], record(log)
-        coded = [doubt.channel for doubt in seen if doubt.kind == "sentinel"]
-        seen += [doubt for doubt in repeating(log) if doubt.channel not in coded]
-        seen += missized(log, r)
-        found += [(place, doubt) for doubt in seen]
+        suspected, r = [*misclocked(log, model), *jumping(log)], record(log)
+        coded = [doubt.channel for doubt in suspected if doubt.kind == "sentinel"]
+        suspected += [doubt for doubt in repeating(log) if doubt.channel not in coded]
+        suspected += missized(log, r)
+        findings += [(place, doubt) for doubt in suspected]
         if r is not None and not coded:  # codes among the values would speak of everything else
             places.append(place)
             records.append(r)
     tied = [ties(r) for r in records]
     # first, as companions tell a clock's factor better than its own step does
     clocks = misrated([logs[place].step for place in places], records, tied)
-    found = [*((places[i], doubt) for i, doubt in clocks), *found]
+    findings = [*((places[i], doubt) for i, doubt in clocks), *findings]
     for place, r, each in zip(places, records, tied, strict=True):
-        seen = [doubt for at, doubt in found if at == place]
-        if any(doubt.kind == "time_base" for doubt in seen):
+        suspected = [doubt for at, doubt in findings if at == place]
+        if any(doubt.kind == "time_base" for doubt in suspected):
             continue  # and so would another clock
-        held = {doubt.channel for doubt in seen if doubt.kind == "stuck"}
-        found += [(place, doubt) for doubt in _of_ties(r, each, {*logs[place].railed}, held)]
+        held = {doubt.channel for doubt in suspected if doubt.kind == "stuck"}
+        findings += [(place, doubt) for doubt in _of_ties(r, each, {*logs[place].railed}, held)]
         if model is not None and model.quadratic_load is not None:
             # the load shows by the law of the shaft that `misloaded` takes for granted
-            found += [(place, doubt) for doubt in misloaded(stretch(logs[place]))]
+            findings += [(place, doubt) for doubt in misloaded(stretch(logs[place]))]
     kinds = ("sign", "exchanged", "time_base")
-    astray = {place for place, doubt in found if doubt.kind in kinds}
+    astray = {place for place, doubt in findings if doubt.kind in kinds}
     for i, doubt in unlike(records, tied):
-        # nor is a log turned that differs from companions which are
+        # beside logs with a turned sign, it is the sound one that differs
         if places[i] not in astray and not (astray and doubt.kind == "sign"):
-            found.append((places[i], doubt))
-    return merged(found, [log.name for log in logs])
+            findings.append((places[i], doubt))
+    return merged(findings, [log.name for log in logs])
 
 
-def _of_ties(r: Record, found: Sequence[Tie], cut: set[str], held: set[str]) -> Iterator[Doubt]:
+def _of_ties(r: Record, tied: Sequence[Tie], cut: set[str], held: set[str]) -> Iterator[Doubt]:
     """Doubts on what must hang together; where two channels are exchanged, on that alone.
 
     What is cut off says nothing of the law between channels, and what is held nothing of clocks.
@@ -92,8 +92,8 @@ def _of_ties(r: Record, found: Sequence[Tie], cut: set[str], held: set[str]) -> 
     yield from shape
     if shape:
         return
-    free = [tie for tie in found if not {tie.channel, *tie.others} & held]
+    free = [tie for tie in tied if not {tie.channel, *tie.others} & held]
     late = tuple(lagging(r, free))
     yield from late
     if not late:  # a track turned by a late heading goes anywhere
-        yield from misplaced(r, found)
+        yield from misplaced(r, tied)

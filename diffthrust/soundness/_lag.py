@@ -15,23 +15,23 @@ from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie
 _OPEN = 0.03
 """Share that two channels must leave open of each other before a lag between them is looked for."""
 _HALVED = 0.5
-"""A lag must take away so much of what is open: noise and missing physics it does not touch."""
+"""Largest share of the unexplained variance that may remain: missing physics leaves more."""
 _CLEAR = 0.9
 """Correlation that the two must reach once the lag is taken out."""
 _LEAST = 6
 """Samples; the measured logs have lags of up to 5 between sensors, by filters and alignment."""
 
 
-def lagging(r: Record, found: Sequence[Tie]) -> Iterator[Doubt]:
+def lagging(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     """Doubts on the clock of a channel, where a shift halves what two channels leave open."""
     late: dict[str, list[tuple[Tie, int, float]]] = {}
-    shifts = [(tie, *_shift(tie)) for tie in found]
+    shifts = [(tie, *_shift(tie)) for tie in tied]
     for tie, shift, after in shifts:
         if shift > 0 and tie.kind != DRIVE:  # what is driven follows: that alone is no lag
             late.setdefault(tie.channel, []).append((tie, shift, after))
         elif shift < 0:
-            for other in tie.others:
-                late.setdefault(other, []).append((tie, -shift, after))
+            for driver in tie.others:
+                late.setdefault(driver, []).append((tie, -shift, after))
     if not late:
         return
     timely = [c for tie, shift, _ in shifts if not shift for c in (tie.channel, *tie.others)]
@@ -63,9 +63,9 @@ def _shift(tie: Tie) -> tuple[int, float]:
     if abs(shift) < _LEAST or abs(shift) == reach:
         return 0, tie.together
     late, early = max(shift, 0), max(-shift, 0)
-    seen, due = tie.seen[late : tie.seen.size - early], tie.due[early : tie.due.size - late]
-    after = float(np.corrcoef(seen, due)[0, 1])
-    before = float(np.corrcoef(tie.seen, tie.due)[0, 1]) if tie.kind == DRIVE else tie.together
+    measured, due = tie.seen[late : tie.seen.size - early], tie.due[early : tie.due.size - late]
+    after = float(np.corrcoef(measured, due)[0, 1])
+    baseline = float(np.corrcoef(tie.seen, tie.due)[0, 1]) if tie.kind == DRIVE else tie.together
     clear = after > (_CLEAR if tie.kind != GEOMETRY else 0.95)
-    halved = 1 - after**2 < _HALVED * (1 - max(before, tie.together) ** 2)
+    halved = 1 - after**2 < _HALVED * (1 - max(baseline, tie.together) ** 2)
     return (shift, after) if clear and halved else (0, tie.together)

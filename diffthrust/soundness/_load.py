@@ -1,7 +1,7 @@
 """Speed in rpm or Hz where rad/s is said: a propeller's load tells, which is free of its size.
 
 The shaft obeys ``d(speed)/dt = beta command - alpha speed |speed|``. In rad/s, ``alpha`` [1/rad]
-is the torque of the propeller over the inertia that it turns, both of which go with the fifth power
+is the propeller's torque over the inertia that it turns; both go with the fifth power
 of its size: 1 / alpha is the angle over which a shaft that is let go loses half of its speed.
 Counted in rpm it is 9.55 times smaller, in Hz 6.28 times larger.
 """
@@ -26,7 +26,7 @@ _RANGE = (0.012, 0.16)
 factor of 1.5 to three either way is left, half-way to what another unit would make of these; an
 actuator lag that the model lacks lowers the estimate by up to a third."""
 _SURE = 4.0
-"""An estimate must be so many standard errors above zero before it is believed."""
+"""Standard errors by which an estimate must exceed zero before it is believed."""
 _INSTRUMENTS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Lags of the command [samples] by which noise of the speed is kept out of the estimate."""
 
@@ -43,16 +43,16 @@ def misloaded(log: Log) -> Iterator[Doubt]:
     if low <= load + 2 * error and load - 2 * error <= high:
         return
     way = log.written.get("speed")
-    said = (way.unit if way is not None else "") or "rad/s"
+    unit_written = (way.unit if way is not None else "") or "rad/s"
     # the numbers as they stand, were they in another unit: the load goes with its inverse
-    loads = {unit: load * float(convert(1.0, said, unit, where="speed")) for unit in _UNITS}
+    loads = {unit: load * float(convert(1.0, unit_written, unit, where="speed")) for unit in _UNITS}
     unit = min(loads, key=lambda name: abs(np.log(loads[name] / (low * high) ** 0.5)))
     if not low < loads[unit] < high:
         return
     yield Doubt(
         "speed",
         "unit",
-        f"{r.name}: with the speed in {said} the shaft would lose half of it in "
+        f"{r.name}: with the speed in {unit_written} the shaft would lose half of it in "
         f"{number(1 / load, 2)} rad once let go (alpha = {number(load, 2)} +- {number(error, 1)} "
         f"1/rad, which is free of a thruster's size; known ones have {low} to {high}); in {unit} "
         f"in {number(1 / loads[unit], 2)} rad.",
@@ -80,12 +80,12 @@ def _alpha(r: Record) -> tuple[float, float]:
     rate = (speed[_SPAN:] - speed[:-_SPAN]) / (_SPAN * r.step)
     curve = _basis([*_curve(command), np.ones(command.size)])
     beside = _basis([*_curve(command), *trailing(command, _INSTRUMENTS)])
-    seen = less(curve, beside @ (beside.T @ load))
-    power = float(seen @ seen)
+    moved = less(curve, beside @ (beside.T @ load))
+    power = float(moved @ moved)
     if not power > 1e-6 * float(load @ load):
         return 0.0, np.inf
-    value = float(seen @ rate) / power
-    scores = seen * less(curve, rate - value * load)
+    value = float(moved @ rate) / power
+    scores = moved * less(curve, rate - value * load)
     return value, float(np.sqrt(_long_run(scores, min(60, rate.size // 5)))) / power
 
 

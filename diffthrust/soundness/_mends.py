@@ -82,10 +82,10 @@ def signs(r: Record) -> Iterator[Mend]:
 
 def exchanges(r: Record) -> Iterator[Mend]:
     """Two channels in each other's place."""
-    for one, two in PAIRS:
-        if one in r.values and two in r.values:
-            changed = r.taking(**{one: r.values[two], two: r.values[one]})
-            yield Mend("exchanged", (one, two), exchange_line(one, two), changed)
+    for first, second in PAIRS:
+        if first in r.values and second in r.values:
+            changed = r.taking(**{first: r.values[second], second: r.values[first]})
+            yield Mend("exchanged", (first, second), exchange_line(first, second), changed)
 
 
 STEPS = (1e-4, 2.0)
@@ -109,8 +109,8 @@ def rescaled(r: Record) -> Iterator[Mend]:
     """One channel in another unit; and the reverse, a unit given that it has not."""
     for channel in r.values:
         for true, factor in FACTORS.get(UNITS.get(channel, ""), ()):
-            said = UNITS[channel]
-            for unit, scale in ((true, factor), (f"{said}, not {true}", 1 / factor)):
+            unit_in_use = UNITS[channel]
+            for unit, scale in ((true, factor), (f"{unit_in_use}, not {true}", 1 / factor)):
                 yield _scaled(r, channel, unit, scale)
 
 
@@ -132,17 +132,18 @@ def sign_line(channel: str, scale: float = 1.0) -> str:
     return f"[channels.{channel}] scale = {-scale:g}, or Column(..., scale={-scale:g})."
 
 
-def exchange_line(one: str, two: str) -> str:
+def exchange_line(first: str, second: str) -> str:
     """What puts two channels in their places."""
-    return f"give {one} the column of {two}, and {two} that of {one}."
+    return f"give {first} the column of {second}, and {second} that of {first}."
 
 
 def unit_line(channel: str, unit: str) -> str:
     """What names another unit; ``"rad/s, not rpm"`` where it is the unit given that is wrong."""
-    said, _, wrong = unit.partition(", not ")
-    if " or " in said:
-        said = said.split(" or ")[1]
+    wanted, _, wrong = unit.partition(", not ")
+    if " or " in wanted:
+        wanted = wanted.split(" or ")[1]
     beside = f" (its numbers are not in {wrong})" if wrong else ""
     if channel == "time":
-        return f'time = {{ column = ..., unit = "{said}" }}, or Column(..., unit="{said}"){beside}.'
-    return f'[channels.{channel}] unit = "{said}", or Column(..., unit="{said}"){beside}.'
+        spec = f'time = {{ column = ..., unit = "{wanted}" }}'
+        return f'{spec}, or Column(..., unit="{wanted}"){beside}.'
+    return f'[channels.{channel}] unit = "{wanted}", or Column(..., unit="{wanted}"){beside}.'

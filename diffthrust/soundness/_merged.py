@@ -17,25 +17,25 @@ _SPEC_KEY = re.compile(r"(\[channels\.[^\]]*\] |time = ).*?, or (?=Column)")
 """What speaks to a spec file in a mend; its keys hold for every log."""
 
 
-def merged(found: Iterable[Found], names: Sequence[str]) -> tuple[Doubt, ...]:
-    """One doubt for each channel and kind; in how many more logs it was found is told.
+def merged(findings: Iterable[Found], names: Sequence[str]) -> tuple[Doubt, ...]:
+    """One doubt for each channel and kind; it says in how many more logs it was found.
 
     Args:
-        found: doubts with the place of the log in which each was found.
+        findings: doubts with the place of the log in which each was found.
         names: of all logs of the call.
     """
     by: dict[tuple[str, str], dict[int, Doubt]] = {}
-    for place, doubt in found:
+    for place, doubt in findings:
         by.setdefault((doubt.channel, doubt.kind), {}).setdefault(place, doubt)
-    told = []
+    doubts = []
     for of in by.values():
         first = next(iter(of.values()))
         if len(of) > 1:
             first = replace(first, evidence=f"{first.evidence} And so in {len(of) - 1} more.")
         if len(of) < len(names) and first.kind in _READ:
             first = replace(first, mend=_alone(first.mend, [names[place] for place in sorted(of)]))
-        told.append(first)
-    return tuple(sorted(told, key=lambda doubt: DOUBT_KINDS.index(doubt.kind)))
+        doubts.append(first)
+    return tuple(sorted(doubts, key=lambda doubt: DOUBT_KINDS.index(doubt.kind)))
 
 
 def _alone(mend: str, names: Sequence[str]) -> str:

@@ -26,7 +26,7 @@ _DENSE = np.geomspace(0.7, 300.0, 48)
 
 
 def misrated(
-    steps: Sequence[float], records: Sequence[Record], found: Sequence[Sequence[Tie]]
+    steps: Sequence[float], records: Sequence[Record], tied: Sequence[Sequence[Tie]]
 ) -> Iterator[tuple[int, Doubt]]:
     """Doubts on single clocks of three logs and more, each with the place of its log.
 
@@ -37,24 +37,24 @@ def misrated(
         return
     logs = np.log(steps)
     for i, r in enumerate(records):
-        others = np.delete(logs, i)
-        ratio = float(np.exp(logs[i] - np.median(others)))
-        if max(ratio, 1 / ratio) < _OTHER or np.ptp(others) > _SAME:
+        other_steps = np.delete(logs, i)
+        ratio = float(np.exp(logs[i] - np.median(other_steps)))
+        if max(ratio, 1 / ratio) < _OTHER or np.ptp(other_steps) > _SAME:
             continue
-        for tie in found[i]:
+        for tie in tied[i]:
             took = _took(r, tie)
             peers = [
                 _took(records[j], peer)
-                for j, each in enumerate(found)
+                for j, each in enumerate(tied)
                 for peer in each
                 if j != i and (peer.channel, peer.words) == (tie.channel, tie.words)
             ]
-            known = np.log([peer for peer in peers if np.isfinite(peer)])
-            if known.size < 2 or not np.isfinite(took):
+            finite = np.log([peer for peer in peers if np.isfinite(peer)])
+            if finite.size < 2 or not np.isfinite(took):
                 continue
-            margin, middle = _NEAR * abs(np.log(ratio)), float(np.median(known))
+            margin, middle = _NEAR * abs(np.log(ratio)), float(np.median(finite))
             off = np.log(took) - middle - np.log(ratio)
-            if abs(off) < margin and np.abs(known - middle).max() < margin:
+            if abs(off) < margin and np.abs(finite - middle).max() < margin:
                 yield i, _doubt(r, tie, steps[i], ratio, took, float(np.exp(middle)))
                 break
 
@@ -81,9 +81,9 @@ def _took(r: Record, tie: Tie) -> float:
     best = int(np.argmax(fits))
     if not 0 < best < fits.size - 1 or not fits[best] > _FIRM:
         return np.nan
-    before, here, after = fits[best - 1 : best + 2]
-    part = 0.5 * (before - after) / (before - 2 * here + after)
-    return float(lags[best] * (lags[1] / lags[0]) ** part * r.step)
+    lower, middle, upper = fits[best - 1 : best + 2]
+    offset = 0.5 * (lower - upper) / (lower - 2 * middle + upper)
+    return float(lags[best] * (lags[1] / lags[0]) ** offset * r.step)
 
 
 def _together(x: np.ndarray, y: np.ndarray) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust.logs._log import Log
 
 _POINTS = 2048
-"""Relations between channels are looked at on so many points at most (means of longer logs)."""
+"""Largest number of points on which relations are examined (means of longer logs)."""
 _FEW = 40
 """Fewer samples tell nothing of how channels hang together."""
 TURNS = {"rad": 2 * np.pi, "deg": 360.0, "shrunk": np.pi**2 / 90}
@@ -72,15 +72,15 @@ def record(log: Log) -> Record | None:
     grid = np.linspace(log.time[0], log.time[-1], count)
     values, turns = {}, {}
     for name, samples in {**log.inputs, **log.measured}.items():
-        seen = np.isfinite(samples)
-        if seen.sum() < _FEW:
+        finite = np.isfinite(samples)
+        if finite.sum() < _FEW:
             continue
-        time, here = log.time[seen], samples[seen]
+        time, here = log.time[finite], samples[finite]
         if name in ANGLES:
             turn = jumps(here)
             if turn:
                 turns[name] = turn
-                # a wrong unit is told by the jumps, and so mended for what follows
+                # the jumps show a wrong unit, which is corrected for the checks that follow
                 here = np.unwrap(here, period=TURNS[turn]) * (TURNS["rad"] / TURNS[turn])
         if time.size > 2 * _POINTS:  # means, not samples, so that noise falls as it should
             kept = time.size // (time.size // _POINTS) * (time.size // _POINTS)

@@ -38,7 +38,7 @@ class _Runs(NamedTuple):
 
 
 def repeating(log: Log) -> Iterator[Doubt]:
-    """Doubts on measured channels that hold their values. Inputs hold theirs by right."""
+    """Doubts on measured channels that hold their values. Inputs may hold theirs."""
     moving = [c for c, v in {**log.inputs, **log.measured}.items() if _span(v) > 0]
     drives = [c for c in moving if c in log.inputs and c not in _SURROUNDINGS]
     for channel, samples in log.measured.items():
@@ -58,7 +58,7 @@ def repeating(log: Log) -> Iterator[Doubt]:
         doubt, ends = None, log.railed.get(channel)
         if np.count_nonzero(values[1:] == values[:-1]) >= _LEAST - 1:
             runs = _runs(values)
-            others = [
+            inputs = [
                 v[np.isfinite(samples)]
                 for c, v in {**log.inputs, **log.measured}.items()
                 if c != channel and c in moving
@@ -69,7 +69,7 @@ def repeating(log: Log) -> Iterator[Doubt]:
                 or _resting(log, channel, values, runs)
             )
             if doubt is None and ends is None:
-                doubt = _stuck(log, channel, values, runs, others)
+                doubt = _stuck(log, channel, values, runs, inputs)
         if doubt is None and ends is not None and channel not in log.rails:
             doubt = _saturated(log, channel, ends)
         if doubt:
@@ -156,43 +156,43 @@ def _resting(log: Log, channel: str, values: np.ndarray, runs: _Runs) -> Doubt |
 
 def _saturated(log: Log, channel: str, ends: Railed) -> Doubt:
     """Samples at the end of the sensor's range."""
-    told = [
+    shares = [
         f"{np.count_nonzero(ends.side == side)} samples of {channel} stand exactly at its {word} "
         f"value, {value_shown(log, channel, end)}"
         for side, end, word in ((1, ends.high, "largest"), (-1, ends.low, "smallest"))
         if np.isfinite(end)
     ]
-    evidence = f"{log.name}: {', and '.join(told)}: there the sensor's range ends."
+    evidence = f"{log.name}: {', and '.join(shares)}: there the sensor's range ends."
     if channel in log.censored:
         return Doubt(channel, "saturated", evidence, "none is needed; a larger range tells more.")
-    given = ", ".join(f"{as_written(log, channel, end):g}" for end in (ends.low, ends.high))
+    limits = ", ".join(f"{as_written(log, channel, end):g}" for end in (ends.low, ends.high))
     return Doubt(
         channel,
         "saturated",
         f"{evidence} They carry no weight.",
         f"choose a larger range; or say where it ends and have them taken as 'at least': "
-        f"[channels.{channel}] rails = [{given}] and censored = true, or Column(..., rails="
-        f"({given}), censored=True). If it is no end of the range: rails = [-inf, inf].",
+        f"[channels.{channel}] rails = [{limits}] and censored = true, or Column(..., rails="
+        f"({limits}), censored=True). If it is no end of the range: rails = [-inf, inf].",
     )
 
 
 def _stuck(
-    log: Log, channel: str, values: np.ndarray, runs: _Runs, others: list[np.ndarray]
+    log: Log, channel: str, values: np.ndarray, runs: _Runs, companions: list[np.ndarray]
 ) -> Doubt | None:
     """One stretch of one value, far longer than any other, while other channels move."""
     longest = int(np.argmax(runs.length))
     length = int(runs.length[longest])
-    rest = np.delete(runs.length, longest)
-    if length < max(_LEAST, _SHARE * values.size) or rest.size < 10:
+    shorter = np.delete(runs.length, longest)
+    if length < max(_LEAST, _SHARE * values.size) or shorter.size < 10:
         return None
-    if length < 4 * np.quantile(rest, 0.98):
+    if length < 4 * np.quantile(shorter, 0.98):
         return None
     begin = int(runs.start[longest])
     during = np.zeros(values.size, bool)
     during[begin : begin + length] = True
     value = float(runs.value[longest])
     resting = abs(value) < 0.02 * np.quantile(np.abs(values), 0.95)
-    if not _others_moved(others, during) or (resting and not _driven_hard(log, during)):
+    if not _others_moved(companions, during) or (resting and not _driven_hard(log, during)):
         return None
     first = float(log.time[np.flatnonzero(np.isfinite(log.measured[channel]))[begin]])
     return Doubt(
@@ -204,23 +204,24 @@ def _stuck(
     )
 
 
-def _others_moved(others: list[np.ndarray], during: np.ndarray) -> bool:
-    for values in others:
-        here, seen = values[during], np.isfinite(values)
+def _others_moved(companions: list[np.ndarray], during: np.ndarray) -> bool:
+    for values in companions:
+        here, finite = values[during], np.isfinite(values)
         here = here[np.isfinite(here)]
         if here.size < 3:
             continue
         low, high = np.quantile(here, (0.1, 0.9))
-        if high - low > _MOVED * np.ptp(np.quantile(values[seen], (0.02, 0.98))) > 0:
+        if high - low > _MOVED * np.ptp(np.quantile(values[finite], (0.02, 0.98))) > 0:
             return True
     return False
 
 
 def _driven_hard(log: Log, during: np.ndarray) -> bool:
     """Whether any input is at half of its size on average meanwhile."""
-    whole = {c: v for c, v in log.inputs.items() if v.size == during.size}
+    same_length = {c: v for c, v in log.inputs.items() if v.size == during.size}
     return any(
-        np.mean(np.abs(v[during])) > 0.5 * np.quantile(np.abs(v), 0.98) > 0 for v in whole.values()
+        np.mean(np.abs(v[during])) > 0.5 * np.quantile(np.abs(v), 0.98) > 0
+        for v in same_length.values()
     )
 
 
@@ -249,5 +250,5 @@ def _swings(values: np.ndarray) -> bool:
 
 
 def _span(values: np.ndarray) -> float:
-    seen = values[np.isfinite(values)]
-    return float(np.ptp(seen)) if seen.size else 0.0
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if finite.size else 0.0

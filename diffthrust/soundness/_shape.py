@@ -35,10 +35,10 @@ def _signed(r: Record, channel: str) -> Doubt:
     """A channel that has a sign and should have none, and perhaps the one that it belongs to."""
     low, high = r.values[channel].min(), r.values[channel].max()
     evidence = f"{r.name}: {channel} is said to have no sign, but goes from {low:.3g} to {high:.3g}"
-    for other in ("thrust", "command"):
-        if other != channel and r.has(other) and r.values[other].min() >= 0:
-            evidence += f", while {other} is never below {r.values[other].min():.3g}."
-            return Doubt(channel, "exchanged", evidence, exchange_line(channel, other))
+    for signed in ("thrust", "command"):
+        if signed != channel and r.has(signed) and r.values[signed].min() >= 0:
+            evidence += f", while {signed} is never below {r.values[signed].min():.3g}."
+            return Doubt(channel, "exchanged", evidence, exchange_line(channel, signed))
     return Doubt(
         channel,
         "sign",

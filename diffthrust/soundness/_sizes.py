@@ -47,7 +47,7 @@ _NAMES = {
 def missized(log: Log, r: Record | None) -> Iterator[Doubt]:
     """Doubts on units, from the numbers of one channel."""
     for channel, samples in {**log.inputs, **log.measured}.items():
-        said = log.units[channel]
+        unit_written = log.units[channel]
         yield from _by_name(log, channel)
         turn = r.turns.get(channel) if r else None
         if turn in ("deg", "shrunk"):
@@ -60,32 +60,32 @@ def missized(log: Log, r: Record | None) -> Iterator[Doubt]:
                 unit_line(channel, unit),
             )
             continue
-        if channel not in _SIZES or said not in ("", "V", "rad", "rad/s", "rev/s", "m/s"):
+        if channel not in _SIZES or unit_written not in ("", "V", "rad", "rad/s", "rev/s", "m/s"):
             continue
-        seen = np.abs(samples[np.isfinite(samples)])
-        if seen.size < 20:
+        sizes = np.abs(samples[np.isfinite(samples)])
+        if sizes.size < 20:
             continue
         least, most, below, above = _SIZES[channel]
-        size = float(np.quantile(seen, 0.98))
+        size = float(np.quantile(sizes, 0.98))
         unit = below if 0 < size < least else above if size > most else ""
         if channel == "command":
-            if said not in ("", "V"):
+            if unit_written not in ("", "V"):
                 continue
             if samples[np.isfinite(samples)].min() > 700 and size < 2300:
                 yield Doubt(
                     channel,
                     "unit",
-                    f"{log.name}: {channel} lies between {number(float(seen.min()))} and "
-                    f"{number(float(seen.max()))}, as widths of pulses in microseconds do.",
+                    f"{log.name}: {channel} lies between {number(float(sizes.min()))} and "
+                    f"{number(float(sizes.max()))}, as widths of pulses in microseconds do.",
                     "[channels.command] pwm = { stop = 1500, full = 1900 }, or "
                     'Column(..., pwm={"stop": 1500, "full": 1900}).',
                 )
                 continue
-        if unit and np.ptp(seen) > 0:
+        if unit and np.ptp(sizes) > 0:
             yield Doubt(
                 channel,
                 "unit",
-                f"{log.name}: {channel} reaches {number(size, 3)} {said}".rstrip()
+                f"{log.name}: {channel} reaches {number(size, 3)} {unit_written}".rstrip()
                 + ", which no thruster or vessel does.",
                 unit_line(channel, unit),
             )
@@ -113,9 +113,9 @@ def _by_name(log: Log, channel: str) -> Iterator[Doubt]:
             return
 
 
-def _differ(one: str, two: str) -> bool:
+def _differ(first: str, second: str) -> bool:
     """Whether two units of one quantity are not the same."""
     try:
-        return not np.isclose(convert([1.0], one, two, where="a unit")[0], 1.0)
+        return not np.isclose(convert([1.0], first, second, where="a unit")[0], 1.0)
     except InputError:
         return False  # of different kinds: the word in the name means something else

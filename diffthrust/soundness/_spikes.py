@@ -103,12 +103,12 @@ def _block(log: Log, channel: str, values: np.ndarray) -> np.ndarray | None:
     lasting = values[1:][values[1:] == values[:-1]]
     for value in np.unique(lasting):
         written, coded = _coded(log, channel, float(value)), values == value
-        known = any(abs(written - code) < 1e-6 * abs(code) for code in _CODES if abs(code) >= 90)
-        if not known or not 3 <= coded.sum() < 0.5 * values.size:
+        is_code = any(abs(written - code) < 1e-6 * abs(code) for code in _CODES if abs(code) >= 90)
+        if not is_code or not 3 <= coded.sum() < 0.5 * values.size:
             continue
-        rest = values[~coded]
+        remaining = values[~coded]
         edges = np.abs(np.diff(values))[coded[1:] != coded[:-1]]
-        if np.median(edges) > _FAR * np.ptp(np.quantile(rest, (0.02, 0.98))):
+        if np.median(edges) > _FAR * np.ptp(np.quantile(remaining, (0.02, 0.98))):
             return coded
     return None
 
@@ -131,7 +131,7 @@ def _driven(log: Log, begin: int, end: int) -> bool:
     for drive in (log.inputs[name] for name in _DRIVES if name in log.inputs):
         on = np.abs(drive) > _DRIVEN * np.nanquantile(np.abs(drive), 0.98)
         ends = (on[max(0, k - _NEAR) : k + _NEAR] for k in (begin, end))
-        if all(part.all() for part in ends) and on[begin:end].mean() > 0.7:
+        if all(flags.all() for flags in ends) and on[begin:end].mean() > 0.7:
             return True
     return False
 
@@ -157,14 +157,14 @@ def _heights(values: np.ndarray, longest: int = _ALONE) -> np.ndarray:
     for width in range(1, longest + 1):
         if values.size < width + 2:
             break
-        before, after = values[: -width - 1], values[width + 1 :]
+        previous, following = values[: -width - 1], values[width + 1 :]
         inside = np.stack([values[1 + k : values.size - width + k] for k in range(width)])
-        low, high = np.minimum(before, after), np.maximum(before, after)
+        low, high = np.minimum(previous, following), np.maximum(previous, following)
         out = np.maximum((inside - high).min(axis=0), (low - inside).min(axis=0))
         out = np.where(out > 2 * (high - low), out, 0.0)
         for k in range(width):
-            part = height[1 + k : values.size - width + k]
-            np.maximum(part, out, out=part)
+            neighbours = height[1 + k : values.size - width + k]
+            np.maximum(neighbours, out, out=neighbours)
     return height
 
 

@@ -54,8 +54,8 @@ class Tie:
 
 def ties(r: Record) -> tuple[Tie, ...]:
     """Every tie that the channels of a record allow and that moves enough to tell something."""
-    found = (*_geometry(r), *_physics(r), *(_driven(r, *drive) for drive in _drives(r)))
-    return tuple(tie for tie in found if np.isfinite(tie.together))
+    tied = (*_geometry(r), *_physics(r), *(_driven(r, *drive) for drive in _drives(r)))
+    return tuple(tie for tie in tied if np.isfinite(tie.together))
 
 
 def _geometry(r: Record) -> Iterator[Tie]:
@@ -73,12 +73,12 @@ def _geometry(r: Record) -> Iterator[Tie]:
     cos, sin = np.cos(heading), np.sin(heading)
     for channel, due in (("surge", north * cos + east * sin), ("sway", east * cos - north * sin)):
         if r.has(channel):
-            others = ("north", "east", "heading")
+            sources = ("north", "east", "heading")
             powers = {channel: 1, "north": -1, "east": -1, "time": 1}
             words = "the track, turned by the heading"
-            seen = _mean(v[channel], half)
+            measured = _mean(v[channel], half)
             # sway depends on where along the hull it is taken: its size proves nothing
-            yield _tie(channel, others, words, powers, seen, due, channel == "surge")
+            yield _tie(channel, sources, words, powers, measured, due, channel == "surge")
 
 
 def _physics(r: Record) -> Iterator[Tie]:
@@ -86,8 +86,8 @@ def _physics(r: Record) -> Iterator[Tie]:
     if swept is not None and np.ptp(swept) > 0:
         powers = {"thrust": 1, "speed": -2}
         words = "the square of the speed"
-        seen = r.values["thrust"]
-        yield _tie("thrust", ("speed",), words, powers, seen, swept, False, PHYSICS)
+        thrust = r.values["thrust"]
+        yield _tie("thrust", ("speed",), words, powers, thrust, swept, False, PHYSICS)
 
 
 _Drive = tuple[str, tuple[str, ...], str, Mapping[str, int], np.ndarray, np.ndarray]
@@ -122,13 +122,13 @@ def _drives(r: Record) -> Iterator[_Drive]:
     if r.has("propeller_speed", "surge"):
         powers = {"surge": 1, "propeller_speed": -2}
         swept = v["propeller_speed"] * np.abs(v["propeller_speed"])
-        others, words = ("propeller_speed",), "the square of the propeller's speed"
-        yield "surge", others, words, powers, v["surge"], swept
+        drivers, words = ("propeller_speed",), "the square of the propeller's speed"
+        yield "surge", drivers, words, powers, v["surge"], swept
     if "propeller_speed" in v and r.has("rudder_angle", "yaw_rate"):
         powers = {"yaw_rate": 1, "rudder_angle": -1}
         turning = -v["rudder_angle"] * (v["propeller_speed"] > 0)
-        others, words = ("rudder_angle",), "the rudder, which turns to port where positive"
-        yield "yaw_rate", others, words, powers, v["yaw_rate"], turning
+        drivers, words = ("rudder_angle",), "the rudder, which turns to port where positive"
+        yield "yaw_rate", drivers, words, powers, v["yaw_rate"], turning
 
 
 def swept_speed(r: Record) -> np.ndarray | None:
@@ -206,7 +206,7 @@ def _driven(
 
 
 def trailing(values: np.ndarray, lags: tuple[float, ...]) -> np.ndarray:
-    """First-order lags of so many points each, settled at the first value, ``(k, n)``."""
+    """First-order lags of these numbers of points, settled at the first value, ``(k, n)``."""
     kernels, size = _kernels(lags, values.size)
     changes = np.fft.rfft(values - values[0], size)
     return values[0] + np.fft.irfft(kernels * changes, size, axis=1)[:, : values.size]

@@ -28,27 +28,27 @@ _RIGHT = 1.15
 """Ratio within which a mend must bring them."""
 
 
-def misplaced(r: Record, found: Sequence[Tie]) -> Iterator[Doubt]:
+def misplaced(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     """Doubts on signs, exchanged channels and units, from the ties of one log."""
-    broken = [tie for tie in found if is_broken(tie)]
+    broken = [tie for tie in tied if is_broken(tie)]
     if not broken:
         return
     rated = []
     # a ratio that several equal quantities share, or a step that no log has: the clock's
-    shared = [tie.gain for tie in found if tie.equal and tie.together > _FIRM]
-    alike = len(shared) > 1 and max(shared) < _RIGHT * min(shared)
+    shared = [tie.gain for tie in tied if tie.equal and tie.together > _FIRM]
+    similar = len(shared) > 1 and max(shared) < _RIGHT * min(shared)
     odd = not STEPS[0] <= r.step <= STEPS[1]
-    timed = [*clocks(r, 1 / float(np.median(shared)))] if shared and (alike or odd) else []
+    timed = [*clocks(r, 1 / float(np.median(shared)))] if shared and (similar or odd) else []
     for mend in (*timed, *signs(r), *exchanges(r), *rescaled(r)):
         if not any(c in tie.powers or c in tie.others for tie in broken for c in mend.channels):
             continue
         after = {_key(tie): tie for tie in ties(mend.record)}
         mended = [tie for tie in broken if _holds(after.get(_key(tie)))]
-        spoilt = [t for t in found if not is_broken(t) and _worse(t, after.get(_key(t)))]
+        spoilt = [t for t in tied if not is_broken(t) and _worse(t, after.get(_key(t)))]
         if mend.kind == "unit" and all(tie.kind == DRIVE for tie in mended):
             continue  # a drive tells the direction only
         if mended and not spoilt:
-            quality = sum(after[_key(tie)].together for tie in found if _key(tie) in after)
+            quality = sum(after[_key(tie)].together for tie in tied if _key(tie) in after)
             rated.append((len(mended), quality, mend, mended, after))
     if not rated:
         return
@@ -56,15 +56,15 @@ def misplaced(r: Record, found: Sequence[Tie]) -> Iterator[Doubt]:
     best = [row for row in rated if row[0] == most]
     best = [row for row in best if row[1] > max(quality for _, quality, *_ in best) - 0.1]
     _, _, mend, mended, after = best[0]
-    rivals = [other for _, _, other, *_ in best[1:]]
+    rivals = [rival for _, _, rival, *_ in best[1:]]
     yield _doubt(r, mend, mended, after, rivals)
 
 
 def _doubt(
     r: Record, mend: Mend, mended: list[Tie], after: dict[tuple[str, str], Tie], rivals: list[Mend]
 ) -> Doubt:
-    told = [_told(tie, after[_key(tie)]) for tie in mended[:2]]
-    evidence = f"{r.name}: {'; '.join(told)}."
+    improved = [_improvement(tie, after[_key(tie)]) for tie in mended[:2]]
+    evidence = f"{r.name}: {'; '.join(improved)}."
     line = mend.line
     if rivals:
         evidence += f" The same would follow from {' or '.join(map(_named, rivals[:2]))}."
@@ -72,7 +72,7 @@ def _doubt(
     return Doubt(mend.channels[0], mend.kind, evidence, line)
 
 
-def _told(tie: Tie, after: Tie) -> str:
+def _improvement(tie: Tie, after: Tie) -> str:
     if tie.together > _FIRM:
         return (
             f"{tie.channel} is {abs(tie.gain):.3g} times {tie.words} "
@@ -114,9 +114,9 @@ def _holds(tie: Tie | None) -> bool:
     return tie.together > _FIRM and fits
 
 
-def _worse(before: Tie, tie: Tie | None) -> bool:
+def _worse(baseline: Tie, tie: Tie | None) -> bool:
     """Whether a tie that held is broken, or no longer says what it said."""
-    if tie is None or is_broken(tie) or tie.together < before.together - 0.2:
+    if tie is None or is_broken(tie) or tie.together < baseline.together - 0.2:
         return True
-    off = abs(np.log(abs(tie.gain))) - abs(np.log(abs(before.gain)))
-    return before.equal and off > 0.1
+    off = abs(np.log(abs(tie.gain))) - abs(np.log(abs(baseline.gain)))
+    return baseline.equal and off > 0.1

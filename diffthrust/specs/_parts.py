@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 from diffthrust._support.names import nearest
-from diffthrust.estimation._limits import STARTS_LIMIT, SUBSTEPS_LIMIT
+from diffthrust.estimation._arguments import STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.logs._columns import Column
 from diffthrust.logs._written import PWM
 

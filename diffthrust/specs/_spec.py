@@ -24,7 +24,8 @@ from diffthrust.logs._robots.read import read_robot_log
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Normal
-from diffthrust.simulation._commands import command_kind
+from diffthrust.simulation._commands import adopted, command_kind
+from diffthrust.simulation._record import bind
 from diffthrust.specs._channels import columns_of, roles_of
 from diffthrust.specs._effects import effect_of
 from diffthrust.specs._file import NAME, parse_spec, parse_toml, read_spec_text
@@ -227,7 +228,9 @@ class Spec(Brief):
         folder = self.path.parent
         wanted = candidates and [effect_class(c, folder) if ":" in c else c for c in candidates]
         train, unseen = self.train_logs(), self.holdout_logs()
-        candidates_of(self.model, (*train, *unseen), wanted)  # report a wrong name before the fit
+        model = adopted(self.model, train)
+        records = bind(model, (*train, *unseen))
+        candidates_of(model, records, wanted)  # report a wrong name before the fit
         report = teller(progress)
         fit = self.fit(progress=part(report, 0.0, 0.15), train=train, holdout=unseen)
         return diagnose(

@@ -167,7 +167,7 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, measured: Scores) -> 
     spread = dict(zip(problem.own, np.sqrt(np.diagonal(covariance)), strict=True))
     errors = {n: float(s) if np.isfinite(s) else None for n, s in spread.items()}
     naive = {n: fit.parameters[n].std_error for n in problem.own}
-    steps = [np.median(np.diff(log.time)) for log in problem.logs if len(log) > 1]
+    steps = [record.step for record in problem.records if len(record) > 1]
     timed = bool(problem.model.states) and bool(steps)
     return Sandwich(
         covariance=covariance,

@@ -88,12 +88,12 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
         residuals = np.where(beyond, np.nan, residuals)
         values = np.where(absent[:, :, None], np.nan, values)
         for row, index in enumerate(indices):
-            size = len(problem.logs[index])  # the rest is padding
+            size = len(problem.records[index])  # the rest is padding
             place = np.concatenate([np.arange(n), np.arange(at, at + m)])
             at += m
             curvature[np.ix_(place, place)] += gram[row]
             rows_of[index] = values[row, :, :, :size], place, residuals[row, :, :size]
-    by_log = [rows_of[index] for index in range(len(problem.logs))]
+    by_log = [rows_of[index] for index in range(len(problem.records))]
     return Scores(
         values=tuple(v for v, _, _ in by_log),
         places=tuple(p for _, p, _ in by_log),

@@ -10,7 +10,7 @@ from printed.printed import Printed
 from diffthrust import Log, Thruster, describing_function, simulate
 from diffthrust.control import PoleCancellation
 from diffthrust.cycles import thruster_loop_cycle
-from diffthrust.uncertainty._prediction.physical import torque_driven  # `physical` without a fit
+from diffthrust.uncertainty._prediction.physical import duct_quantities  # `physical` without a fit
 
 _STATIC_CT, _DYNAMIC_CT = 0.022, 0.019
 _PITCH, _AREA, _DENSITY = 0.101, 0.0527, 1000.0
@@ -131,8 +131,7 @@ def _cycle(jason: Thruster, dynamic: Thruster) -> list[Printed]:
 
 
 def _physical(model: Thruster) -> dict[str, float]:
-    values = {name: float(p.value) for name, p in model.parameters.items()}
-    found = torque_driven(values, _PITCH, _AREA, _DENSITY)
+    found = duct_quantities(model.quadratic_load, _PITCH, _AREA, _DENSITY)
     return {name: float(value) for name, value in found.items()}
 
 

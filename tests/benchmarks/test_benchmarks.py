@@ -20,7 +20,6 @@ from places import ROOT
 from problems import build, evaluate, solve
 from rich.console import Console
 from rich.table import Table
-from trajectories import hold_of
 
 import diffthrust as dft
 from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
@@ -74,7 +73,7 @@ def ratio_row(what: str, ours: float, peer: float, target: str = "") -> tuple[st
 def test_simulation_and_fit_of_one_log():
     log = make_log()
     model = dft.Thruster()
-    key, grid = _trajectory.Key(model), _trajectory.Grid(hold_of(log, log.inputs))
+    key, grid = _trajectory.Key(model), _trajectory.Grid((("command", "zero"),))
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
@@ -82,7 +81,7 @@ def test_simulation_and_fit_of_one_log():
         {"speed": jnp.asarray(0.0)},
     )
     ours, whole, peer = interleaved(
-        lambda: jax.block_until_ready(_fixed_step._compiled((key, grid), given)),
+        lambda: jax.block_until_ready(_fixed_step.compiled_simulation((key, grid), given)),
         lambda: dft.simulate(model, log, substeps=1),
         lambda: numba_rk4(log.time, log.inputs["command"], *TRUTH, 0.0),
         repeats=101,
@@ -91,7 +90,8 @@ def test_simulation_and_fit_of_one_log():
         ratio_row("simulation, compiled, against numba RK4", ours, peer, "<= 1.5"),
         ratio_row("simulate() with its checks and copies", whole, peer),
     ]
-    problem = build(model.replace(dict(zip(("alpha", "beta", "ct"), GUESS, strict=True))), [log])
+    guess = model.replace(dict(zip(("alpha", "beta", "ct"), GUESS, strict=True)))
+    problem = build(guess, [log])
     start = problem.start()
     solved = solve(problem, start)
     assert solved.done
@@ -146,6 +146,7 @@ import numpy as np
 import diffthrust as dft
 from diffthrust.estimation._arrange import build  # private: the solver by itself
 from diffthrust.estimation._solver import solve  # private: the solver by itself
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 n = int(sys.argv[1])
 rng = np.random.default_rng(0)
 t = 0.01 * np.arange(n)
@@ -154,7 +155,8 @@ log = dft.Log(t, {"command": c}, {})
 found = dft.simulate(dft.Thruster(), log, substeps=1)
 noisy = {k: found[k] + s * rng.normal(size=n) for k, s in (("speed", 0.3), ("thrust", 0.5))}
 log = dft.Log(t, {"command": c}, noisy)
-p = build(dft.Thruster(alpha=0.03, beta=35.0, ct=0.015), [log])
+model = dft.Thruster(alpha=0.03, beta=35.0, ct=0.015)
+p = build(model, bind(model, [log]))
 solve(p, p.start())
 begin = time.perf_counter()
 done = solve(p, p.start())

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from measures import ChannelError, Errors
 
 from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     criterion,
@@ -14,7 +15,6 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     wald,
 )
 from diffthrust.diagnosis._score_test import score_test  # private: the test alone
-from diffthrust.simulation._errors import ChannelError, Errors  # private: made by hand
 
 
 def errors(**nrmse):

@@ -17,6 +17,7 @@ import made_diagnosis as made
 import numpy as np
 import pytest
 import written_fits
+from measures import ChannelError, Errors
 
 import diffthrust as dft
 from diffthrust._support.figures import unseen  # private: as a page makes them
@@ -45,7 +46,6 @@ from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     stage_words,
 )
 from diffthrust.effects import EFFECTS
-from diffthrust.simulation._errors import ChannelError, Errors  # private: made by hand
 
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None

@@ -20,6 +20,7 @@ from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     stage_words,
     verdict_words,
 )
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 ARM = 0.40
 
@@ -80,6 +81,7 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
     """Told by what the trials are made of: they are not waited for."""
     (log,) = boats(seed=3, logs=1, size=100)
     fit = dft.fit(dft.Vessel(drive="twin"), log, starts=1, doubts=False)
+    records = bind(fit.model, [log])
     monkeypatch.setattr(
         _search_state, "compiled_fitter", lambda fit, effects, held, *logs: (held, None)
     )
@@ -89,7 +91,8 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
         ("lever_arm", ("lever_arm",)),
     ):
         assert (
-            _search_state.start_search(fit, [log], [], wanted, 0, lambda *_: None)[0].fitter == held
+            _search_state.start_search(fit, records, (), wanted, 0, lambda *_: None)[0].fitter
+            == held
         )
 
 

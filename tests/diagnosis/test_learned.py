@@ -39,6 +39,7 @@ from diffthrust.diagnosis._unknown_term.terms import (  # private: as above
 )
 from diffthrust.effects import Curve
 from diffthrust.logs import PWM, Written
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 
 def projected(information, scores, base):
@@ -279,7 +280,7 @@ def test_a_place_for_both_signs_is_positive_and_a_ripple_is_more_than_a_flank():
 def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
-    trials, trial = compiled_fitter(fit, [], [], hidden.train, [])
+    trials, trial = compiled_fitter(fit, [], [], bind(fit.model, hidden.train), [])
     seen = regressors_of(trials, trial)
     laws = [
         term_along(seen, port, signal, "", {})
@@ -299,7 +300,7 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     """A share of the drive, which the held command makes, is beta: exactly, between samples too."""
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
-    trials, trial = compiled_fitter(fit, [], [], hidden.train, [])
+    trials, trial = compiled_fitter(fit, [], [], bind(fit.model, hidden.train), [])
     law = term_along(regressors_of(trials, trial), "drive", "speed", "value", {})
     level = law.basis(Curve("drive", "speed", -1e4, 1e4))
     level = PortSeries(*([rows[:1] for rows in part] for part in level))
@@ -310,8 +311,9 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
 def test_laws_add_where_forces_do_and_take_a_share_of_what_is_only_measured():
     hidden = sets.draw("outside/load_hump", 5001)
     model, log = hidden.model, hidden.train[0]
-    places = places_of(model, log, ["speed", "thrust"])
-    tools = SimpleNamespace(fitter=SimpleNamespace(model=model, logs=[log], places=places))
+    (record,) = bind(model, [log])
+    places = places_of(model, record, ["speed", "thrust"])
+    tools = SimpleNamespace(fitter=SimpleNamespace(model=model, records=[record], places=places))
     ports = ("drive", "load", "shaft", "propeller")
     assert [fitting._usually_adds(tools, port) for port in ports] == [True, True, True, False]
 

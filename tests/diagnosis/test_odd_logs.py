@@ -22,6 +22,7 @@ from diffthrust.diagnosis._outlier_logs import (
     odd_logs,
 )  # private: without a search for effects
 from diffthrust.diagnosis._report.remarks import caution_words  # private: each sentence alone
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 BLOCKS, SAMPLES = 24, 240
 
@@ -94,7 +95,9 @@ def said_of(ct, seed):
     logs = list(thrusters(np.random.default_rng(seed), ct))
     train, unseen = logs[:-2], logs[-2:]
     fit = dft.fit(dft.Thruster().replace(thruster.JASON), train, starts=1, doubts=False)
-    trials = CandidateFitter(fit.model, [], train, unseen, fit.substeps)
+    trials = CandidateFitter(
+        fit.model, [], bind(fit.model, train), bind(fit.model, unseen), fit.substeps
+    )
     trained = dft.compare(fit, train, initial=fit.initial).runs
     runs = (*trained, *dft.compare(fit, unseen).runs)
     return odd_logs(trials, trials.base(), runs)
@@ -194,7 +197,7 @@ def test_corrections_that_run_away_do_not_stop_a_diagnosis(spike):
     log = dft.Log(log.time, log.inputs, {**log.measured, "speed": speed})
     fit = dft.fit(dft.Thruster(), log, loss="student_t", doubts=False)
     assert fit.status.ok
-    begun = CandidateFitter(fit.model, [], [log], []).base()
+    begun = CandidateFitter(fit.model, [], bind(fit.model, [log]), []).base()
     assert math.isfinite(begun.cost)
     for name in ("alpha", "beta", "ct"):  # and the spike did not take it anywhere
         assert begun.values[name] == pytest.approx(fit.parameters[name].value, rel=0.02)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import made_diagnosis as made
 import numpy as np
 import pytest
+from measures import Worth
 from one_truth import contradictions
 
 import diffthrust as dft
-from diffthrust.diagnosis._explained_share import Worth  # private: made by hand
 from diffthrust.diagnosis._findings import headroom_between  # private: as a diagnosis does
 from diffthrust.diagnosis._report.remarks import missing_words  # private: each sentence alone
 from diffthrust.diagnosis._verdict import verdict_of  # private: the verdict alone

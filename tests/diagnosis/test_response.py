@@ -20,6 +20,7 @@ from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnos
     fitted_beside,
     fitted_to_runs,
 )
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 TIME = np.arange(400) * 0.05
 NAMES = ("linear_damping", "speed_sensor_scale", "command_offset", "actuator_lag", "axial_flow")
@@ -37,7 +38,11 @@ def trials():
                 for n, v in record.measured.items()}  # fmt: skip
         logs.append(dft.Log(record.time, record.inputs, seen))
     made = CandidateFitter(
-        dft.Thruster(), [dft.effects.EFFECTS[n]() for n in NAMES], logs, [], substeps=2
+        dft.Thruster(),
+        [dft.effects.EFFECTS[n]() for n in NAMES],
+        bind(dft.Thruster(), logs),
+        [],
+        substeps=2,
     )
     return made, made.base()
 
@@ -118,7 +123,13 @@ def known():
     train, unseen = logs[:2], logs[2:]
     fit = dft.fit(dft.Thruster(), train, holdout=unseen, starts=2)
     names = ("coulomb_friction", "actuator_lag")
-    trials = CandidateFitter(fit.model, [dft.effects.EFFECTS[n]() for n in names], train, unseen, 2)
+    trials = CandidateFitter(
+        fit.model,
+        [dft.effects.EFFECTS[n]() for n in names],
+        bind(fit.model, train),
+        bind(fit.model, unseen),
+        2,
+    )
     return SimpleNamespace(
         train=train, unseen=unseen, trials=trials, stage=SimpleNamespace(effects=(), fit=fit)
     )

@@ -19,6 +19,7 @@ from diffthrust.diagnosis._screen import (  # private: the screen alone
     screened,
 )
 from diffthrust.diagnosis._shortlist import edge_of  # private: the search alone
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 TIME = np.arange(500) * 0.05
 
@@ -47,13 +48,13 @@ def trials():
     fit = dft.fit(dft.Thruster(), logs, starts=2)
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "thrust_sensor_offset", "command_saturation")
-    made = CandidateFitter(fit.model, [known[n]() for n in names], logs, [])
+    made = CandidateFitter(fit.model, [known[n]() for n in names], bind(fit.model, logs), [])
     return made, made.base()
 
 
 def test_an_effect_whose_null_is_infinite_begins_at_the_value_that_is_given(trials):
     made, base = trials
-    given = {"command_saturation.limit": 0.9 * np.abs(made.logs[0].inputs["command"]).max()}
+    given = {"command_saturation.limit": 0.9 * np.abs(made.records[0].inputs["command"]).max()}
     there = made.base(("command_saturation",), {**base.values, **given})
     assert np.isfinite(there.cost)
     assert there.cost < base.cost + 1.0  # it ends at least as well as without it
@@ -101,7 +102,9 @@ def test_an_instant_is_found_wherever_it_lies():
     record.measured["thrust"] = record.measured["thrust"] * lost
     record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
     log = dft.Log(record.time, record.inputs, record.measured)
-    made = CandidateFitter(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], [])
+    made = CandidateFitter(
+        dft.Thruster(), [dft.effects.ThrustDegradation()], bind(dft.Thruster(), [log]), []
+    )
     base = made.base()
     found = screened(made, ["thrust_degradation"], base, levels_of(made, base))
     values = found["thrust_degradation"].values
@@ -122,7 +125,9 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     record = thruster.simulate(TIME, np.clip(command, -limit, limit), method="rk4")
     record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
     log = dft.Log(record.time, {"command": command}, record.measured)
-    made = CandidateFitter(dft.Thruster(), [dft.effects.CommandSaturation()], [log], [])
+    made = CandidateFitter(
+        dft.Thruster(), [dft.effects.CommandSaturation()], bind(dft.Thruster(), [log]), []
+    )
     base = made.base()
     found = screened(made, ["command_saturation"], base, levels_of(made, base))
     assert found["command_saturation"].values["command_saturation.limit"] == pytest.approx(
@@ -138,7 +143,7 @@ def test_trials_of_a_few_effects_share_one_compilation(trials):
     made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
     assert compilations("solved") == before
     fresh = CandidateFitter(
-        made.model, list(made.candidates.values()), made.logs[:1], [], substeps=3
+        made.model, list(made.candidates.values()), made.records[:1], [], substeps=3
     )
     fresh.base()
     assert compilations("solved") == before + 1  # from the first guess to the last limit of errors
@@ -152,7 +157,9 @@ def test_what_promises_nothing_is_neither_compiled_nor_fitted():
     log = dft.Log(record.time, record.inputs, record.measured)
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "linear_damping", "actuator_lag", "command_offset")
-    made = CandidateFitter(dft.Thruster(), [known[n]() for n in names], [log], [])
+    made = CandidateFitter(
+        dft.Thruster(), [known[n]() for n in names], bind(dft.Thruster(), [log]), []
+    )
     base = made.base()
     before = compilations("solved")
     assert not screened(made, names, base, levels_of(made, base))
@@ -173,7 +180,7 @@ def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
     if what != "jolts":
         record.measured["speed"] = record.measured["speed"] + 10.0 * jolts
     log = dft.Log(record.time, {"command": command}, record.measured)
-    made = CandidateFitter(dft.Thruster(), [], [log], [])
+    made = CandidateFitter(dft.Thruster(), [], bind(dft.Thruster(), [log]), [])
     assert made.base().limit.reach == reach
 
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from measures import Worth
 
 import diffthrust as dft
 from diffthrust.diagnosis import _admission  # private: one step alone
-from diffthrust.diagnosis._explained_share import Worth  # private: made by hand
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Refusal,
     Stage,  # private: made by hand
@@ -176,7 +176,7 @@ def recorded(monkeypatch):
             known = {"initial": None, "substeps": 1, "train": error, "holdout": error}
             return Stage(names, SimpleNamespace(model=size, **known))
 
-        trials = SimpleNamespace(logs=("A", "B"), constants=held)
+        trials = SimpleNamespace(records=("A", "B"), constants=held)
         tools = SimpleNamespace(fitter=trials, unseen=unseen)
         known = SearchState(None, (stage(2.0), stage(1.0, "lag")), {})
         return _admission.record_stage(tools, known, stage(left, *effects), "wind")

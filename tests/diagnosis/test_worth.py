@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_diagnosis import (
+from measures import (
     BeforeAfter,
     ChannelError,
     Errors,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from marks import slow_but
 from reference import inputs, noise, thruster
-from trajectories import Grid, hold_of, trajectory
+from trajectories import grid_of, trajectory
 
 import diffthrust as dft
 
@@ -170,7 +170,7 @@ def test_all_effects_together_at_their_nulls_leave_every_output_unchanged():
 def slopes(model, names):
     """Derivatives of both outputs with respect to some parameters, ``(2, T)`` each."""
     log = plain_log()
-    grid = Grid(hold_of(log, GIVEN))
+    grid = grid_of(model, log)
     series = {name: jnp.asarray(values) for name, values in GIVEN.items()}
     start = {"speed": jnp.asarray(0.0)}
 

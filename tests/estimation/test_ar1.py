@@ -79,7 +79,7 @@ def test_the_likelihood_is_that_of_the_whole_covariance_matrix():
         rests.append(noise)
     problem = build(model, logs, substeps=2, likelihood=LASTING, initial="measured")
     kept = np.array([0.15, 0.7, 0.95])
-    memories = -min(log.step for log in problem.logs) / np.log(kept)
+    memories = -min(log.step for log in problem.records) / np.log(kept)
     expected = [exact([log.time for log in logs], rests, m) for m in memories]
     np.testing.assert_allclose(costs(problem, kept), expected, rtol=1e-8)
 
@@ -94,16 +94,16 @@ def test_gaps_of_one_ten_and_a_hundred_steps_are_told_apart():
     measured = log_of(time, {"speed": true + noise})
     problem = build(dft.Thruster(), [measured], substeps=20, likelihood=LASTING, initial="measured")
     assert np.sum(np.asarray(problem.numbers.gaps.counts) > 0) == 3
-    step = problem.logs[0].step
+    step = problem.records[0].step
     kept = np.array([0.3, 0.9])
     rests = [problem_rest(problem, noise)]
-    expected = [exact([problem.logs[0].time], rests, -step / np.log(k)) for k in kept]
+    expected = [exact([problem.records[0].time], rests, -step / np.log(k)) for k in kept]
     np.testing.assert_allclose(costs(problem, kept), expected, rtol=1e-8)
 
 
 def problem_rest(problem, noise):
     """The noise on the problem's grid, on which wide gaps are bridged by samples without values."""
-    log = problem.logs[0]
+    log = problem.records[0]
     rest = np.full(log.time.size, np.nan)
     rest[np.isfinite(log.measured["speed"])] = noise
     return rest

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compilations import compilations
 from gusty_runs import MISSING, gusty_runs, model_of
-from problems import build, parts_of, solve, without
+from problems import build, folds, solve, without
 
 import diffthrust as dft
 
@@ -27,7 +27,7 @@ def test_segments_are_kept_where_logs_that_are_left_out_say_so():
 
 def test_a_log_alone_is_halved():
     log = gusty_runs(21, "nothing", 1.0, 3.0, 0.1, count=1)[0]
-    first, second = parts_of([log])
+    first, second = folds([log])
     assert first[0][1] == second[0][0] == 100.0
     fit = dft.fit(model_of(1.0), log, starts=2)
     assert fit.status.ok, fit.message

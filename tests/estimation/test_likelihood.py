@@ -65,7 +65,8 @@ def plain_residuals(problem, z):
     model = problem.model.replace(problem.values(z))
     out = {name: [] for name in problem.layout.channels}
     grid = problem.layout.grids[0]
-    for log, start in zip(problem.logs, problem.initial_states(z), strict=True):
+    for record, start in zip(problem.records, problem.initial_states(z), strict=True):
+        log = record.counted
         found = simulate(model, log, initial=start, substeps=grid.substeps)
         for name in out:
             if name in log.measured:
@@ -316,8 +317,9 @@ def test_the_order_of_the_logs_changes_nothing():
         forward.initial_states(forward.start()) == backward.initial_states(backward.start())[::-1]
     )
     for problem in (forward, backward):  # each log gets its own first measurement
-        for log, start in zip(problem.logs, problem.initial_states(problem.start()), strict=True):
-            assert start["speed"] == log.measured["speed"][0]
+        starts = problem.initial_states(problem.start())
+        for record, start in zip(problem.records, starts, strict=True):
+            assert start["speed"] == record.measured["speed"][0]
 
 
 def test_starts_of_one_log_do_not_touch_another():

@@ -14,6 +14,7 @@ from diffthrust import Log
 from diffthrust.estimation import _innovations  # private: the search carried on
 from diffthrust.estimation._noise import White  # private: as a fit calls it
 from diffthrust.estimation._residuals import Innovations  # private: as above
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 
 @dataclass(frozen=True)
@@ -88,14 +89,14 @@ def test_what_each_likelihood_estimates_and_where_it_begins():
         return Log(step * np.arange(count), {"command": np.ones(count)},
                    {n: np.ones(count) for n in measured})  # fmt: skip
 
-    logs = [log(11, 0.2, speed=1), log(31, 0.1, speed=1, thrust=1)]
     model = dft.Thruster()
+    logs = bind(model, [log(11, 0.2, speed=1), log(31, 0.1, speed=1, thrust=1)])
     simulated = SimulationError.of(model, logs, White(), Gaussian())
     assert simulated.parameters(("speed", "thrust"), logs) == {}
     assert simulated.guesses(()) == ({},)
     assert simulated.starts(model, logs) == ("speed",)
     given = Log([0.0, 0.1], {"speed": np.ones(2)}, {"thrust": np.ones(2)})
-    assert simulated.starts(model, [given]) == ()
+    assert simulated.starts(model, bind(model, [given])) == ()
     assert simulated.whiteness(True).limit == 0.5
     corrected = Innovations.of(model, logs, White(), Gaussian())
     assert corrected.starts(model, logs) == ("speed",)

@@ -124,7 +124,8 @@ class Kalman:
         }
 
 
-LIKELIHOOD = innovations_of(FirstOrder(), [Log([0.0, 1.0], {"u": [0.0, 0.0]}, {"x": [0.0, 0.0]})])
+STILL = Log([0.0, 1.0, 2.0], {"u": np.zeros(3)}, {"x": np.zeros(3)})
+LIKELIHOOD = innovations_of(FirstOrder(), [STILL])
 
 
 @functools.cache

@@ -46,7 +46,7 @@ def problem():
 def test_passes_are_in_the_order_of_the_logs(problem):
     z = problem.start()
     found = passes(problem, z)
-    for one, told, given in zip(found, errors_at(problem, z), problem.logs, strict=True):
+    for one, told, given in zip(found, errors_at(problem, z), problem.records, strict=True):
         assert one.errors.shape == one.measured.shape == (2, len(given))
         np.testing.assert_array_equal(one.measured, [given.measured["x"], given.measured["y"]])
         np.testing.assert_allclose(one.errors, [told["x"], told["y"]], rtol=1e-9, atol=1e-12)
@@ -66,7 +66,7 @@ def test_runs_begin_where_they_err_least(problem):
     z = problem.start()
     now = passes(problem, z)
     expected = {}
-    for i, given in enumerate(problem.logs):
+    for i, given in enumerate(problem.records):
         for c, name in enumerate(("x", "y")):
             at = problem.shared + 2 * problem.order[0].index(i) + c
             moved = z.copy()

@@ -6,6 +6,7 @@ from error_laws import Censored, Gaussian, are_censored, rail_notes
 from problems import SimulationError, build, likelihood_of
 
 import diffthrust as dft
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 
 def log(count, *, censored=("thrust",), scale=1.0, **more):
@@ -48,13 +49,14 @@ def test_what_is_told_of_them():
     logs = [log(17), log(23), log(11, censored=())]
     counts = [one.railed["thrust"].samples for one in logs]
     assert min(counts) > 0
-    assert are_censored(logs)
-    assert not are_censored(logs[2:])
-    assert rail_notes(Censored(), logs[2:]) == ()
+    records = bind(dft.Thruster(), logs)
+    assert are_censored(records)
+    assert not are_censored(records[2:])
+    assert rail_notes(Censored(), records[2:]) == ()
     total = counts[0] + counts[1]
-    (told,) = rail_notes(Censored(), logs)
+    (told,) = rail_notes(Censored(), records)
     assert told == f"Samples at a rail are taken as 'at least' or 'at most' it: {total} of thrust."
-    (told,) = rail_notes(Gaussian(), logs)
+    (told,) = rail_notes(Gaussian(), records)
     assert told.startswith(f"Samples at a rail carry no weight: {total} of thrust. Only")
 
 

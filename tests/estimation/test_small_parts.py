@@ -14,6 +14,7 @@ from diffthrust.estimation._likelihood import noise_levels  # private: told by n
 from diffthrust.estimation._one_step import nrmse  # private: as a diagnosis calls it
 from diffthrust.estimation._unstable import unstable_advice  # private: the sentence alone
 from diffthrust.estimation._vanished import alive, vanished, vanished_notes  # private: each alone
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 from diffthrust.simulation._runs import runs_over  # private: what it looks at
 
 CHANNELS = ("speed", "thrust")
@@ -185,16 +186,16 @@ def test_what_nothing_depends_on_is_held(monkeypatch):
 def test_runs_that_part_by_ten_thousand(monkeypatch, times, told):
     speed = np.linspace(3.0, 5.0, 9)
     run = SimpleNamespace(
-        channels={"speed": None}, signals={"speed": speed}, failure="", name="run", log=None,
+        channels={"speed": None}, signals={"speed": speed}, failure="", name="run", record=None,
         substeps=3,
     )  # fmt: skip
     asked, apart = {}, np.append(np.zeros(8), times * 1e-8 * 2.0)
 
-    def runs_over(model, logs, initial, substeps):
-        asked.update(initial[0], substeps=substeps)
-        return (SimpleNamespace(signals={"speed": speed + apart}),)
+    def simulate_fixed(model, record, initial, substeps):
+        asked.update(initial, substeps=substeps)
+        return {"speed": speed + apart}
 
-    monkeypatch.setattr(_unstable, "runs_over", runs_over)
+    monkeypatch.setattr(_unstable, "simulate_fixed", simulate_fixed)
     status = dft.Status.NOT_CONVERGED
     advice = _unstable.unstable_advice(status, dft.Thruster(), [run], False)
     assert ("grows 1e+04 times as large" in advice) == told
@@ -276,7 +277,7 @@ def test_a_fit_of_whole_runs_that_fails_says_why_and_innovations_find_it():
 
 def test_a_small_difference_grows_as_the_closed_form_has_it():
     log = steered(count=250)
-    (run,) = runs_over(Yawing(), [log], initial=[{"yaw_rate": 0.0}])
+    (run,) = runs_over(Yawing(), bind(Yawing(), [log]), initial=[{"yaw_rate": 0.0}])
     told = unstable_advice(dft.Status.NOT_CONVERGED, Yawing(), [run], False)
     grown = math.exp(GROWTH * STEP * 249)
     assert f"grows {grown:.0e} times as large" in told
@@ -286,5 +287,5 @@ def test_a_small_difference_grows_as_the_closed_form_has_it():
 
 def test_a_stable_model_is_not_blamed():
     stable = Yawing(growth=-1.0)
-    runs = runs_over(stable, [steered()])
+    runs = runs_over(stable, bind(stable, [steered()]))
     assert unstable_advice(dft.Status.NOT_CONVERGED, stable, runs, False) == ""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference import inputs
-from trajectories import Grid, hold_of, inputs_of, trajectory
+from trajectories import grid_of, trajectory
 
 import diffthrust as dft
 from diffthrust import InputError, Log, simulate
@@ -378,7 +378,7 @@ def test_gradients_with_respect_to_a_model_agree_with_differences():
     time = inputs.grid(2.0, 0.05)
     command = 2.0 * np.sin(3.0 * time)
     log = Log(time, {"command": command})
-    grid = Grid(hold_of(log, inputs_of(MODEL, log)), 2)
+    grid = grid_of(MODEL, log, 2)
     given = (jnp.asarray(time), {"command": jnp.asarray(command)}, {"speed": jnp.array(3.0)}, {})
 
     @jax.jit
@@ -401,7 +401,7 @@ def test_gradients_with_respect_to_a_model_agree_with_differences():
 def test_a_batch_of_models_can_be_mapped():
     time = inputs.grid(1.0, 0.05)
     log = Log(time, {"command": np.full(21, 2.0)})
-    grid = Grid(hold_of(log, inputs_of(MODEL, log)))
+    grid = grid_of(MODEL, log)
     given = (jnp.asarray(time), {"command": jnp.full(21, 2.0)}, {"speed": jnp.array(0.0)}, {})
     factors = jnp.array([0.5, 1.0, 2.0])
     models = jax.tree.map(lambda v: v * factors, MODEL)

@@ -14,7 +14,7 @@ from diffthrust.simulation._errors import errors, unwrapped, wrapped  # private:
 from diffthrust.simulation._fixed_step import checked_initial  # private: as above
 from diffthrust.simulation._linearise import slopes_at  # private: told by no result
 from diffthrust.simulation._overflow import overflow, too_large  # private: the sentences alone
-from diffthrust.simulation._remembered import remembered, simulated_once  # private: as a run does
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 from diffthrust.simulation._runs import are_tables, pooled_errors, runs_over  # private: as a fit
 from diffthrust.simulation._step_size import fewest_steps, sensor_noise  # private: each alone
 
@@ -91,18 +91,26 @@ def test_steps_are_halved_until_the_error_is_a_hundredth_of_the_noise(monkeypatc
     monkeypatch.setattr(_step_size, "simulate_fixed", simulated)
     log = Log(0.1 * np.arange(5), {"command": np.ones(5)}, {"speed": RNG.normal(size=5)},
               noise={"speed": 0.5})  # fmt: skip
+    (record,) = bind(dft.Thruster(), [log])
+
+    def chosen(*args, **more):
+        return fewest_steps(dft.Thruster(), record, *args, **more)[:2]
+
     # between k and 2 k steps they differ by 15 / k^4: 30, 1.9, 0.12, 0.0073 of the noise
-    assert fewest_steps(dft.Thruster(), log, None) == (8, {"speed": pytest.approx(30.0 / 8**4)})
-    assert asked == [1, 2, 2, 4, 4, 8, 8, 16]
-    assert fewest_steps(dft.Thruster(), log, None, tolerance=0.5)[0] == 4
-    assert fewest_steps(dft.Thruster(), log, None, tolerance=30.0)[0] == 1
+    assert chosen(None) == (8, {"speed": pytest.approx(30.0 / 8**4)})
+    assert asked == [1, 2, 4, 8, 16]
+    assert chosen(None, tolerance=0.5)[0] == 4
+    assert chosen(None, tolerance=30.0)[0] == 1
     most = {"speed": pytest.approx(30.0 / 32**4)}
-    assert fewest_steps(dft.Thruster(), log, None, tolerance=1e-9) == (32, most)
+    assert chosen(None, tolerance=1e-9) == (32, most)
     asked.clear()
-    fewest_steps(dft.Thruster(), log, None, {"speed": np.full(5, 2.0)}, tolerance=3.0)
+    chosen(None, {"speed": np.full(5, 2.0)}, tolerance=3.0)
     assert asked == [2]  # the first was given
-    assert fewest_steps(dft.LinearSensor(), log, None) == (1, {})
-    assert fewest_steps(dft.Thruster(), log.slice(0.0, 0.05), None) == (1, {})
+    table = Log(np.arange(5.0), {"depth": np.ones(5)}, {"reading": np.ones(5)})
+    sensor = dft.LinearSensor()
+    assert fewest_steps(sensor, bind(sensor, [table])[0], None) == (1, {}, None)
+    (short,) = bind(dft.Thruster(), [log.slice(0.0, 0.05)], compared=False)
+    assert fewest_steps(dft.Thruster(), short, None) == (1, {}, None)
     with pytest.warns(dft.CoarseStepWarning, match=r"with 32 .* of 'speed' is still 2\.9e-05"):
         assert _step_size.choose_substeps(dft.Thruster(), log, tolerance=1e-9) == 32
     assert _step_size.choose_substeps(dft.Thruster(), log, tolerance=1e-9, warn=False) == 32
@@ -112,55 +120,65 @@ def test_where_a_simulation_leaves_the_finite_numbers():
     model = dft.Thruster()
     log = Log(0.5 * np.arange(6), {"command": np.ones(6)}, name="run")
     fine = {"speed": np.arange(6.0), "thrust": np.arange(6.0)}
-    assert overflow(model, log, fine) == ""
+    assert overflow(model, bind(model, [log], compared=False)[0], fine) == ""
     lost = {"speed": np.array([0.0, 1.5, 9e9, np.inf, 0.0, 0.0]), "thrust": np.full(6, np.nan)}
-    assert overflow(model, log, {**fine, "speed": lost["speed"]}) == (
+    assert overflow(
+        model, bind(model, [log], compared=False)[0], {**fine, "speed": lost["speed"]}
+    ) == (
         "run: the simulation leaves the finite numbers at t = 1.5 s, where the state 'speed' is "
         "infinite (one sample earlier speed 9e+09 rad/s)."
     )
-    assert overflow(model, log, {**fine, "thrust": lost["thrust"]}) == (
+    assert overflow(
+        model, bind(model, [log], compared=False)[0], {**fine, "thrust": lost["thrust"]}
+    ) == (
         "run: the simulation leaves the finite numbers at t = 0 s, where the output 'thrust' is "
         "no number (speed 0 rad/s)."
     )
     first = {"speed": np.array([np.nan, *np.ones(5)]), "thrust": np.array([np.nan, *np.ones(5)])}
-    assert "at t = 0 s, where the state 'speed' is no number." in overflow(model, log, first)
+    assert "at t = 0 s, where the state 'speed' is no number." in overflow(
+        model, bind(model, [log], compared=False)[0], first
+    )
 
 
 def test_numbers_too_large_to_be_squared():
     model, y = dft.Thruster(), np.array([1.0, -1e200, np.nan])
-    log = Log([0.0, 1.0, 2.0], {"command": np.ones(3)}, {"speed": y}, name="run")
-    found = too_large(model, log, {"speed": np.array([0.0, -3e5, 0.0])})
+    log = Log([0.0, 0.1, 0.2], {"command": np.ones(3)}, {"speed": y}, name="run")
+    found = too_large(
+        model, bind(model, [log], compared=False)[0], {"speed": np.array([0.0, -3e5, 0.0])}
+    )
     assert found == (
         "run: numbers of speed are too large to be squared: measured up to 1e+200 rad/s, simulated "
         "up to 3e+05 rad/s. Is its unit right?"
     )
     small = log.replaced(measured={"speed": np.ones(3)})
-    assert too_large(model, small, {"speed": np.ones(3)}) == ""
-    assert "simulated up to 1e+170" in too_large(model, small, {"speed": np.full(3, 1e170)})
-    both = Log([0.0, 1.0], {"command": np.ones(2)}, {"speed": np.ones(2), "thrust": np.ones(2)})
+    assert too_large(model, bind(model, [small], compared=False)[0], {"speed": np.ones(3)}) == ""
+    assert "simulated up to 1e+170" in too_large(
+        model, bind(model, [small], compared=False)[0], {"speed": np.full(3, 1e170)}
+    )
+    both = Log([0.0, 0.1], {"command": np.ones(2)}, {"speed": np.ones(2), "thrust": np.ones(2)})
     second = {"speed": np.ones(2), "thrust": np.full(2, 1e170)}
-    assert "numbers of thrust are too large" in too_large(model, both, second)
-    alone = Log([0.0, 1.0], {"command": np.ones(2)}, {"thrust": np.ones(2)})
-    assert "numbers of thrust" in too_large(model, alone, second)
+    assert "numbers of thrust are too large" in too_large(
+        model, bind(model, [both], compared=False)[0], second
+    )
+    alone = Log([0.0, 0.1], {"command": np.ones(2)}, {"thrust": np.ones(2)})
+    assert "numbers of thrust" in too_large(model, bind(model, [alone], compared=False)[0], second)
 
 
-def test_what_has_been_simulated_is_remembered_for_a_while():
-    log, ran = Log([0.0, 1.0]), []
+def test_steps_that_are_chosen_hand_on_their_simulation(monkeypatch):
+    log = Log(0.1 * np.arange(5), {"command": np.ones(5)}, {"speed": np.linspace(0.0, 9.0, 5)})
+    (record,) = bind(dft.Thruster(), [log])
+    plain, asked = _step_size.simulate_fixed, []
 
-    def once():
-        ran.append(1)
-        return {"x": np.zeros(2)}
+    def simulated(model, record, initial, substeps):
+        asked.append(substeps)
+        return plain(model, record, initial, substeps)
 
-    for _ in range(2):
-        remembered("asked", log, once)
-    assert len(ran) == 2
-    with simulated_once():
-        first = remembered("asked", log, once)
-        first["x"][:] = 7.0  # what is given away is a copy
-        with simulated_once():
-            assert remembered("asked", log, once)["x"].tolist() == [0.0, 0.0]
-        remembered("other", log, once)
-    assert len(ran) == 4
+    monkeypatch.setattr(_step_size, "simulate_fixed", simulated)
+    series, substeps = _step_size.simulate_over(dft.Thruster(), record, None, None)
+    assert asked == [2**k for k in range(len(asked))]  # none twice
+    assert substeps == asked[-2]
+    for name, values in plain(dft.Thruster(), record, None, substeps).items():
+        np.testing.assert_array_equal(series[name], values)
 
 
 # Initial states.
@@ -182,10 +200,10 @@ def test_initial_states_that_are_given():
 def test_where_states_begin_that_nobody_gives():
     log = Log([0.0, 0.1, 0.2], {"command": [3.0, 1.0, 1.0]}, {"speed": [7.0, 8.0, 9.0]})
     model = dft.DCMotorThruster()
-    begin = starting_states(model, log)
+    begin = starting_states(model, bind(model, [log], compared=False)[0])
     assert begin == pytest.approx({"current": 3.0 / 2.5604031, "speed": 7.0})
     bare = Log([0.0, 0.1, 0.2], {"command": [3.0, 1.0, 1.0]})
-    assert starting_states(model, bare)["speed"] == 0.0
+    assert starting_states(model, bind(model, [bare], compared=False)[0])["speed"] == 0.0
 
 
 def test_the_start_with_which_a_run_errs_least():
@@ -201,7 +219,7 @@ def test_the_start_with_which_a_run_errs_least():
     def off(path):
         return (measured - path["fast"] - path["slow"]) / 0.01
 
-    found = _starts._least(ran, off, {"slow": 1.0, "fast": -4.0})
+    found = _starts._least_squares(ran, off, {"slow": 1.0, "fast": -4.0})
     # a start ten sizes away counts like one sample that errs by the spread of its channel
     sizes = np.array([1.0, 4.0])
     rows = np.stack([np.exp(-0.8 * time), np.exp(-3.0 * time)], axis=1) / 0.01
@@ -210,13 +228,15 @@ def test_the_start_with_which_a_run_errs_least():
     best = np.linalg.lstsq(np.vstack([rows, pull]), np.append(measured / 0.01, held), rcond=None)
     np.testing.assert_allclose(found, best[0], rtol=1e-6)
     assert len(asked) < 15  # of three runs a step
-    far = _starts._least(lambda x: {"x": x}, lambda path: np.array([path["x"][0] - 90.0]), {"x": 1})
+    far = _starts._least_squares(
+        lambda x: {"x": x}, lambda path: np.array([path["x"][0] - 90.0]), {"x": 1}
+    )
     assert far[0] == pytest.approx((90.0 + 0.01) / 1.01, rel=1e-6)
-    bent = _starts._least(
+    bent = _starts._least_squares(
         lambda x: {"x": x}, lambda path: 1e3 * (path["x"] ** 3 - 27.0), {"x": 0.5}
     )
     assert bent[0] == pytest.approx(3.0, rel=1e-5)
-    still = _starts._least(lambda x: {"x": x}, lambda path: np.full(1, np.nan), {"x": 0.5})
+    still = _starts._least_squares(lambda x: {"x": x}, lambda path: np.full(1, np.nan), {"x": 0.5})
     assert still[0] == 0.5
 
 
@@ -232,7 +252,7 @@ def straight(count, offset=0.0, name="log"):
 def test_runs_and_their_errors():
     model = dft.LinearSensor(slope=0.2, offset=0.0)
     logs = [straight(5, 0.1, "one"), straight(9, 0.3, "two")]
-    runs = runs_over(model, logs)
+    runs = runs_over(model, bind(model, logs))
     assert [run.name for run in runs] == ["one", "two"]
     assert runs[0].channels["reading"].residual == pytest.approx(np.full(5, 0.1))
     assert runs[1].errors.channels["reading"].rmse == pytest.approx(0.3)
@@ -243,21 +263,22 @@ def test_runs_and_their_errors():
     assert are_tables(model, runs)
     assert not are_tables(dft.Thruster(), runs)
     late = Log(1.0 + np.arange(5.0), {"depth": np.ones(5)}, {"reading": np.arange(5.0)})
-    assert not are_tables(model, runs_over(model, [logs[0], late]))
+    assert not are_tables(model, runs_over(model, bind(model, [logs[0], late])))
     for wrong in ([{}], {"speed": 1.0}, [{}] * 3):
         with pytest.raises(InputError, match="initial states for each of 2 logs"):
-            runs_over(model, logs, initial=wrong)
+            runs_over(model, bind(model, logs), initial=wrong)
 
 
 def test_what_no_log_measures_cannot_be_run():
     log = Log(np.arange(5.0), {"depth": np.ones(5)})
     with pytest.raises(InputError, match="No log measures an output"):
-        runs_over(dft.LinearSensor(), [log])
+        runs_over(dft.LinearSensor(), bind(dft.LinearSensor(), [log]))
 
 
 def test_slopes_of_rates_and_outputs():
     log = Log(0.1 * np.arange(3), {"command": [1.0, -2.0, 0.5]}, {"speed": np.ones(3)})
-    rates, outputs = slopes_at(dft.Thruster(alpha=0.05, beta=30.0, ct=0.02), log)
+    model = dft.Thruster(alpha=0.05, beta=30.0, ct=0.02)
+    rates, outputs = slopes_at(model, bind(model, [log])[0])
     speed = float(np.random.default_rng(0).uniform(0.3, 0.7))
     state, port, given = rates["speed"]
     assert float(state["speed"]) == pytest.approx(-0.1 * speed)
@@ -275,7 +296,8 @@ def test_slopes_of_rates_and_outputs():
 def test_a_run_in_the_units_of_its_log():
     log = Log([0.0, 1.0, 2.0], {"depth": np.ones(3)}, {"reading": np.array([100.0, 120.0, 90.0])},
               units={"reading": "mV"})  # fmt: skip
-    (run,) = runs_over(dft.LinearSensor(slope=0.1, offset=0.0), [log])
+    model = dft.LinearSensor(slope=0.1, offset=0.0)
+    (run,) = runs_over(model, bind(model, [log]))
     ours = run.channels["reading"]
     np.testing.assert_allclose(ours.residual, [0.0, 0.02, -0.01], atol=1e-15)
     assert ours.unit == "V"

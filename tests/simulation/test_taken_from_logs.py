@@ -6,18 +6,18 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from trajectories import bridged, hold_of, inputs_of, measured_start
+from trajectories import bridged
 
 import diffthrust as dft
 from diffthrust import InputError, Log
 from diffthrust.simulation._bare import bare  # private: told by no result
 from diffthrust.simulation._commands import adopted, command_kind  # private: as a fit calls them
-from diffthrust.simulation._inputs import (  # private: each alone
-    check_samples,
+from diffthrust.simulation._levels import levels_over, levels_when_asked  # private: each alone
+from diffthrust.simulation._record import (  # private: what a fit reads
+    bind,
     input_ranges,
     measured_outputs,
 )
-from diffthrust.simulation._levels import levels_over, levels_when_asked  # private: each alone
 from diffthrust.simulation._starts import felt, following, unknown_starts  # private: each alone
 
 
@@ -79,7 +79,7 @@ def test_the_start_is_the_first_measurement_if_it_comes_early_enough():
         speed = np.full(count, np.nan)
         speed[first::every] = 3.0 + np.arange(count)[first::every]
         log = Log(0.1 * np.arange(count), {"command": np.ones(count)}, {"speed": speed})
-        return measured_start(dft.Thruster(), log)
+        return bind(dft.Thruster(), [log])[0].start
 
     assert start(0) == {"speed": 3.0}
     assert start(9) == {"speed": 12.0}
@@ -91,32 +91,35 @@ def test_the_start_is_the_first_measurement_if_it_comes_early_enough():
 
 def test_a_state_that_the_log_prescribes_has_no_start():
     log = Log([0.0, 0.1, 0.2], {"speed": np.ones(3)}, {"thrust": np.ones(3)})
-    assert measured_start(dft.Thruster(), log) == {}
-    assert set(inputs_of(dft.Thruster(), log)) == {"speed"}
+    (record,) = bind(dft.Thruster(), [log])
+    assert record.start == {}
+    assert set(record.inputs_for(dft.Thruster())) == {"speed"}
 
 
 def test_ranges_and_holds_of_inputs():
     logs = [gapped(), gapped().replaced(inputs={"command": np.array([9.0, *[np.nan] * 14])})]
-    ranges = input_ranges(dft.Thruster(), logs)
+    records = bind(dft.Thruster(), logs)
+    ranges = input_ranges(dft.Thruster(), records)
     command = logs[0].inputs["command"]
     assert ranges == {"command": (command.min(), 9.0)}
-    assert hold_of(logs[0], {"inflow": 1, "command": 2, "other": 3}) == (
+    assert records[0].holds({"inflow": 1, "command": 2, "other": 3}) == (
         ("command", "zero"),
         ("inflow", "linear"),
         ("other", "zero"),
     )
-    assert measured_outputs(dft.Thruster(), logs) == ("speed",)
+    assert measured_outputs(dft.Thruster(), records) == ("speed",)
 
 
 def test_a_log_needs_one_step_more_where_something_is_integrated():
     two = Log([0.0, 0.1], {"command": [1.0, 1.0]}, {"speed": [0.0, 1.0]})
     with pytest.raises(InputError, match=r"expected at least 3 samples .* found 2"):
-        check_samples(dft.Thruster(), [two])
+        bind(dft.Thruster(), [two])
     given = Log([0.0, 0.1], {"speed": [1.0, 1.0]}, {"thrust": [0.0, 1.0]})
-    check_samples(dft.Thruster(), [given])
+    bind(dft.Thruster(), [given])
+    bind(dft.Thruster(), [two], compared=False)  # only simulated
     one = given.slice(0.0, 0.05)
     with pytest.raises(InputError, match=r"expected at least 2 samples .* found 1"):
-        check_samples(dft.Thruster(), [one])
+        bind(dft.Thruster(), [one])
 
 
 @pytest.mark.parametrize(
@@ -133,10 +136,10 @@ def test_a_log_needs_one_step_more_where_something_is_integrated():
 def test_a_time_base_that_such_a_system_cannot_have(step, count, told):
     log = Log(step * np.arange(count), {"command": np.ones(count)})
     if told is None:
-        assert inputs_of(dft.Thruster(), log)["command"].size == count
+        assert len(bind(dft.Thruster(), [log])[0]) == count
         return
     with pytest.raises(InputError) as caught:
-        inputs_of(dft.Thruster(), log)
+        bind(dft.Thruster(), [log])
     assert told in f"{caught.value} {caught.value.mend}"
 
 
@@ -147,8 +150,8 @@ def test_levels_are_the_90th_percentile_of_the_size_and_the_longest_duration():
     rng = np.random.default_rng(1)
     series = [{"a": rng.normal(size=31), "b": np.full(31, np.nan), "c": np.ones(31)}]
     series += [{"a": rng.normal(size=17), "b": np.full(17, np.nan)}]
-    logs = [Log(0.1 * np.arange(n)) for n in (31, 17)]
-    levels = levels_over(series, logs)
+    logs = [Log(0.1 * np.arange(n), {"command": np.ones(n)}) for n in (31, 17)]
+    levels = levels_over(series, bind(dft.Thruster(), logs))
     both = np.abs(np.concatenate([one["a"] for one in series]))
     assert levels == pytest.approx({"a": np.quantile(both, 0.9), "duration": 3.0})
 
@@ -158,7 +161,7 @@ def test_levels_of_a_model_are_those_of_its_ports_states_and_outputs():
     speed, command = 30.0 * np.sin(time), 2.0 * np.cos(1.7 * time)
     log = Log(time, {"command": command}, {"speed": speed})
     model = dft.Thruster()
-    levels = levels_when_asked(model, [log])()
+    levels = levels_when_asked(model, bind(model, [log]))()
 
     def level(x):
         return np.quantile(np.abs(x), 0.9)
@@ -172,7 +175,7 @@ def test_levels_of_a_model_are_those_of_its_ports_states_and_outputs():
     assert levels["propeller"] == pytest.approx(level(0.019 * speed**2))
     assert levels["duration"] == pytest.approx(time[-1])
     unmeasured = Log(time, {"command": command}, {"thrust": np.ones(80)})
-    levels = levels_when_asked(model, [unmeasured])()
+    levels = levels_when_asked(model, bind(model, [unmeasured]))()
     path = dft.simulate(model, unmeasured, substeps=1)["speed"]
     assert levels["speed"] == pytest.approx(level(path))
     assert levels["thrust"] == 1.0
@@ -286,13 +289,17 @@ def train():
 
 
 def test_which_states_are_unknown(train):
-    assert felt(Tanks(), train) == ("upper", "lower")
-    assert unknown_starts(Tanks(), train[0], {}) == ("upper",)
-    assert unknown_starts(Tanks(), train[0], {"upper": 4.0}) == ()
-    assert unknown_starts(Tanks(), run(3, 4.0, late=30), {}) == ("upper", "lower")
-    assert unknown_starts(BegunTanks(), train[0], {}) == ()
-    assert following(BegunTanks(), train) == ("upper",)
-    assert following(BegunTanks().fix("level"), train) == ()
+    assert felt(Tanks(), bind(Tanks(), train)) == ("upper", "lower")
+    assert unknown_starts(Tanks(), bind(Tanks(), [train[0]], compared=False)[0], {}) == ("upper",)
+    assert (
+        unknown_starts(Tanks(), bind(Tanks(), [train[0]], compared=False)[0], {"upper": 4.0}) == ()
+    )
+    assert unknown_starts(
+        Tanks(), bind(Tanks(), [run(3, 4.0, late=30)], compared=False)[0], {}
+    ) == ("upper", "lower")
+    assert unknown_starts(BegunTanks(), bind(BegunTanks(), [train[0]], compared=False)[0], {}) == ()
+    assert following(BegunTanks(), bind(BegunTanks(), train)) == ("upper",)
+    assert following(BegunTanks().fix("level"), bind(BegunTanks().fix("level"), train)) == ()
 
 
 def test_a_parameter_of_the_initial_state_is_estimated_for_all_logs_together(train):
@@ -342,7 +349,14 @@ def test_measured_states_cost_nothing_more():
     time = 0.05 * np.arange(200)
     speed = 40 * np.tanh(time)
     log = dft.Log(time, {"command": np.ones(200)}, {"speed": speed, "thrust": 0.02 * speed**2})
-    assert unknown_starts(dft.Thruster() + "axial_flow", log, {}) == ()  # its flow is settled
+    assert (
+        unknown_starts(
+            dft.Thruster() + "axial_flow",
+            bind(dft.Thruster() + "axial_flow", [log], compared=False)[0],
+            {},
+        )
+        == ()
+    )  # its flow is settled
     assert dft.compare(dft.Thruster(), log).runs[0].estimated == ()
 
 

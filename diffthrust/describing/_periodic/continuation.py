@@ -1,4 +1,4 @@
-"""Searches that found nothing start anew from their neighbours in amplitude and frequency."""
+"""Failed searches are retried from the solutions of their neighbours in amplitude and frequency."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import PeriodicResponses, Reason, Solver, respond, some
 
 _SWEEPS = 12
-"""Answers spread by at most so many points of the map."""
+"""Solutions spread by at most this many points of the map."""
 _LOST = (Reason.NOT_CLOSED, Reason.DIVERGES)
 
 
@@ -41,18 +41,18 @@ def respond_with_neighbours(
     for _ in range(_SWEEPS):
         lost = np.isin(responses.reason, _LOST)
         beside = _neighbours((responses.reason == Reason.SETTLED).reshape(shape))
-        again = np.flatnonzero(lost & (beside >= 0))
-        if not again.size:
+        retried = np.flatnonzero(lost & (beside >= 0))
+        if not retried.size:
             break
-        source = beside[again]
-        ratio = lanes.amplitude[again] / lanes.amplitude[source]
+        source = beside[retried]
+        ratio = lanes.amplitude[retried] / lanes.amplitude[source]
         guess = responses.x[source] * ratio.reshape(-1, *([1] * (responses.x.ndim - 1)))
-        more = respond(solver, cycle, some(lanes, again), samples=samples, guess=guess)
+        more = respond(solver, cycle, some(lanes, retried), samples=samples, guess=guess)
         better = more.reason == Reason.SETTLED
         if not better.any():
             break
         for field in fields(PeriodicResponses):
-            getattr(responses, field.name)[again[better]] = getattr(more, field.name)[better]
+            getattr(responses, field.name)[retried[better]] = getattr(more, field.name)[better]
     return responses
 
 
@@ -63,9 +63,9 @@ def _neighbours(settled: np.ndarray) -> np.ndarray:
     for axis in (2, 1):  # a neighbour in amplitude overrides one in frequency
         for shift in (-1, 1):
             at = np.roll(index, shift, axis)
-            there = np.roll(settled, shift, axis)
+            neighbour_settled = np.roll(settled, shift, axis)
             edge = [slice(None)] * 3
             edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
-            there[tuple(edge)] = False
-            beside = np.where(there, at, beside)
+            neighbour_settled[tuple(edge)] = False
+            beside = np.where(neighbour_settled, at, beside)
     return beside.reshape(-1)

@@ -80,27 +80,27 @@ def balance(
     series = driven_period(model, cycle, lane)
     dense = 2 * cycle.samples
     names = cycle.states
-    others = {n: jnp.full(dense, v) for n, v in start_of(model, series).items()}
+    constant_states = {n: jnp.full(dense, v) for n, v in start_of(model, series).items()}
     up, down, turn = (jnp.asarray(m) for m in _matrices(dense, cycle.harmonics))
     u = {n: v[:-1] for n, v in series.inputs.items()} | {"time": series.time[:-1]}
 
     def rates(path: Float[Array, "n instants"]) -> Float[Array, "n instants"]:
         followed = {n: path[i] for i, n in enumerate(names)}
-        by_name = rates_of(model, names, {**others, **followed}, u)
+        by_name = rates_of(model, names, {**constant_states, **followed}, u)
         return jnp.stack([jnp.broadcast_to(plain_rate(by_name[n]), (dense,)) for n in names])
 
     path = x @ up.T
-    rest = lane.frequency * (x @ turn.T) - rates(path) @ down.T
-    whole = {**others, **{n: path[i] for i, n in enumerate(names)}}
-    whole = {n: jnp.concatenate([v, v[:1]]) for n, v in whole.items()}
-    seen = harmonics_of(model, cycle, lane, series, whole)
+    residual = lane.frequency * (x @ turn.T) - rates(path) @ down.T
+    series_of_states = {**constant_states, **{n: path[i] for i, n in enumerate(names)}}
+    series_of_states = {n: jnp.concatenate([v, v[:1]]) for n, v in series_of_states.items()}
+    harmonics = harmonics_of(model, cycle, lane, series, series_of_states)
     if not sloped:
-        return Balance(rest, jnp.zeros((0, 0)), seen)
+        return Balance(residual, jnp.zeros((0, 0)), harmonics)
     along = jnp.broadcast_to(jnp.eye(len(names))[:, :, None], (len(names), *path.shape))
     slopes = jax.vmap(lambda v: jax.jvp(rates, (path,), (v,))[1])(along)  # by state, (n, n, dense)
     pushed = jnp.einsum("as,jis,sb->iajb", down, slopes, up)
-    own = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
-    return Balance(rest, (own - pushed).reshape(x.size, x.size), seen)
+    inertia = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
+    return Balance(residual, (inertia - pushed).reshape(x.size, x.size), harmonics)
 
 
 @program(3)
@@ -110,34 +110,34 @@ def balances(
     """`balance` of the first ``count`` lanes, with coefficients ``(lanes, n, c)``."""
 
     def one(lane_and_x: tuple[Lane, Array]) -> Balance:
-        lane, own = lane_and_x
-        return balance(key.model.bind(lane.values), cycle, lane, own, sloped)
+        lane, unknowns = lane_and_x
+        return balance(key.model.bind(lane.values), cycle, lane, unknowns, sloped)
 
     return in_blocks(one, count, (lanes, x))
 
 
 def balancing_step(
-    slope: Float[np.ndarray, "lanes n*c n*c"], rest: Float[np.ndarray, "lanes n c"]
+    slope: Float[np.ndarray, "lanes n*c n*c"], residual: Float[np.ndarray, "lanes n c"]
 ) -> Float[np.ndarray, "lanes n c"]:
     """The step that would balance each lane, of the shape of the rest, ``(lanes, n, c)``.
 
     A coefficient that nothing depends on, as the mean position of a vehicle that nothing pulls
     back, is held. NaN where the rest is not finite.
     """
-    shape, slope = rest.shape, slope.copy()
-    rest = rest.reshape(slope.shape[:2])
-    fine = np.asarray(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(rest).all(axis=1))
-    rest = rest.copy()
-    held_fast(slope, rest, drifting(slope) & fine[:, None])
+    shape, slope = residual.shape, slope.copy()
+    residual = residual.reshape(slope.shape[:2])
+    fine = np.asarray(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
+    residual = residual.copy()
+    held_fast(slope, residual, drifting(slope) & fine[:, None])
     size = np.abs(slope).max(axis=2) + TINY
-    slope, rest = slope / size[:, :, None], rest / size
-    step = np.full(rest.shape, np.nan)
+    slope, residual = slope / size[:, :, None], residual / size
+    step = np.full(residual.shape, np.nan)
     if fine.any():
         try:
-            step[fine] = -np.linalg.solve(slope[fine], rest[fine][..., None])[..., 0]
+            step[fine] = -np.linalg.solve(slope[fine], residual[fine][..., None])[..., 0]
         except np.linalg.LinAlgError:  # some lane is singular: the shortest step for all
             inverse = np.linalg.pinv(slope[fine], rcond=1e-12)
-            step[fine] = -np.einsum("lij,lj->li", inverse, rest[fine])
+            step[fine] = -np.einsum("lij,lj->li", inverse, residual[fine])
     return step.reshape(shape)
 
 

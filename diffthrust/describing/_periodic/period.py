@@ -136,13 +136,13 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> PeriodSeries:
         return PeriodSeries(time, reaching(whole), jnp.asarray(0.0))
     if cycle.sought:
         some = whole[: 2 * dense + 1]
-        begin, known = repeating_start(
+        begin, repeats = repeating_start(
             lambda x: reaching(some.at[0].set(x))[cycle.input], lane.amplitude, dense
         )
         series = reaching(whole.at[0].set(begin))
         last = {name: value[-dense - 1 :] for name, value in series.items()}
-        known = known & (_change(series, dense, cycle.periods) <= STARTS_APART)
-        return PeriodSeries(time[-dense - 1 :], last, jnp.where(known, 0.0, 1.0))
+        repeats = repeats & (_change(series, dense, cycle.periods) <= STARTS_APART)
+        return PeriodSeries(time[-dense - 1 :], last, jnp.where(repeats, 0.0, 1.0))
     growing = jnp.minimum(count.astype(float) / (0.5 * dense * cycle.periods), 1.0)
     series, sudden = reaching(growing * whole), reaching(whole)
     last = {name: value[-dense - 1 :] for name, value in series.items()}
@@ -243,8 +243,8 @@ def idle(
     which = np.zeros(matrix.shape[:2], bool)
     size = np.abs(matrix)
     while True:
-        rest = np.where(which[:, :, None], 0.0, size).max(axis=1, initial=0.0)
-        more = (rest <= least) & ~which
+        residual = np.where(which[:, :, None], 0.0, size).max(axis=1, initial=0.0)
+        more = (residual <= least) & ~which
         if not more.any():
             return which
         which |= more
@@ -252,14 +252,14 @@ def idle(
 
 def held_fast(
     matrix: Float[np.ndarray, "lanes m m"],
-    rest: Float[np.ndarray, "lanes m"],
+    residual: Float[np.ndarray, "lanes m"],
     which: Bool[np.ndarray, "lanes m"],
 ) -> None:
     """Change equations such that the unknowns of ``which`` stay where they are; in place."""
     lane, place = np.nonzero(which)
     matrix[lane, place, :] = 0.0
     matrix[lane, place, place] = 1.0
-    rest[lane, place] = 0.0
+    residual[lane, place] = 0.0
 
 
 def _change(
@@ -270,7 +270,7 @@ def _change(
         return jnp.asarray(0.0)
     changes = []
     for value in series.values():
-        last, before = value[-period:], value[-2 * period : -period]
+        last, previous = value[-period:], value[-2 * period : -period]
         swing = jnp.max(last) - jnp.min(last)
-        changes.append(jnp.max(jnp.abs(last - before)) / jnp.maximum(swing, TINY))
+        changes.append(jnp.max(jnp.abs(last - previous)) / jnp.maximum(swing, TINY))
     return jnp.max(jnp.stack(changes))

@@ -170,11 +170,11 @@ def respond(
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
     last_steps = samples or solver.finest
     stage = np.zeros(size, int)
-    own = guess is None
-    origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if own else guess
+    without_guess = guess is None
+    origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if without_guess else guess
     x: np.ndarray = np.array(origin)
     mean, distortion, first = np.zeros(size), np.zeros(size), np.zeros(size, complex)
-    before = np.full(size, np.nan, complex)
+    previous = np.full(size, np.nan, complex)
     reason, failed = np.full(size, -1), np.zeros(size, int)
     while (active := np.flatnonzero(reason < 0)).size:
         for n, k in sorted(set(zip(steps[active], stage[active], strict=True))):
@@ -194,18 +194,18 @@ def respond(
             later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LONGEST_SERIES]
             stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
-            change = np.abs(first[who] - before[who])
+            change = np.abs(first[who] - previous[who])
             near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
             near = near | still | (samples is not None)
             reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near) | (restless & (not later))
-            before[who] = np.where(bad | restless, np.nan, first[who])
+            previous[who] = np.where(bad | restless, np.nan, first[who])
             finer_steps = solver.growth * n
             last = min(last_steps, LONGEST_SERIES // (2 * at.periods))
-            gone = finer & ((finer_steps > last) | (failed[who] >= _FAILURES))
+            finished = finer & ((finer_steps > last) | (failed[who] >= _FAILURES))
             unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
-            reason[who[gone]] = np.where(bad, orbits.reason, unclear)[gone]
-            steps[who[finer & ~gone]] = finer_steps
+            reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
+            steps[who[finer & ~finished]] = finer_steps
             tell("periodic responses", float(np.mean(reason >= 0)))
     _check_again(solver, cycle, lanes, x, first, mean, reason, steps, stage)
     return PeriodicResponses(first, mean, distortion, reason, steps, stage, x)
@@ -235,7 +235,7 @@ def _check_again(
 
 
 def staged(cycle: Cycle, samples: int, stage: int) -> Cycle:
-    """The cycle with so many steps, at a stage of `STAGES`; only effects with memory have any."""
+    """The cycle at this many steps and stage of `STAGES`, which only effects with memory have."""
     if cycle.periods == 1:
         return replace(cycle, samples=int(samples))
     periods, sought = STAGES[stage]
@@ -262,9 +262,9 @@ def over(
     """An act of the solver on some lanes, in portions that the cores of the machine share."""
     portions = [*_portions(who, solver.capacity)]
 
-    def one(part: np.ndarray) -> Any:
-        given = () if x is None else (_padded(x[part], solver.capacity),)
-        return act(cycle, part.size, some(lanes, _padded(part, solver.capacity)), *given)
+    def one(lanes_at: np.ndarray) -> Any:
+        guesses = () if x is None else (_padded(x[lanes_at], solver.capacity),)
+        return act(cycle, lanes_at.size, some(lanes, _padded(lanes_at, solver.capacity)), *guesses)
 
     parts = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
     order = np.argsort(np.concatenate(portions), kind="stable")

@@ -46,7 +46,7 @@ _FREE = 1e-9
 """A direction in which the period map changes this little of a displacement is not held by the
 model, as the position of a vehicle that nothing pulls back."""
 _UNSTABLE = 1e-6
-"""A multiplier of the period map may exceed one by so much; rounding, and free directions."""
+"""Margin by which a multiplier of the period map may exceed one: rounding, and free directions."""
 
 
 class Orbit(NamedTuple):
@@ -77,14 +77,16 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Float[Array, " n"]
         start: the states that are followed, in their order, ``(n,)``.
     """
     series = driven_period(model, cycle, lane)
-    names, others = cycle.states, start_of(model, series)
+    names, constant_states = cycle.states, start_of(model, series)
     inputs = {n: (v[:-1:2], v[1::2], v[2::2]) for n, v in series.inputs.items()}
     inputs["time"] = series.time[:-1:2], series.time[1::2], series.time[2::2]
     steps = jnp.full(cycle.samples, 2.0 * jnp.pi / lane.frequency / cycle.samples)
 
     def rates(state: Mapping[str, Array], u: Mapping[str, Array]) -> dict[str, Array | Relaxing]:
         return {
-            n: k for n, k in rates_of(model, names, {**others, **state}, u).items() if n in names
+            n: k
+            for n, k in rates_of(model, names, {**constant_states, **state}, u).items()
+            if n in names
         }
 
     def end_of(x: Float[Array, " n"]) -> tuple[Array, dict[str, Array]]:
@@ -94,13 +96,17 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Float[Array, " n"]
 
     if not names:
         empty = jnp.zeros(0)
-        seen = harmonics_of(model, cycle, lane, series, _still(others, 2 * cycle.samples + 1))
-        return Orbit(empty, empty, jnp.zeros((0, 0)), empty, seen)
+        harmonics = harmonics_of(
+            model, cycle, lane, series, _still(constant_states, 2 * cycle.samples + 1)
+        )
+        return Orbit(empty, empty, jnp.zeros((0, 0)), empty, harmonics)
     along, path = jax.jacfwd(end_of, has_aux=True)(start)
     swing = jnp.stack([jnp.max(path[n]) - jnp.min(path[n]) for n in names])
     end = jnp.stack([path[n][-1] for n in names])
-    whole = {**_still(others, cycle.samples + 1), **path}
-    return Orbit(start, end, along, swing, harmonics_of(model, cycle, lane, series, whole))
+    series_of_states = {**_still(constant_states, cycle.samples + 1), **path}
+    return Orbit(
+        start, end, along, swing, harmonics_of(model, cycle, lane, series, series_of_states)
+    )
 
 
 def _still(states: Mapping[str, Array], size: int) -> dict[str, Array]:
@@ -138,20 +144,20 @@ def closing_step(orbit: Orbit) -> Float[np.ndarray, "lanes n"]:
     Directions that the model does not hold are left alone. NaN where the period diverges.
     """
     scale = scale_of(orbit)
-    rest = (np.asarray(orbit.end) - np.asarray(orbit.start)) / scale
+    residual = (np.asarray(orbit.end) - np.asarray(orbit.start)) / scale
     slope = np.asarray(orbit.slope) * scale[:, None, :] / scale[:, :, None]
-    matrix = np.eye(rest.shape[1]) - slope
-    fine = np.asarray(np.isfinite(rest).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2)))
-    held_fast(matrix, rest, idle(matrix, _FREE) & fine[:, None])
-    step = np.full(rest.shape, np.nan)
-    if rest.shape[1] == 1:
+    matrix = np.eye(residual.shape[1]) - slope
+    fine = np.asarray(np.isfinite(residual).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2)))
+    held_fast(matrix, residual, idle(matrix, _FREE) & fine[:, None])
+    step = np.full(residual.shape, np.nan)
+    if residual.shape[1] == 1:
         held = fine & (np.abs(matrix[:, 0, 0]) > _FREE)
         step[fine] = 0.0
-        step[held, 0] = rest[held, 0] / matrix[held, 0, 0]
+        step[held, 0] = residual[held, 0] / matrix[held, 0, 0]
     elif fine.any():
         u, s, vh = np.linalg.svd(matrix[fine])
         inverse = np.where(s > _FREE, 1.0 / np.maximum(s, _FREE), 0.0)
-        along = inverse * np.einsum("lji,lj->li", u, rest[fine])
+        along = inverse * np.einsum("lji,lj->li", u, residual[fine])
         step[fine] = np.einsum("lij,li->lj", vh, along)
     return step
 

@@ -23,7 +23,7 @@ _FINEST_SERIES = 16384
 _LANES = 512
 """Lanes of one call."""
 _NUMBERS = 2_000_000
-"""A call of the harmonic balance holds Jacobians of so many numbers in all."""
+"""Numbers in all Jacobians of one call of the harmonic balance: it bounds the memory."""
 
 
 _Tree = TypeVar("_Tree", shooting.Orbit, hb.Balance)
@@ -87,8 +87,8 @@ class Shooting:
         return SolvedOrbits(orbit.start, orbit.harmonics, np.full(count, Reason.SETTLED))
 
     def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> shooting.Orbit:
-        own, begin = _front(lanes, x, who)
-        return _cut(shooting.periods(self.key, cycle, who.size, own, begin), who.size)
+        front, begin = _front(lanes, x, who)
+        return _cut(shooting.periods(self.key, cycle, who.size, front, begin), who.size)
 
 
 class HarmonicBalance:
@@ -178,16 +178,16 @@ class HarmonicBalance:
         many = replace(cycle, samples=dense)
         slope = self._run(cycle, every, lanes, x).slope
         x[:count] += hb.balancing_step(slope, self._run(many, every, lanes, x, sloped=False).rest)
-        seen = self._run(many, every, lanes, x, sloped=False).harmonics
+        judged = self._run(many, every, lanes, x, sloped=False).harmonics
         fine = np.isfinite(x[:count]).all(axis=(1, 2))
-        return SolvedOrbits(x[:count], seen, np.where(fine, Reason.SETTLED, Reason.NOT_CLOSED))
+        return SolvedOrbits(x[:count], judged, np.where(fine, Reason.SETTLED, Reason.NOT_CLOSED))
 
     def _run(
         self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray, sloped: bool = True
     ) -> hb.Balance:
-        own, begin = _front(lanes, x, who)
+        front, begin = _front(lanes, x, who)
         cycle = replace(cycle, harmonics=self.harmonics)
-        return _cut(hb.balances(self.key, cycle, sloped, who.size, own, begin), who.size)
+        return _cut(hb.balances(self.key, cycle, sloped, who.size, front, begin), who.size)
 
 
 def _size(x: np.ndarray) -> np.ndarray:
@@ -212,7 +212,7 @@ def _merged(
     count: int,
     flags: np.ndarray | slice = slice(None),
 ) -> _Tree:
-    """What was kept of all lanes, with those of ``who`` anew."""
+    """The kept values of all lanes, with those of ``who`` updated."""
     if kept is None:
         kept = jax.tree.map(lambda a: np.zeros((count, *a.shape[1:])), new)
 

@@ -3,7 +3,7 @@
 From the coefficients that were found, one step of Newton's method is taken with at least twice as
 many harmonics, and with the equations seen at far more instants. A corner of the equations (a dead
 band, a saturation, dry friction) has harmonics without end, and nothing but those beyond the ones
-kept tells what they are worth. Where that step is not short, the balance is found anew first. The
+kept tells what they are worth. Where that step is not short, the balance is solved again first. The
 change is enlarged by what would still be to come if it fell with the first power of the number of
 harmonics; as a rule it falls faster.
 
@@ -27,14 +27,14 @@ from diffthrust.describing._periodic.solvers import HarmonicBalance
 GAIN_ERROR, PHASE_ERROR = 1e-3, 0.1
 """Error of the gain (relative) and of the phase [deg] that an answer may have."""
 _DOUBTFUL = 10.0
-"""One step will do where it shows an error so many times smaller."""
+"""One step is enough where it shows an error this many times smaller."""
 _LEAST = 15
 """Fewer harmonics would not do to judge others: between three and seven the change may be nothing
 by chance."""
 
 
 def more_than(harmonics: int) -> int:
-    """How many harmonics judge so many."""
+    """Harmonics of the reference solution, for a balance of this many."""
     return max(2 * harmonics + 1, _LEAST)
 
 
@@ -59,9 +59,9 @@ def left_out(
     x = np.pad(responses.x, ((0, 0), (0, 0), (0, more)))
 
     def judged(who: np.ndarray, at: Cycle) -> np.ndarray:
-        seen = over(richer, at, lanes, who, richer.judge, x)
-        change = _relative_change(seen.harmonics, lanes.amplitude[who], responses.first[who])
-        return np.where(seen.reason == Reason.SETTLED, change / share, np.inf)
+        reference = over(richer, at, lanes, who, richer.judge, x)
+        change = _relative_change(reference.harmonics, lanes.amplitude[who], responses.first[who])
+        return np.where(reference.reason == Reason.SETTLED, change / share, np.inf)
 
     settled = np.flatnonzero(responses.reason == Reason.SETTLED)
     for n, k in sorted(set(zip(responses.samples[settled], responses.stage[settled], strict=True))):
@@ -84,10 +84,10 @@ def too_few(error: np.ndarray) -> np.ndarray:
         return (gain > GAIN_ERROR) | (phase > PHASE_ERROR)
 
 
-def _relative_change(now: Harmonics, amplitude: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """From a first harmonic to that of ``now``, over its size, turned into its direction."""
-    size = np.maximum(np.abs(before), 1e-3 * now.swing / amplitude)
-    along = np.where(np.abs(before) > 0, before, 1.0) / np.maximum(np.abs(before), TINY)
-    change = (first_harmonic(now, amplitude) - before) * along.conj()
+def _relative_change(current: Harmonics, amplitude: np.ndarray, previous: np.ndarray) -> np.ndarray:
+    """From a first harmonic to that of ``current``, over its size, turned into its direction."""
+    size = np.maximum(np.abs(previous), 1e-3 * current.swing / amplitude)
+    along = np.where(np.abs(previous) > 0, previous, 1.0) / np.maximum(np.abs(previous), TINY)
+    change = (first_harmonic(current, amplitude) - previous) * along.conj()
     # an output that does not move has no error
     return np.where(size > 0, change / np.where(size > 0, size, 1.0), 0.0)

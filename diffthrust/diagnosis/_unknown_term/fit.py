@@ -50,7 +50,7 @@ from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._step_size import choose_substeps
+from diffthrust.simulation._step_size import fewest_steps
 
 _RULES, _FORM_RULES = SETTINGS.unknown_term, SETTINGS.closed_form
 _RANGE_EXCEEDED, _RANGE_UNUSED = 0.05, 0.4
@@ -76,7 +76,7 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
         model: the model.
         segments: whether it is fitted to segments first.
     """
-    substeps = few_substeps(baseline, context.fitter.logs)
+    substeps = few_substeps(baseline, context.fitter.records)
     fit = context.refit(model, starts=1, segments=segments, substeps=substeps)
     if math.isfinite(fit.train.nrmse):
         return fit
@@ -85,15 +85,15 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
 
 def worth_between_fits(context: SearchContext, baseline: Fit, updated: Fit) -> Worth:
     """The share of the whole-run error that a fit removes, on unseen logs if there are any."""
-    logs, trained = (context.unseen, False) if context.unseen else (context.fitter.logs, True)
+    records, trained = (context.unseen, False) if context.unseen else (context.fitter.records, True)
     stages = Stage((), baseline), Stage((), updated)
-    return explained_share(errors_between(*stages, logs, trained=trained))
+    return explained_share(errors_between(*stages, records, trained=trained))
 
 
 def surely_better(context: SearchContext, fit: Fit, rival: Fit) -> bool:
     """Whether whole runs, training and unseen together, are surely better than a rival's."""
     stages = Stage((), rival), Stage((), fit)
-    trained = errors_between(*stages, context.fitter.logs, trained=True)
+    trained = errors_between(*stages, context.fitter.records, trained=True)
     return explained_share([*trained, *errors_between(*stages, context.unseen)]).low > 0
 
 
@@ -166,9 +166,9 @@ def term_of(context: SearchContext, trial: TrialFit, curve: Curve) -> Term:
 
 def refine_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
     """A law fitted again if the model that is reported needs more integrator steps."""
-    fit, logs = law.told, context.fitter.logs
-    k = max(range(len(logs)), key=lambda k: (logs[k].step, len(logs[k])))
-    needed = choose_substeps(fit.model, logs[k], initial=fit.initial[k], warn=False)
+    fit, records = law.told, context.fitter.records
+    k = max(range(len(records)), key=lambda k: (records[k].log.step, len(records[k].log)))
+    needed = fewest_steps(fit.model, records[k], fit.initial[k]).substeps
     if needed <= fit.substeps:
         return law
     fit = context.refit(fit.model, starts=1)

@@ -76,10 +76,10 @@ def regressors_of(fitter: CandidateFitter, trial: TrialFit) -> Regressors:
     # straight between samples, a share of a held drive looked like what no parameter can do.
     paths = [
         {
-            name: series if log.hold.get(name) == "zero" else np.append(series[1:], series[-1:])
+            name: series if record.hold.get(name) == "zero" else np.append(series[1:], series[-1:])
             for name, series in path.items()
         }
-        for log, path in zip(fitter.logs, current.paths, strict=True)
+        for record, path in zip(fitter.records, current.paths, strict=True)
     ]
     ports = [port_readings(fitter.model, path) for path in paths]
     return Regressors(current, ObservedSignals(paths, ports))
@@ -266,7 +266,7 @@ def _readable(fitter: CandidateFitter, signals: ObservedSignals) -> list[str]:
     common = set.intersection(*(set(path) for path in signals.paths))
     model = fitter.model
     names = [*model.inputs, *model.optional_inputs]
-    names += [n for n in model.states if n in fitter.channels or n in fitter.logs[0].inputs]
+    names += [n for n in model.states if n in fitter.channels or n in fitter.records[0].inputs]
     return [name for name in dict.fromkeys(names) if name in common]
 
 

@@ -21,7 +21,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress
 from diffthrust.logs._log import Log
 from diffthrust.many._batch.result import Many
-from diffthrust.simulation._inputs import bridged
+from diffthrust.simulation._gaps import bridged
 
 WIDTH = 8
 """Rows per run on a processor: enough to fill its vector units, few enough for its cache."""

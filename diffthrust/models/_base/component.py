@@ -65,9 +65,9 @@ class Component:
         )
 
     def _copy(self, **attributes: Any) -> Self:
-        other = copy.copy(self)
-        other._set(**attributes)
-        return other
+        copied = copy.copy(self)
+        copied._set(**attributes)
+        return copied
 
     def _bound(self, values: Mapping[str, ArrayLike]) -> Self:
         """A copy whose parameters read as these (possibly traced) values."""
@@ -87,8 +87,8 @@ class Component:
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments, besides parameters, that it was made with, as far as they are kept."""
-        known = list(inspect.signature(type(self).__init__).parameters.values())[1:]
-        named = [p.name for p in known if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+        accepted = list(inspect.signature(type(self).__init__).parameters.values())[1:]
+        named = [p.name for p in accepted if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
         return {k: getattr(self, k, _ABSENT) for k in named if k not in self.declared}
 
     def as_plain(self) -> dict[str, Any]:
@@ -100,16 +100,16 @@ class Component:
         cls = type(self)
         for name, value in self.arguments.items():
             if not _writable(value):
-                found = "which it does not keep" if value is _ABSENT else f"now {value!r:.60}"
+                reason = "which it does not keep" if value is _ABSENT else f"now {value!r:.60}"
                 raise InputError(
-                    f"{cls.__name__} is made with the argument '{name}', {found}: it cannot be "
+                    f"{cls.__name__} is made with the argument '{name}', {reason}: it cannot be "
                     "saved.",
                     f"Keep it as self.{name}: a number, a word, or a tuple of these.",
                 )
-        own = {"class": cls.__qualname__, "module": cls.__module__, "file": file_of(cls)}
+        origin = {"class": cls.__qualname__, "module": cls.__module__, "file": file_of(cls)}
         return {
             "name": cls.name,
-            "own": own if self.own else None,
+            "own": origin if self.own else None,
             "arguments": self.arguments,
             "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
         }
@@ -126,10 +126,10 @@ class Component:
     @classmethod
     def _unflatten(cls, description: _Described, children: Any) -> Any:
         values, effects = children
-        thing = description.thing._bound(dict(zip(description.names, values, strict=True)))
+        component = description.component._bound(dict(zip(description.names, values, strict=True)))
         if effects:
-            thing._set(effects=effects)
-        return thing
+            component._set(effects=effects)
+        return component
 
 
 C = TypeVar("C", bound=type[Component])
@@ -149,11 +149,11 @@ def registered(cls: C) -> C:
 class _Described:
     """A component as static data of a pytree: equal where all but the numbers is equal."""
 
-    def __init__(self, thing: Component) -> None:
-        self.thing = thing
-        self.names = tuple(thing._parameters)
-        described = [replace(p, value=0.0) for p in thing._parameters.values()]
-        self.key = (thing.structure, self.names, tuple(described))
+    def __init__(self, component: Component) -> None:
+        self.component = component
+        self.names = tuple(component._parameters)
+        described = [replace(p, value=0.0) for p in component._parameters.values()]
+        self.key = (component.structure, self.names, tuple(described))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Described) and self.key == other.key

@@ -19,12 +19,12 @@ _PARTS: Mapping[str, type] = {"prior": Normal, "probes": Relative}
 """Fields that are tables themselves."""
 
 
-def plain_description(where: str, given: Any) -> str | dict[str, Any]:
+def plain_description(where: str, described: Any) -> str | dict[str, Any]:
     """A description of a parameter as plain data: its unit, or its fields that are not usual.
 
     Args:
         where: the parameter, for messages.
-        given: a unit, a `Parameter`, or a mapping of its fields with "unit".
+        described: a unit, a `Parameter`, or a mapping of its fields with "unit".
 
     Raises:
         InputError: something else, or fields that a parameter does not have.
@@ -33,29 +33,29 @@ def plain_description(where: str, given: Any) -> str | dict[str, Any]:
         >>> plain_description("p", dft.parameter(1.5, bounds=(0.5, 3)))
         {'unit': '', 'value': 1.5, 'bounds': (0.5, 3)}
     """
-    if isinstance(given, str):
-        return given
-    if isinstance(given, Parameter):
-        told = {"unit": given.pattern or given.unit, "value": given.value}
-        own = {name: getattr(given, name) for name in _FIELDS if name not in told}
-        told |= {n: v for n, v in own.items() if v != getattr(_USUAL, n) and n != "transform"}
-        if parameter(**told).transform != given.transform:
-            told["transform"] = given.transform
-        return _flat(told)
-    if not isinstance(given, Mapping):
+    if isinstance(described, str):
+        return described
+    if isinstance(described, Parameter):
+        fields = {"unit": described.pattern or described.unit, "value": described.value}
+        unusual = {name: getattr(described, name) for name in _FIELDS if name not in fields}
+        fields |= {n: v for n, v in unusual.items() if v != getattr(_USUAL, n) and n != "transform"}
+        if parameter(**fields).transform != described.transform:
+            fields["transform"] = described.transform
+        return _flat(fields)
+    if not isinstance(described, Mapping):
         raise InputError(
             f"{where}: expected a unit, a dft.parameter or a table with a unit, "
-            f"found {shortly(given)}.",
+            f"found {shortly(described)}.",
             'Give its unit, "" for a pure number; with a value: {"unit": "rad/s", "value": 2.0}.',
         )
-    for name in given:
+    for name in described:
         if name not in _FIELDS:
             near = nearest(str(name), _FIELDS)
             raise InputError(
                 f"{where}: a parameter has no field {name!r}{'; ' + near if near else ''}.",
                 f"Fields are {listing(_FIELDS)}.",
             )
-    return _flat(given)
+    return _flat(described)
 
 
 def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
@@ -66,25 +66,25 @@ def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str
     """
     if isinstance(described, str):
         return {"unit": described}
-    told: dict[str, Any] = {"unit": "", **described}
+    fields: dict[str, Any] = {"unit": "", **described}
     try:
         for name, made in _PARTS.items():
-            if isinstance(told.get(name), Mapping):
-                told[name] = made(**told[name])
-        if isinstance(told.get("bounds"), tuple):
-            told["bounds"] = tuple(
-                None if b is None or abs(b) == float("inf") else float(b) for b in told["bounds"]
+            if isinstance(fields.get(name), Mapping):
+                fields[name] = made(**fields[name])
+        if isinstance(fields.get("bounds"), tuple):
+            fields["bounds"] = tuple(
+                None if b is None or abs(b) == float("inf") else float(b) for b in fields["bounds"]
             )
-        numbers = [told[n] for n in ("value", "null") if told.get(n) is not None]
-        probes = told.get("probes", ())
+        numbers = [fields[n] for n in ("value", "null") if fields.get(n) is not None]
+        probes = fields.get("probes", ())
         numbers += (*probes.factors, probes.power) if isinstance(probes, Relative) else probes
-        hash((*told.values(), *map(math.isfinite, numbers)))
+        hash((*fields.values(), *map(math.isfinite, numbers)))
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{where}: its fields {shortly(dict(described))} describe no parameter ({error}).",
             "Write bounds = [low, high], prior = { mean = 1.0, std = 0.1 }, probes = [0.5, 2.0].",
         ) from None
-    return told
+    return fields
 
 
 def _flat(value: Any) -> Any:

@@ -105,7 +105,7 @@ class Effect(Component):
         """
         return {}
 
-    def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
+    def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
         """The error for a signal that it reads and that the model does not have there.
 
         Example:
@@ -113,11 +113,11 @@ class Effect(Component):
             >>> isinstance(error, dft.InputError)
             True
         """
-        near = nearest(name, known)
+        near = nearest(name, signals)
         return InputError(
             f"Effect '{self.name}' reads the signal {name!r}, which is not known at the port "
             f"'{port}'{'; ' + near if near else ''}.",
-            f"Correct the name; known there are {listing(known)}.",
+            f"Correct the name; known there are {listing(signals)}.",
         )
 
     @property

@@ -19,7 +19,7 @@ _MEANT = (ARRIVING, "time")
 
 
 class MadeEffect(Effect):
-    """An effect of which each object has a name, a port and parameters of its own.
+    """An effect whose objects each have a name, a port and parameters of its own.
 
     Several of one class stand in one model under different names. A subclass has in ``name`` the
     word by which spec files ask for it (objects are called so by default), in ``main`` the
@@ -42,17 +42,17 @@ class MadeEffect(Effect):
         Raises:
             InputError: a name or a port that is none, or a parameter out of its bounds.
         """
-        for what, given in (("name", name), ("port", port)):
-            self._check_word(what, given)
+        for what, value in (("name", name), ("port", port)):
+            self._check_word(what, value)
         self._set(name=name, port=port, ports=(port,), reads=reads, declared=dict(declared))
         super().__init__()
 
-    def _check_parameters(self, names: Iterable[str], known: Iterable[str], text: str) -> None:
+    def _check_parameters(self, names: Iterable[str], symbols: Iterable[str], text: str) -> None:
         """Raise `InputError` for a parameter that an expression does not have, or cannot have."""
-        word, known = type(self).name, tuple(known)
+        word, symbols = type(self).name, tuple(symbols)
         for name in names:
-            if name not in known:
-                near = nearest(name, known)
+            if name not in symbols:
+                near = nearest(name, symbols)
                 raise InputError(
                     f"{word}: the parameter {name!r} does not occur in {text!r}"
                     f"{'; ' + near if near else ''}.",
@@ -76,11 +76,11 @@ class MadeEffect(Effect):
 
         return named
 
-    def _check_word(self, what: str, given: object) -> None:
-        if not (isinstance(given, str) and given.isascii() and given.isidentifier()):
+    def _check_word(self, what: str, value: object) -> None:
+        if not (isinstance(value, str) and value.isascii() and value.isidentifier()):
             raise InputError(
                 f"{type(self).name}: expected a {what} made of letters, digits and underscores, "
-                f"found {given!r:.60}.",
+                f"found {value!r:.60}.",
                 "Write it like the names of Python: tip_loss.",
             )
 
@@ -91,13 +91,13 @@ class MadeEffect(Effect):
 
     def as_table(self) -> dict[str, Any]:
         """The entry of a spec file's effects that asks for it."""
-        told = self.arguments
-        return {type(self).name: told.pop(self.main), **told}
+        table = self.arguments
+        return {type(self).name: table.pop(self.main), **table}
 
     def __repr__(self) -> str:
-        told = [f"{n}={argument!r}" for n, argument in super().arguments.items()]
-        told += [f"{n}={getattr(self, n):.4g}" for n in self._parameters]
-        return f"{type(self).__name__}({', '.join(told)})"
+        arguments = [f"{n}={argument!r}" for n, argument in super().arguments.items()]
+        arguments += [f"{n}={getattr(self, n):.4g}" for n in self._parameters]
+        return f"{type(self).__name__}({', '.join(arguments)})"
 
 
 MADE_EFFECTS = MadeEffect.library

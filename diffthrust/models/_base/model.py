@@ -33,7 +33,7 @@ class Model(Component):
     show; logs that cannot (milliseconds declared as seconds, or the reverse) are refused.
     ``horizon`` is the length [s] of the segments from which long runs are fitted by default, or
     ``None``. ``commands`` are the units in which the inputs named in ``commanded`` may be given:
-    a model that lists them is told by ``command="effort"`` which of them it is, and `fit` takes
+    a model that lists them takes one as ``command="effort"``, and `fit` takes
     what the logs have.
 
     Effects are added with ``+`` and removed with ``- "name"``.
@@ -93,16 +93,16 @@ class Model(Component):
             'rad/s^2 per full effort'
         """
         if unit not in self.commands and (unit or self.commands):
-            known = listing(self.commands) if self.commands else "the unit that it names itself"
+            expected = listing(self.commands) if self.commands else "the unit that it names itself"
             raise InputError(
-                f"{type(self).__name__}: expected a command in {known}, found {unit!r}.",
+                f"{type(self).__name__}: expected a command in {expected}, found {unit!r}.",
                 "Name one of these units.",
             )
         inputs = {**self.inputs, **dict.fromkeys(self.commanded, unit)} if unit else self.inputs
-        other = self._copy(inputs=inputs, command=unit)
-        units = other.channel_units
+        converted = self._copy(inputs=inputs, command=unit)
+        units = converted.channel_units
         effects = tuple(effect._in_units(units) for effect in self.effects)
-        return other._in_units(units)._copy(effects=effects)
+        return converted._in_units(units)._copy(effects=effects)
 
     @property
     def channel_units(self) -> dict[str, str]:
@@ -300,10 +300,10 @@ class Model(Component):
     def _fitted_in(self, effect: Effect) -> Effect:
         """An effect with the units of this model's channels, and the optional ones it needs."""
         for port in effect.ports if effect.reads else ():
-            known = self.signals_at(port)
+            signals = self.signals_at(port)
             for name in effect.reads:
-                if name not in known:
-                    raise effect.unread(name, port, known)
+                if name not in signals:
+                    raise effect.unread(name, port, signals)
         always = {*self.inputs, *self.states}
         needs = [n for n in effect.reads if n in self.optional_inputs and n not in always]
         effect = effect._in_units(self.channel_units)
@@ -316,13 +316,13 @@ class Model(Component):
             >>> dft.Thruster().signals_at("shaft")
             ('time', 'command', 'speed', 'inflow', 'supply_voltage')
         """
-        given = ("time", *self.inputs, *self.optional_inputs)
+        names = ("time", *self.inputs, *self.optional_inputs)
         if port in self.ports:
-            given = ("time", *self.inputs, *self.states, *self.optional_inputs)
-            given += told_at(self.equations, given, port)
+            names = ("time", *self.inputs, *self.states, *self.optional_inputs)
+            names += told_at(self.equations, names, port)
         elif port in self.outputs:
-            given = ("time", *self.inputs, *self.states, *self.outputs, *self.optional_inputs)
-        return tuple(dict.fromkeys(given))
+            names = ("time", *self.inputs, *self.states, *self.outputs, *self.optional_inputs)
+        return tuple(dict.fromkeys(names))
 
     def __sub__(self, name: str) -> Self:
         kept = tuple(effect for effect in self.effects if effect.name != name)

@@ -111,7 +111,7 @@ class Parameter:
     pattern: str = ""
 
     def in_units(self, units: Mapping[str, str]) -> Parameter:
-        """The same parameter with its unit spelt out, given those of the channels it follows.
+        """The same parameter with its unit written out, from those of the channels it follows.
 
         Example:
             >>> dft.Parameter(0.4, unit="{command}").in_units({"command": "V"}).unit
@@ -140,14 +140,14 @@ class Parameter:
             >>> dft.Parameter(0.037, bounds=(0, 1)).check("alpha")
         """
         ends = self.bounds if isinstance(self.bounds, tuple | list) else ()
-        known = isinstance(self.prior, Normal) or self.prior is None
+        is_prior = isinstance(self.prior, Normal) or self.prior is None
         size = self.size is None or (_number(self.size) and 0 < self.size < math.inf)
         for field, right, expected in (
             ("value", _number(self.value), f"a number in {self.unit or 'no unit'}"),
             ("bounds", len(ends) == 2 and all(b is None or _number(b) for b in ends),
              "a pair of numbers, None where there is no bound"),
             ("fixed", isinstance(self.fixed, bool), "true or false"),
-            ("prior", known, "a Normal or None"),
+            ("prior", is_prior, "a Normal or None"),
             ("transform", self.transform in ("linear", "log"), "'linear' or 'log'"),
             ("size", size, "a positive finite number or None"),
         ):  # fmt: skip
@@ -259,9 +259,9 @@ class Parameter:
             '[0, inf) 1/rad'
         """
         low, high = self.limits
-        left = "(-inf" if low == -math.inf else f"[{low:g}"
+        lower = "(-inf" if low == -math.inf else f"[{low:g}"
         right = "inf)" if high == math.inf else f"{high:g}]"
-        return f"{left}, {right} {self.unit}".rstrip()
+        return f"{lower}, {right} {self.unit}".rstrip()
 
 
 def _spelt(pattern: str, units: Mapping[str, str]) -> str:
@@ -273,9 +273,9 @@ def _spelt(pattern: str, units: Mapping[str, str]) -> str:
         return f"{unit}/{below}" if unit and below else unit
     if unit and unit != "effort" and unit.isalpha():
         return pattern.replace(place, unit)
-    rest = below.strip("()").replace(place, "").strip()
+    remaining = below.strip("()").replace(place, "").strip()
     per = {"effort": "full effort", "": f"the unit of {channel}"}.get(unit, unit)
-    return f"{above}/{rest} per {per}" if rest else f"{above} per {per}"
+    return f"{above}/{remaining} per {per}" if remaining else f"{above} per {per}"
 
 
 def _of(number: object) -> Any:

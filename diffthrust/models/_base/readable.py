@@ -1,4 +1,4 @@
-"""Which signals an effect may read at a port: what the equations have told by then."""
+"""Which signals an effect may read at a port: those the equations have reported by then."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def told_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> t
         names: the signals that they read.
         port: the port.
     """
-    known = tuple(dict.fromkeys(names))
+    signals = tuple(dict.fromkeys(names))
     noted: dict[str, tuple[str, ...]] = {}
 
     def run(values: dict[str, Signal]) -> Signal:
@@ -28,8 +28,8 @@ def told_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> t
         equations(s, _Noting(s, noted))
         return values["time"]
 
-    jax.eval_shape(run, {name: jnp.asarray(0.5) for name in ("time", *known)})
-    return tuple(name for name in noted.get(port, ()) if name not in ("time", *known))
+    jax.eval_shape(run, {name: jnp.asarray(0.5) for name in ("time", *signals)})
+    return tuple(name for name in noted.get(port, ()) if name not in ("time", *signals))
 
 
 class _Noting(Ports):

@@ -27,7 +27,7 @@ def catalogue() -> Mapping[str, type[Effect]]:
         InputError: an entry point that is not an effect, or one with a name that is taken.
     """
     import_module(_GROUP)
-    known = dict(sorted(EFFECTS.items(), key=lambda e: (e[1].__module__, e[1].__qualname__)))
+    classes = dict(sorted(EFFECTS.items(), key=lambda e: (e[1].__module__, e[1].__qualname__)))
     for point in entry_points(group=_GROUP):
         cls = point.load()
         if not (isinstance(cls, type) and issubclass(cls, Effect)):
@@ -35,14 +35,14 @@ def catalogue() -> Mapping[str, type[Effect]]:
                 f"The entry point '{point.name}' of {_GROUP} gives {cls!r}, which is no effect.",
                 "Let it name a class derived from diffthrust.Effect.",
             )
-        if cls.name in known:
+        if cls.name in classes:
             raise InputError(
                 f"The entry point '{point.name}' of {_GROUP} gives an effect '{cls.name}', a name "
                 "that is taken.",
                 "Rename the effect, or remove the package.",
             )
-        known[cls.name] = cls
-    return known
+        classes[cls.name] = cls
+    return classes
 
 
 def effect_named(name: str) -> Effect:
@@ -51,12 +51,12 @@ def effect_named(name: str) -> Effect:
     Raises:
         InputError: there is none of that name.
     """
-    known = catalogue()
-    if name not in known:
-        near = nearest(name, known)
+    classes = catalogue()
+    if name not in classes:
+        near = nearest(name, classes)
         raise InputError(
             f"the effect {name!r} is not known{'; ' + near if near else ''}; "
-            f"there are {listing(known)}.",
+            f"there are {listing(classes)}.",
             "Correct the name; an effect of your own is added as an object: model + MyEffect().",
         )
-    return known[name]()
+    return classes[name]()

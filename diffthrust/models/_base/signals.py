@@ -95,11 +95,11 @@ def elementwise(where: str) -> Iterator[None]:
         ) from None
 
 
-def expect(where: str, what: str, names: Iterable[str], found: Mapping[str, object]) -> None:
+def expect(where: str, what: str, names: Iterable[str], returned: Mapping[str, object]) -> None:
     """Raise `InputError` where a mapping that the user's code returned lacks a name."""
-    missing = [name for name in names if name not in found]
+    missing = [name for name in names if name not in returned]
     if missing:
         raise InputError(
-            f"{where}: expected a {what} {listing(missing)}, found {listing(found)}.",
+            f"{where}: expected a {what} {listing(missing)}, found {listing(returned)}.",
             f"Return a value for {listing(missing)}.",
         )

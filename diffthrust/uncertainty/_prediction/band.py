@@ -14,8 +14,8 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.estimation._laws import Law
 from diffthrust.estimation._registry import LOSSES
-from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
+from diffthrust.simulation._record import Record
 from diffthrust.uncertainty._prediction.draws import Draws
 
 _HALVINGS = 32
@@ -62,7 +62,7 @@ class Band(Brief):
 
 def band_of(
     drawn: Draws,
-    log: Log,
+    record: Record,
     channel: str,
     mean: np.ndarray,
     shown: np.ndarray | None,
@@ -73,7 +73,7 @@ def band_of(
 
     Args:
         drawn: draws of the parameters and the noise.
-        log: the log.
+        record: the log, bound to the model.
         channel: the channel.
         mean: predictions by draw without noise, ``(n, T)``.
         shown: predictions with random forces and noise, ``(n, T)``; if ``None``, noise is added to
@@ -85,14 +85,14 @@ def band_of(
         InputError: no draw gives a finite prediction.
     """
     unit = drawn.model.outputs[channel]
-    if channel in log.unsigned:
+    if channel in record.unsigned:
         mean = np.abs(mean)
         shown = None if shown is None else np.abs(shown)
     fine = np.all(np.isfinite(mean), axis=1)
     fine_shown = fine if shown is None else np.all(np.isfinite(shown), axis=1)
     if not (fine.any() and fine_shown.any()):
         raise InputError(
-            f"{log.name}: no draw of the parameters gives a finite {channel}.",
+            f"{record.name}: no draw of the parameters gives a finite {channel}.",
             "Look at the posterior; raise substeps.",
         )
     tails = [0.5 * (1 - level), 0.5, 0.5 * (1 + level)]
@@ -105,7 +105,7 @@ def band_of(
         law = LOSSES[drawn.loss]
         ends = [mixed_quantile(law, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
         noisy_low, noisy_high = (np.asarray(end) for end in ends)
-    measured = log.values(channel, unit)
+    measured = record.observed[channel]
     if channel in drawn.model.angles:
         turns = np.round((measured - median) / (2 * np.pi))
         measured = measured - 2 * np.pi * turns
@@ -115,7 +115,7 @@ def band_of(
         inside = (measured >= low) & (measured <= high)
     share = float(np.mean(inside[valid])) if valid.any() else float("nan")
     ends = (low, high, noisy_low, noisy_high)
-    size = ShownUnits((log.written,)).size(channel, 1.0, unit)
+    size = ShownUnits((record.log.written,)).size(channel, 1.0, unit)
     return Band(measured, median, *ends, share, int(valid.sum()), unit, *size)
 
 

@@ -17,7 +17,8 @@ from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.logs._log import Log
-from diffthrust.simulation._step_size import choose_substeps
+from diffthrust.simulation._record import Record, bind
+from diffthrust.simulation._step_size import sufficient_steps
 from diffthrust.uncertainty._prediction.band import Band, band_of
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.replicates import mean_runs, random_runs
@@ -196,25 +197,26 @@ def predict(
         )
     report = teller(progress)
     report("drawing parameters", 0.0)
-    drawn, log = draws_of(source, model, count=draws, seed=seed, level=level), log.counted
-    channels = [name for name in drawn.model.outputs if name in log.measured]
+    drawn = draws_of(source, model, count=draws, seed=seed, level=level)
+    (record,) = bind(drawn.model, [log.counted], compared=False)
+    channels = [*record.measured]
     if not channels:
         raise InputError(
             f"{log.name}: no output of '{drawn.model.name}' is measured: expected one of "
             f"{listing(drawn.model.outputs)}, found {listing(log.measured)}.",
             "Map a column to one of these channels.",
         )
-    drawn, notes = _with_noise(drawn, log, channels, noise)
+    drawn, notes = _with_noise(drawn, record, channels, noise)
     if substeps is None:
         middle = {n: float(np.median(v)) for n, v in drawn.values.items()}
-        substeps = choose_substeps(drawn.model.replace(middle), log)
+        substeps = sufficient_steps(drawn.model.replace(middle), record).substeps
     rng = np.random.default_rng([seed, 1])
     report("simulating the draws", 0.2)
-    means = mean_runs(drawn, log, channels, substeps, rng)
+    means = mean_runs(drawn, record, channels, substeps, rng)
     report("simulating their noise", 0.6)
     random = LIKELIHOODS[drawn.likelihood].corrects
-    shown = random_runs(drawn, log, channels, substeps, rng) if random else {}
-    bands = {c: band_of(drawn, log, c, means[c], shown.get(c), level, noise) for c in channels}
+    shown = random_runs(drawn, record, channels, substeps, rng) if random else {}
+    bands = {c: band_of(drawn, record, c, means[c], shown.get(c), level, noise) for c in channels}
     report("done", 1.0)
     return Prediction(
         log=log.name,
@@ -230,10 +232,10 @@ def predict(
 
 
 def _with_noise(
-    drawn: Draws, log: Log, channels: list[str], wanted: bool
+    drawn: Draws, record: Record, channels: list[str], wanted: bool
 ) -> tuple[Draws, list[str]]:
     """Add noise levels stated in the log, with a note on channels without a known level."""
-    levels = {c: log.noise_in(c, drawn.model.outputs[c]) for c in channels if c not in drawn.noise}
+    levels = {c: record.noise[c] for c in channels if c not in drawn.noise}
     stated = {c: np.full(len(drawn), s) for c, s in levels.items() if s is not None}
     lacking = [c for c, s in levels.items() if s is None]
     if lacking and wanted and len(lacking) == len(channels):

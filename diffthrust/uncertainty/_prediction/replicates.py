@@ -19,10 +19,9 @@ from diffthrust.estimation._observer import (
     observer_of,
 )
 from diffthrust.estimation._registry import LOSSES
-from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_start
+from diffthrust.simulation._record import Record
 from diffthrust.simulation._trajectory import Grid, Key, march, read_out, trajectory
 from diffthrust.uncertainty._prediction.draws import Draws
 
@@ -31,21 +30,20 @@ _BATCH = 8
 
 
 def mean_runs(
-    draws: Draws, log: Log, channels: Sequence[str], substeps: int, rng: np.random.Generator
+    draws: Draws, record: Record, channels: Sequence[str], substeps: int, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """The outputs of a log by draw, without noise: ``(n, T)`` each.
+    """The outputs over a record by draw, without noise: ``(n, T)`` each.
 
     Measured states start from their first measurement plus a draw of its noise.
     """
-    complete, original = bridged(log)
-    model, grid, time, inputs = _arranged(draws.model, complete, substeps)
-    start = _starts(draws, log, rng)
+    model, grid, time, inputs = _arranged(draws.model, record, substeps)
+    start = _starts(draws, record, rng)
     outputs = _runs(Key(model), grid, tuple(channels), _held(draws.values), time, inputs, start)
-    return {name: np.asarray(value)[:, original] for name, value in outputs.items()}
+    return {name: np.asarray(value)[:, record.original] for name, value in outputs.items()}
 
 
 def random_runs(
-    draws: Draws, log: Log, channels: Sequence[str], substeps: int, rng: np.random.Generator
+    draws: Draws, record: Record, channels: Sequence[str], substeps: int, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
     """Measurements predicted by an "innovations" fit: ``(n, T)`` by channel with known noise.
 
@@ -53,14 +51,13 @@ def random_runs(
     estimated gains, as the errors of a recorded log would. This reproduces random forces and
     lasting sensor errors as in the training logs (Ljung 1999, section 7.3).
     """
-    complete, original = bridged(log)
-    model, grid, time, inputs = _arranged(draws.model, complete, substeps)
+    model, grid, time, inputs = _arranged(draws.model, record, substeps)
     channels_known = tuple(c for c in model.outputs if c in draws.noise)
     remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
-    observer = observer_of(model, complete, channels_known, remembering)
+    observer = observer_of(model, record, channels_known, remembering)
     nuisance = {
         n: draws.nuisance.get(n, np.full(len(draws), p.value if is_memory(n) else 0.0))
-        for n, p in observer.parameters(complete.duration, complete.step).items()
+        for n, p in observer.parameters(record.duration, record.step).items()
     }
     shape = (len(draws), len(channels_known), time.size)
     law = LOSSES[draws.loss].draws(rng, shape)
@@ -77,26 +74,28 @@ def random_runs(
         _held({**draws.values, **nuisance}),
         time,
         inputs,
-        _starts(draws, log, rng),
+        _starts(draws, record, rng),
         jnp.asarray(sigma[:, :, None] * law),
-        jnp.asarray(np.array([c in log.unsigned for c in channels_known], bool)),
+        jnp.asarray(np.array([c in record.unsigned for c in channels_known], bool)),
         limits,
     )
-    return {c: np.asarray(shown[c])[:, original] for c in channels_known if c in channels}
+    return {c: np.asarray(shown[c])[:, record.original] for c in channels_known if c in channels}
 
 
-def _arranged(model: Model, log: Log, substeps: int) -> tuple[Model, Grid, Any, dict[str, Any]]:
-    series = inputs_of(model, log)
-    grid = Grid(hold_of(log, series), substeps, uniform=log.even)
-    return model, grid, jnp.asarray(log.time), {n: jnp.asarray(v) for n, v in series.items()}
+def _arranged(
+    model: Model, record: Record, substeps: int
+) -> tuple[Model, Grid, Any, dict[str, Any]]:
+    series = record.inputs_for(model)
+    grid = Grid(record.holds(series), substeps, uniform=record.even)
+    return model, grid, jnp.asarray(record.time), {n: jnp.asarray(v) for n, v in series.items()}
 
 
-def _starts(draws: Draws, log: Log, rng: np.random.Generator) -> dict[str, Any]:
+def _starts(draws: Draws, record: Record, rng: np.random.Generator) -> dict[str, Any]:
     """First measurements with noise; none for an unsigned sensor, which may be at rest."""
     begin = {}
-    for name, value in measured_start(draws.model, log).items():
+    for name, value in record.start.items():
         sigma = draws.noise.get(name, np.zeros(len(draws)))
-        error = 0.0 if name in log.unsigned else sigma * rng.standard_normal(len(draws))
+        error = 0.0 if name in record.unsigned else sigma * rng.standard_normal(len(draws))
         begin[name] = jnp.asarray(np.full(len(draws), value) + error)
     return begin
 

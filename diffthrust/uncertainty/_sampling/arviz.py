@@ -87,10 +87,10 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
     import xarray as xr
 
     problem, draw = posterior.problem, ("chain", "draw")
-    names = log_names([log.name for log in problem.logs])
+    names = log_names([record.name for record in problem.records])
     units = problem.model.all_states | dict(problem.model.outputs)
     variables: dict[str, Any] = {}
-    written = ShownUnits(log.written for log in problem.logs)
+    written = ShownUnits(record.log.written for record in problem.records)
     for name, values in posterior.values(chains.points).items():
         shown = shown_unit(problem.named[name], problem.model, written)
         attrs_of = {"unit": problem.named[name].unit, "per": shown.value, "shown_unit": shown.unit}
@@ -152,12 +152,11 @@ def log_names(names: list[str]) -> list[str]:
 
 def _observed(posterior: Posterior, names: list[str]) -> dict[str, Any]:
     problem, out = posterior.problem, {}
-    for name, log in zip(names, problem.logs, strict=True):
+    for name, record in zip(names, problem.records, strict=True):
         time = f"time[{name}]"
-        out[time] = ((time,), log.time, {"unit": "s"})
+        out[time] = ((time,), record.time, {"unit": "s"})
         for channel in problem.layout.channels:
-            if channel in log.measured:
+            if channel in record.measured:
                 unit = problem.model.outputs[channel]
-                values = log.values(channel, unit)
-                out[f"{channel}[{name}]"] = ((time,), values, {"unit": unit})
+                out[f"{channel}[{name}]"] = ((time,), record.measured[channel], {"unit": unit})
     return out

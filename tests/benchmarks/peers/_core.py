@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from problems import build, solve
-from trajectories import hold_of
 
 from diffthrust.simulation import _fixed_step, _trajectory  # private: likewise
 
@@ -20,7 +19,7 @@ from ._problem import GUESS, TRUTH
 def simulation(samples: int) -> Any:
     log, model = log_of(_problem.record(samples)), thruster(TRUTH)
     key = _trajectory.Key(model)
-    grid = _trajectory.Grid(hold_of(log, log.inputs), uniform=log.even)
+    grid = _trajectory.Grid((("command", "zero"),), uniform=log.even)
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
@@ -29,7 +28,7 @@ def simulation(samples: int) -> Any:
     )
 
     def run(turn: int) -> np.ndarray:
-        outputs, _ = jax.block_until_ready(_fixed_step._compiled((key, grid), given))
+        outputs, _ = jax.block_until_ready(_fixed_step.compiled_simulation((key, grid), given))
         return np.stack([outputs["speed"], outputs["thrust"]])
 
     return run
