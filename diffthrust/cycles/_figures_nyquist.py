@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,32 +20,16 @@ if TYPE_CHECKING:
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
 
 
-class Searched(Protocol):
-    """What the figure shows: see `LimitCycles`."""
-
-    @property
-    def transfer(self) -> Transfer: ...
-
-    @property
-    def element(self) -> Nonlinearity: ...
-
-    @property
-    def cycles(self) -> Sequence[LimitCycle]: ...
-
-    @property
-    def amplitudes(self) -> tuple[float, float]: ...
-
-    @property
-    def frequencies(self) -> tuple[float, float]: ...
-
-    @property
-    def nearest(self) -> tuple[float, float, float]: ...
-
-    @property
-    def unit(self) -> str: ...
-
-
-def nyquist_figure(searched: Searched) -> Figure:
+def nyquist_figure(
+    transfer: Transfer,
+    element: Nonlinearity,
+    cycles: Sequence[LimitCycle],
+    *,
+    amplitudes: tuple[float, float],
+    frequencies: tuple[float, float],
+    nearest: tuple[float, float, float],
+    unit: str,
+) -> Figure:
     """The polar plot of the linear part and of the element, their crossings labelled.
 
     The window is laid around the crossings, or without any around the place where the two come
@@ -55,18 +39,17 @@ def nyquist_figure(searched: Searched) -> Figure:
 
     figure = Figure(figsize=(7.4, 6.8), layout="constrained")
     axes = figure.add_subplot()
-    transfer, element, cycles = searched.transfer, searched.element, searched.cycles
-    w = np.geomspace(*searched.frequencies, 4000)
-    a = np.geomspace(*searched.amplitudes, 400 if element.lags else 2000)
+    w = np.geomspace(*frequencies, 4000)
+    a = np.geomspace(*amplitudes, 400 if element.lags else 2000)
     if not element.lags and element.scale:
         a = np.unique(np.concatenate([a, element.least + element.scale * np.geomspace(1e-6, 50)]))
     places = [complex(transfer(1j * c.frequency)) for c in cycles]
     if not places:
-        places = [complex(transfer(1j * searched.nearest[2]))]
+        places = [complex(transfer(1j * nearest[2]))]
     radius = 2.5 * max(max(abs(p) for p in places), 1e-12)
     _drawn(axes, transfer(1j * w), radius, BLUE, "G(jw)", "-")
-    frequencies = list(dict.fromkeys(c.frequency for c in cycles)) or [searched.nearest[2]]
-    for i, frequency in enumerate(frequencies if element.lags else frequencies[:1]):
+    crossings = list(dict.fromkeys(c.frequency for c in cycles)) or [nearest[2]]
+    for i, frequency in enumerate(crossings if element.lags else crossings[:1]):
         with np.errstate(divide="ignore", invalid="ignore"):
             curve = -1.0 / element.describing(a, frequency)
         label = f"-1/N(A, {frequency:.3g} rad/s)" if element.lags else "-1/N(A)"
@@ -82,7 +65,7 @@ def nyquist_figure(searched: Searched) -> Figure:
             markerfacecolor=face,
             markersize=7,
             zorder=4,
-            label=f"{number}. {c.verdict}: amplitude {best.amplitude:.4g}{searched.unit}, "
+            label=f"{number}. {c.verdict}: amplitude {best.amplitude:.4g}{unit}, "
             f"{best.frequency:.4g} rad/s",
         )
         axes.annotate(

@@ -187,7 +187,15 @@ class LimitCycles(Result):
         """G(jw) and -1/N(A, w) in the complex plane, with the cycles at their intersections."""
         from diffthrust.cycles._figures_nyquist import nyquist_figure
 
-        return nyquist_figure(self)
+        return nyquist_figure(
+            self.transfer,
+            self.element,
+            self.cycles,
+            amplitudes=self.amplitudes,
+            frequencies=self.frequencies,
+            nearest=self.nearest,
+            unit=self.unit,
+        )
 
 
 def _lossless(transfer: Transfer) -> bool:

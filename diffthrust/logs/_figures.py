@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,43 +47,25 @@ class Panel:
     steps: bool = False
 
 
-class Recorded(Protocol):
-    """What of a log is drawn."""
-
-    @property
-    def time(self) -> np.ndarray: ...
-
-    @property
-    def inputs(self) -> Mapping[str, np.ndarray]: ...
-
-    @property
-    def measured(self) -> Mapping[str, np.ndarray]: ...
-
-    @property
-    def units(self) -> Mapping[str, str]: ...
-
-    @property
-    def hold(self) -> Mapping[str, str]: ...
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def written(self) -> Mapping[str, Written]: ...
-
-
-def log_figure(log: Recorded) -> Figure:
+def log_figure(
+    name: str,
+    time: np.ndarray,
+    inputs: Mapping[str, np.ndarray],
+    measured: Mapping[str, np.ndarray],
+    *,
+    units: Mapping[str, str],
+    hold: Mapping[str, str],
+    written: Mapping[str, Written],
+) -> Figure:
     """The inputs of a log on top, what it measured below, in the units in which it was written."""
-    panels = []
-    units, stored = ShownUnits([log.written]), log.units
-    for channels in (log.inputs, log.measured):
-        for name, values in channels.items():
-            driving = channels is log.inputs
-            steps = driving and log.hold.get(name) == "zero"
-            unit = units.unit(name, stored[name])
-            written = units.values(name, values, stored[name])
-            panels.append(Panel(name, unit, log.time, written, driving, steps))
-    return panels_figure(panels, log.name)
+    shown, panels = ShownUnits([written]), []
+    for channel, values in {**inputs, **measured}.items():
+        driving = channel in inputs
+        steps = driving and hold.get(channel) == "zero"
+        unit = shown.unit(channel, units[channel])
+        converted = shown.values(channel, values, units[channel])
+        panels.append(Panel(channel, unit, time, converted, driving, steps))
+    return panels_figure(panels, name)
 
 
 def panels_figure(

@@ -487,7 +487,15 @@ class Log:
         """
         from diffthrust.logs._figures import log_figure
 
-        return log_figure(self)
+        return log_figure(
+            self.name,
+            self.time,
+            self.inputs,
+            self.measured,
+            units=self.units,
+            hold=self.hold,
+            written=self.written,
+        )
 
     def __repr__(self) -> str:
         shown = ShownUnits([self.written])
