@@ -1,0 +1,95 @@
+"""Numbers that decide a diagnosis stand in one file, each with its origin and both sides."""
+
+import ast
+import re
+from dataclasses import fields
+from itertools import pairwise
+
+import pytest
+from places import ROOT
+
+from diffthrust.diagnosis._settings import SETTINGS  # private: what is held here
+
+FOLDER = ROOT / "diffthrust" / "diagnosis"
+SHOWING = re.compile(r"figures|tables|page|words|text|report")
+FILES = [
+    path
+    for path in sorted(FOLDER.rglob("*.py"))
+    if path.name != "_settings.py" and not SHOWING.search(str(path.relative_to(FOLDER)))
+]
+SEARCH = {
+    "_admission", "_criteria", "_explained_share", "_innovations_fit", "_outlier_logs",
+    "_predicted_gain", "_probes", "_rating", "_screen", "_search_state", "_shortlist",
+    "_simulation_fit", "_stepwise",
+}  # fmt: skip
+"""Files of the search, whose numbers need a string below them, not yet its first word."""
+EXACT = {0, 1, 2, 0.5}
+"""Numbers in a comparison that are no threshold: signs, counts of two, halves."""
+TOLERANCE = 1e-5
+"""Smaller ones allow for rounding."""
+
+
+def is_number(node):
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float)
+
+
+def is_numeric(node):
+    """Whether an expression is made of numbers alone."""
+    named = {one.id for one in ast.walk(node) if isinstance(one, ast.Name)}
+    return named <= {"np"} and any(map(is_number, ast.walk(node)))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_a_number_outside_the_settings_says_that_it_steers_an_algorithm(path):
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    silent = []
+    for one, after in pairwise([*body, ast.Pass()]):
+        if not isinstance(one, ast.Assign | ast.AnnAssign) or not one.value:
+            continue
+        if is_numeric(one.value):
+            text = after.value if isinstance(after, ast.Expr) else None
+            said = text.value if isinstance(text, ast.Constant) else ""
+            marks = "" if path.stem in SEARCH else ("Numerics:", "Display:")
+            if not str(said).startswith(marks):
+                silent.append(ast.unparse(one))
+    assert not silent, (
+        f"{path.name}: {silent}. A number that decides belongs in _settings.py; one that steers an "
+        'algorithm has a string below it, """Numerics: ...""" or """Display: ...""", that says why.'
+    )
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_no_comparison_has_a_threshold_of_its_own(path):
+    found = [
+        f"{path.name}:{one.lineno}: {ast.unparse(one)}"
+        for one in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(one, ast.Compare)
+        for number in filter(is_number, ast.walk(one))
+        if number.value not in EXACT and abs(number.value) > TOLERANCE
+        if not any(isinstance(side, ast.Subscript) for side in ast.walk(one))
+    ]
+    assert not found
+
+
+def described():
+    """Each setting with the string below it."""
+    source = (FOLDER / "_settings.py").read_text(encoding="utf-8")
+    for group in ast.parse(source).body:
+        if isinstance(group, ast.ClassDef) and group.name != "Settings":
+            for one, after in pairwise([*group.body, ast.Pass()]):
+                if isinstance(one, ast.AnnAssign):
+                    said = after.value.value if isinstance(after, ast.Expr) else ""
+                    yield f"{group.name}.{ast.unparse(one.target)}", said
+
+
+def test_every_setting_says_what_it_decides_where_it_comes_from_and_what_breaks():
+    texts = dict(described())
+    assert len(texts) == sum(len(fields(getattr(SETTINGS, step.name))) for step in fields(SETTINGS))
+    pattern = re.compile(r".{20,}\. Origin: .{5,}\. Lower: .{4,}\. Higher: .{4,}\.")
+    poor = [name for name, text in texts.items() if not pattern.fullmatch(" ".join(text.split()))]
+    assert not poor
+
+
+def test_a_step_has_at_most_twelve_settings():
+    sizes = {step.name: len(fields(getattr(SETTINGS, step.name))) for step in fields(SETTINGS)}
+    assert max(sizes.values()) <= 12
