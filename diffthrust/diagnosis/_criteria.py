@@ -19,7 +19,7 @@ from diffthrust.simulation._errors import Errors
 
 _REMEMBERED = {"drift": "memory", "colour": "correlation"}
 _BUDGET = 12
-"""Steps of a fit without one of the noises."""
+"""Numerics: steps of a fit without one of the noises: it begins next to its optimum."""
 
 
 # -- the information criterion, which charges for the noise of a trial as well ---------------------

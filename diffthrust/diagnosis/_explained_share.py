@@ -18,6 +18,7 @@ from diffthrust._support.correlation import autocorrelation, integral
 from diffthrust.diagnosis._settings import SETTINGS
 
 _DRAWS = 1000
+"""Numerics: draws of the bootstrap; its 5 % ends are then known to 0.7 % of probability."""
 
 
 class BeforeAfter(NamedTuple):

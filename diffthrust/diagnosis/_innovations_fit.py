@@ -51,17 +51,18 @@ Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 _ENOUGH = 0.05
-"""A trial ends where a full step would gain less log-likelihood than this."""
+"""Numerics: a trial ends where a full step would gain less log-likelihood than this."""
 _LONG = 40
-"""Steps that carry a trial to its end: a search that goes on creeps along a flat ridge."""
+"""Numerics: steps that carry a trial to its end: a search that goes on creeps along a flat
+ridge."""
 _TOGETHER = 8
-"""So many effects are compiled together, if no more are tried at once: each program takes longer to
-compile than all of its passes take."""
+"""Numerics: effects that are compiled together, unless more are tried at once: compiling a program
+takes longer than all of its passes."""
 _MOST_PRESENT = 5
-"""So many effects, of the most parameters, find room in a trial."""
+"""Numerics: effects, of the most parameters, for which a trial has room."""
 _ROOM = 4
-"""Parameters of effects that are estimated together with all of the model's and the observer's;
-with more, the observer's memories are held at what they were, and then its gains."""
+"""Numerics: parameters of effects that are estimated together with all of the model's and the
+observer's; with more, the observer's memories are held at what they were, and then its gains."""
 
 
 def side_by_side(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:

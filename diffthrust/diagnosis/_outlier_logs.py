@@ -19,9 +19,9 @@ from diffthrust.estimation._one_step import Pass, passes
 from diffthrust.simulation._runs import Run
 
 _SHARES = 0.1, 2.0
-"""Of the step that slopes promise, how far a log's own value is looked for."""
+"""Numerics: range, in steps that slopes promise, within which a log's value is searched."""
 _FAR = 3.0
-"""How far a parameter is off is told in per cent up to this share of itself."""
+"""Display: a parameter that is off by more of itself is not given in per cent."""
 
 
 def odd_logs(fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddLog, ...]:

@@ -25,9 +25,9 @@ from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._integrate import integrate
 
 _APART = 1e-4
-"""Derivatives by a parameter without a null are taken over this share of its value."""
+"""Numerics: derivatives by a parameter without a null are taken over this share of its value."""
 _ACTS = 1e-6
-"""A point whose cost is the same to this does nothing."""
+"""Numerics: a point whose cost differs by less does nothing: rounding of a pass is below it."""
 
 Point = Mapping[str, float]
 Shift = dict[str, tuple[list[np.ndarray], ...]]

@@ -11,15 +11,17 @@ from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import Parameter, Relative
 
 _MOST_PROBES = 6
-"""An effect is tried from at most so many points."""
+"""Numerics: points from which an effect is tried at most."""
 _NEAR = 2e-5
-"""The first probe of an effect is so small a share of its trial value."""
+"""Numerics: the first probe of an effect, as a share of its trial value: near enough to be
+linear."""
 _PLACES = 24
-"""Next to the null, so many places or directions of an effect are tried."""
+"""Numerics: places or directions of an effect that are tried next to its null."""
 _APART = 1.2
-"""A limit acts on nothing until it acts on much: its probes stand this close to each other."""
+"""Numerics: a limit acts on nothing until it acts on much: its probes stand this close to each
+other."""
 _LIMITS = 12
-"""So many of them are tried, upward from the lowest trial value."""
+"""Numerics: probes of a limit, upward from its lowest trial value."""
 
 
 def probes(

@@ -29,11 +29,13 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.parameter import Parameter
 
 _GONE = 1e-2
-"""A positive parameter below this share of what simulations say is as good as zero."""
+"""Numerics: trials also start from the values of simulations if a positive parameter has fallen
+below this share of them: it is as good as zero. Nothing is judged by it."""
 _AT_BOUND = 1e-6
-"""A value so near to its bound, as a share of it, was stopped by it."""
+"""Numerics: a value so near to its bound, as a share of it, was stopped by it."""
 _POOR = 0.5
-"""With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
+"""Numerics: trials also start from the first guess if whole training runs err by more (NRMSE): the
+fit may have gone astray. Nothing is judged by it."""
 
 
 class Tried(NamedTuple):

@@ -17,15 +17,16 @@ from diffthrust.diagnosis._shortlist import constants, inside, shortlist
 from diffthrust.simulation._levels import levels_over
 
 _FEW = 6
-"""Steps from each of the best probes, before it is known which effects matter."""
+"""Numerics: steps from each of the best probes, before it is known which effects matter."""
 _MANY = 20
-"""Steps across a threshold, where a search creeps."""
+"""Numerics: steps across a threshold, where a search creeps."""
 _AT_NULL = 1e-6
-"""An effect does nothing that is nearer to its null than this, in units of its scale."""
+"""Numerics: an effect does nothing that is nearer to its null than this, in units of its scale."""
 _IDLE = 1e-6
-"""A probe that changes the cost by less does nothing: a limit that nothing reaches."""
+"""Numerics: a probe that changes the cost by less does nothing: rounding of a pass is below it."""
 _FAR = 0.25
-"""A probe whose cost rises by more than this times the samples is no start."""
+"""Numerics: a probe whose cost rises by more than this times the samples is no start of a
+search."""
 
 _Point = Mapping[str, float]
 

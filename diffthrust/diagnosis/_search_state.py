@@ -33,21 +33,22 @@ from diffthrust.simulation._runs import pooled_errors, runs_over
 from diffthrust.simulation._step_size import CoarseStepWarning
 
 FITTED = 0.1
-"""Share of a diagnosis after which the model as given is fitted;"""
+"""Display: share of a diagnosis, for the progress bar, after which the model as given is fitted."""
 _COMPILED = 0.15
-"""the trials can begin;"""
+"""Display: share after which the trials begin."""
 SOUGHT = 0.85
-"""and no further effect is looked for;"""
+"""Display: share after which no further effect is sought."""
 LEARNING = 0.9
-"""what they do not explain is learned."""
+"""Display: share after which a law of unknown form is learned."""
 _LEFT = 0.6
-"""A stage leaves this part of what was left."""
+"""Display: share of the remaining bar that a stage leaves."""
 _STARTS = 4, 2
-"""Starts of a fit, and of a refit, which has a trial and an earlier stage to begin from besides."""
+"""Numerics: starts of a fit, and of a refit, which also begins from a trial and an earlier
+stage."""
 _SUBSTEPS = 2
-"""Integrator steps per sample of the trials: over one sample ahead, errors do not build up;"""
+"""Numerics: integrator steps per sample of the trials: over one sample errors do not build up."""
 _ALIKE = 0.02
-"""more of them where whole runs would err by another share than this."""
+"""Numerics: more steps are taken if whole runs would err by another share than this."""
 
 
 class Clock:

@@ -18,15 +18,16 @@ from diffthrust.estimation._one_step import batch_passes
 from diffthrust.models._base.effect import Effect
 
 _APART = 1e-4
-"""Derivatives by a constant are differences over this share of its scale."""
+"""Numerics: derivatives by a constant are differences over this share of its scale."""
 _HALVINGS = 10
-"""So often the gap is halved between a limit that acts and one that nothing reaches."""
+"""Numerics: halvings of the gap between a limit that acts and one that nothing reaches."""
 _INSIDE = (0.999, 0.997, 0.99, 0.97)
-"""A limit is tried at these shares of the least that nothing reaches: faint ones lie there;"""
+"""Numerics: shares of the least limit that nothing reaches at which it is tried: faint ones lie
+there."""
 _BETWEEN = 8
-"""and at so many places between these and the probes that act."""
+"""Numerics: further places between these and the probes that act."""
 _FURTHEST = 1e4
-"""It is not sought further beyond them than this."""
+"""Numerics: multiple of the probes that act beyond which a limit is not sought."""
 
 _Point = Mapping[str, float]
 

@@ -18,7 +18,7 @@ from diffthrust.estimation._one_step import passes
 from diffthrust.simulation._errors import Errors, errors
 
 _FEW = 8
-"""Steps from each start of a fit to whole runs."""
+"""Numerics: steps from each start of a fit to whole runs; the best goes on."""
 _Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 

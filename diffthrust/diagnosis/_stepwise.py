@@ -27,7 +27,8 @@ from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
 
 SCREENS = 3
-"""Most screens for one stage: a better noise may come to light again and again on flat ridges."""
+"""Numerics: screens for one stage at most: on flat ridges a better noise may appear again and
+again."""
 
 
 def step(context: SearchContext, state: SearchState) -> SearchState:

@@ -17,12 +17,6 @@ FILES = [
     for path in sorted(FOLDER.rglob("*.py"))
     if path.name != "_settings.py" and not SHOWING.search(str(path.relative_to(FOLDER)))
 ]
-SEARCH = {
-    "_admission", "_criteria", "_explained_share", "_innovations_fit", "_outlier_logs",
-    "_predicted_gain", "_probes", "_rating", "_screen", "_search_state", "_shortlist",
-    "_simulation_fit", "_stepwise",
-}  # fmt: skip
-"""Files of the search, whose numbers need a string below them, not yet its first word."""
 EXACT = {0, 1, 2, 0.5}
 """Numbers in a comparison that are no threshold: signs, counts of two, halves."""
 TOLERANCE = 1e-5
@@ -49,8 +43,7 @@ def test_a_number_outside_the_settings_says_that_it_steers_an_algorithm(path):
         if is_numeric(one.value):
             text = after.value if isinstance(after, ast.Expr) else None
             said = text.value if isinstance(text, ast.Constant) else ""
-            marks = "" if path.stem in SEARCH else ("Numerics:", "Display:")
-            if not str(said).startswith(marks):
+            if not str(said).startswith(("Numerics:", "Display:")):
                 silent.append(ast.unparse(one))
     assert not silent, (
         f"{path.name}: {silent}. A number that decides belongs in _settings.py; one that steers an "
