@@ -67,10 +67,10 @@ def diagnose(
     random forces and lasting sensor errors have estimated sizes of their own: what remains is
     white, and a likelihood ratio on it means what it says. The best effect is added while it lowers
     the Bayesian information criterion clearly, and neither the one-step predictions of unseen logs
-    nor whole runs speak against it: it must change them, and not make those of training and unseen
-    logs together worse. Earlier effects that it made superfluous are dropped. At the end signals of
-    unknown form are tried at each port: if the errors still depend on a signal of the model, or a
-    channel contradicts it, the verdict is "unexplained".
+    nor whole runs speak against it: the effect must lower the errors of whole runs, and must not
+    raise those of training and unseen logs together. Earlier effects that it made superfluous are
+    dropped. At the end signals of unknown form are tried at each port: if the errors still depend
+    on a signal of the model, or a channel contradicts it, the verdict is "unexplained".
 
     Args:
         fit: a fit, or a model that is fitted first.
@@ -123,8 +123,8 @@ def diagnose(
     baseline = replace(baseline, clip=state.current.trial.clip)
     search = with_equivalents(context, state, baseline)
     say("what no known effect explains", SOUGHT)
-    outcome = with_law(context, assessed(context, search), baseline)
-    outcome = with_room(context, outcome)
+    outcome = add_law(context, assessed(context, search), baseline)
+    outcome = add_headroom(context, outcome)
     search, selection, assessment, law = outcome
     verdict = verdict_of(verdict_evidence(selection, assessment))
     missing, left = missing_before_and_after(context, search.state, baseline)
@@ -294,7 +294,7 @@ def _except(
     return [record for record, run in pairs if run.name not in names]
 
 
-def with_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Outcome:
+def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Outcome:
     """The outcome with a learned law, where structure remains and a law surely explains it.
 
     The effects that were found without the law are sought once more beside it. A law that makes odd
@@ -311,7 +311,7 @@ def with_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Ou
         return outcome
     updated, law = learned
     odd = [log for log in assessment.odd_logs if log.much] if assessment.apart else []
-    agree = agrees_with_law(context, odd, assessment, law.told)
+    agree = agrees_add_law(context, odd, assessment, law.told)
     if not agree and assessment.remaining is None:
         return outcome
     if updated is not search or (odd and agree):
@@ -320,7 +320,7 @@ def with_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Ou
     return outcome._replace(assessment=replace(outcome.assessment, remaining=place), law=law)
 
 
-def agrees_with_law(
+def agrees_add_law(
     context: SearchContext, odd: Sequence[OddLog], assessment: Assessment, fit: Fit
 ) -> bool:
     """Whether logs that were odd err no more than the others in a fit with the law."""
@@ -334,7 +334,7 @@ def agrees_with_law(
     return no_longer_odd(odd, before, after)
 
 
-def with_room(context: SearchContext, outcome: Outcome) -> Outcome:
+def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
     """The outcome with what a flexible model could explain, where the verdict depends on it."""
     assessment = outcome.assessment
     far = verdict_evidence(outcome.selection, assessment).far

@@ -226,7 +226,8 @@ class OddLog:
         log: its name.
         channel: the measured channel in which it shows most.
         evidence: a sentence that says how it differs.
-        share: of the squared whole-run error of all logs that this one carries.
+        share: share of the squared whole-run error of the channel, over all logs, that is this
+            log's.
     """
 
     log: str
@@ -270,7 +271,7 @@ class Selection(Brief):
         dropped: effects that a later one made superfluous.
         refused: effects that improved the fit of the training logs and were not added, with the
             reason.
-        silent: effects that were tried, and promised nothing.
+        silent: effects whose trials gained nothing, and those that the linear screening left out.
         worth: of each added or detectable effect, what it removes of the squared whole-run error of
             unseen logs.
         detectable: effects that are certain and change nothing that matters over whole runs.
@@ -348,9 +349,10 @@ class Findings(Selection, Assessment):
         missing: the missing signals of the model as given, the one that explains most first.
         left: those of the last stage, where structure remains beside the effects that were added.
         laws: what no known effect expresses, learned as curves.
-        possible: where the verdict is "undecided", effects that would lower the errors over whole
-            runs, with their worth.
-        experiment: the test that would best separate the first group of several, if there is one.
+        possible: where the verdict is "undecided" or "unexplained", effects that would lower the
+            errors over whole runs although one-step errors do not ask for them, with their worth.
+        experiment: the test that would best separate the first group of several, or else show a
+            possible effect, if there is one.
         seconds: time spent, by part of the work.
         notes: what the user should know besides.
         origin: when and with which versions it was made, and of which logs.

@@ -23,7 +23,8 @@ class VerdictEvidence:
         repeated: by channel the least share of its squared errors that a flexible model surely
             explains, as far as that was worked out.
         structure: one-step errors still depend on a signal of the model at some port.
-        contradicted: a channel contradicts the model, as by a wrong sign or a delay.
+        contradicted: a channel contradicts the model: its sign or scale is another, or inputs are
+            exchanged (the hints of a comparison).
         added: an effect was added.
         freed: a constant of the model was freed.
     """
