@@ -311,7 +311,7 @@ def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Out
         return outcome
     updated, law = learned
     odd = [log for log in assessment.odd_logs if log.much] if assessment.apart else []
-    agree = agrees_add_law(context, odd, assessment, law.told)
+    agree = agrees_with_law(context, odd, assessment, law.told)
     if not agree and assessment.remaining is None:
         return outcome
     if updated is not search or (odd and agree):
@@ -320,7 +320,7 @@ def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Out
     return outcome._replace(assessment=replace(outcome.assessment, remaining=place), law=law)
 
 
-def agrees_add_law(
+def agrees_with_law(
     context: SearchContext, odd: Sequence[OddLog], assessment: Assessment, fit: Fit
 ) -> bool:
     """Whether logs that were odd err no more than the others in a fit with the law."""
