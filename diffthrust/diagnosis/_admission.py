@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import (
     criterion,
     missed,
@@ -15,7 +16,6 @@ from diffthrust.diagnosis._criteria import (
 )
 from diffthrust.diagnosis._explained_share import BeforeAfter, explained_share, matters
 from diffthrust.diagnosis._findings import Refusal, Stage
-from diffthrust.diagnosis._held import with_candidates
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, with_values
 from diffthrust.diagnosis._rating import Tried
 from diffthrust.diagnosis._residual_structure import gain_of

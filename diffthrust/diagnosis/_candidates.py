@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.diagnosis._held import constants_in
 from diffthrust.diagnosis._ports import unseen_at
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -146,3 +145,31 @@ def _asked_for(
             named.add(candidate.name)
             chosen = [effect for effect in chosen if effect.name != candidate.name] + [candidate]
     return named, chosen
+
+
+# -- fixed parameters, each a candidate whose null is its value ------------------------------------
+
+
+def constants_in(model: Model) -> tuple[str, ...]:
+    """The fixed parameters of a model and of its effects, each a candidate by its name.
+
+    The forms of an effect are fixed, too, but are tried with the effect.
+
+    Example:
+        >>> constants_in(dft.Vessel())
+        ('lever_arm',)
+    """
+    return tuple(n for n, p in model.parameters.items() if p.fixed and not p.probes)
+
+
+def of_effect(parameter: str, effect: str) -> bool:
+    """Whether a parameter belongs to a candidate: an effect, or a fixed parameter of that name."""
+    return effect in (parameter, parameter.rpartition(".")[0])
+
+
+def with_candidates(
+    model: Model, effects: Iterable[str], candidates: Mapping[str, Effect]
+) -> Model:
+    """A model with some candidates: effects are added, fixed parameters are freed."""
+    freed = [n for n in effects if n not in candidates]
+    return model.free(*freed) + [candidates[n] for n in effects if n in candidates]

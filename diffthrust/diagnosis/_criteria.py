@@ -10,11 +10,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from diffthrust.diagnosis._findings import Refusal
+from diffthrust.diagnosis._findings import HeldValue, Refusal
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import cost, nrmse, settled_start
+from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
 _REMEMBERED = {"drift": "memory", "colour": "correlation"}
@@ -174,3 +175,38 @@ def _growth(baseline: Errors, updated: Errors) -> list[float]:
     """By how much the error of each channel has grown; 1 where that cannot be told."""
     pairs = [(baseline.channels[n].rmse, error.rmse) for n, error in updated.channels.items()]
     return [new / old if 0 < old < math.inf and 0 < new < math.inf else 1.0 for old, new in pairs]
+
+
+# -- the values that the logs support in place of fixed ones ---------------------------------------
+
+
+def held_values(model: Model, trial: TrialFit) -> dict[str, HeldValue]:
+    """The values that the logs support in place of the fixed ones that were freed.
+
+    They come from the innovations form, whose standard errors hold under random forces. In whole
+    runs the effect of these forces accumulates, and would be compensated by a wrong constant.
+
+    Args:
+        model: the model as it was given.
+        trial: the last trial.
+    """
+    errors = _standard_errors(trial)
+    freed = {n: model.parameters[n] for n in trial.effects if n in model.parameters}
+    return {
+        name: HeldValue(p.value, trial.values[name], errors[name], p.unit)
+        for name, p in freed.items()
+    }
+
+
+def _standard_errors(trial: TrialFit) -> dict[str, float]:
+    """Standard errors of the parameters of a trial; infinite without information on one."""
+    q, problem = trial.quadratic, trial.at_values
+    length = np.sqrt(np.diagonal(q.information))
+    live = length > 0
+    scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    spread = np.full(length.size, np.inf)
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
+    spread[live] = np.sqrt(np.diagonal(inverse)) / length[live]
+    spread *= problem.layout.likelihood.law.excess**0.5
+    slopes = np.abs(problem.slopes(problem.start()))
+    return dict(zip(trial.names, map(float, spread[: len(slopes)] * slopes), strict=True))

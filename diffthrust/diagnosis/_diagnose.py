@@ -11,6 +11,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.comparison._compare import Comparison, comparison_of
 from diffthrust.diagnosis._candidates import Candidates
+from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import (
@@ -21,7 +22,6 @@ from diffthrust.diagnosis._findings import (
     headroom_between,
     verdict_evidence,
 )
-from diffthrust.diagnosis._held_values import held_values
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._missing_signal import missing_signals

@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
+from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import price_of, unseen_gain
-from diffthrust.diagnosis._held import with_candidates
 from diffthrust.diagnosis._innovations_fit import TrialFit
-from diffthrust.diagnosis._screen import levels_of, screened
+from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter

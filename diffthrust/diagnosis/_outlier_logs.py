@@ -1,9 +1,15 @@
-"""Logs that disagree with the others, by the size of their errors and by their parameters."""
+"""Logs that disagree with the others, by the size of their errors and by their parameters.
+
+The parameters are tested log by log: do the one-step errors of a log ask for another value than
+those of all other logs? The gradient of their likelihood is projected onto what neither the shared
+parameters nor the log's own initial states explain (Neyman 1959). Its scatter over blocks of time
+gives its standard error, and the scatter of the other logs how much logs differ anyway.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,16 +18,21 @@ from diffthrust._support.words import joined, number, percent, spelt
 from diffthrust.comparison._outstanding import beside_others, outstanding
 from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._log_slopes import Deviation, deviations, slopes
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.estimation._laws import TAIL
-from diffthrust.estimation._one_step import Pass, passes
+from diffthrust.estimation._laws import TAIL, Law
+from diffthrust.estimation._one_step import Pass, passes, settled_start
+from diffthrust.estimation._problem import Problem
 from diffthrust.simulation._runs import Run
 
 _SHARES = 0.1, 2.0
 """Numerics: range, in steps that slopes promise, within which a log's value is searched."""
 _FAR = 3.0
 """Display: a parameter that is off by more of itself is not given in per cent."""
+_STEP = 1e-4
+"""Numerics: share of a coordinate over which derivatives are differences."""
+_BLIND = 1e-6
+"""Numerics: a log with less than this share of all information on a parameter does not determine
+it."""
 
 
 def odd_logs(fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddLog, ...]:
@@ -159,3 +170,184 @@ def _parameter_words(fitter: CandidateFitter, trial: TrialFit, deviation: Deviat
     by = f"some {percent(abs(share))} " if abs(share) < _FAR else ""
     errors = number(abs(deviation.size) / deviation.error, 2)
     return f"it asks for {name} {by}{way} than the others ({errors} standard errors)"
+
+
+# -- the test of each parameter of each log --------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """What one log says of the shared parameters, its initial states projected out.
+
+    Args:
+        information: Fisher information, ``(P, P)``.
+        scores: the gradient of the cost by blocks of time, ``(P, blocks)``.
+        channels: the gradient by channel, ``(P, C)``.
+    """
+
+    information: np.ndarray
+    scores: np.ndarray
+    channels: np.ndarray
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far a parameter of one log is from that of the other logs, in coordinates of the fit.
+
+    Args:
+        log: index of the log.
+        parameter: index of the parameter.
+        size: optimum of this log minus optimum of the others.
+        error: standard error of ``size``.
+        freedom: degrees of freedom of the error.
+        channel: index of the channel that contributes most.
+        others: distance of the other logs' optimum from the current values, ``(P,)``.
+    """
+
+    log: int
+    parameter: int
+    size: float
+    error: float
+    freedom: float
+    channel: int
+    others: np.ndarray
+
+    @property
+    def own(self) -> np.ndarray:
+        """Distance of this log's optimum from the current values, ``(P,)``."""
+        return self.others + self.size * np.eye(self.others.size)[self.parameter]
+
+    @property
+    def p_value(self) -> float:
+        """The p-value of this single test."""
+        from scipy.special import stdtr  # slow to import
+
+        return float(2 * stdtr(self.freedom, -abs(self.size) / self.error))
+
+
+def deviations(logs: Sequence[Slopes]) -> list[Deviation]:
+    """The logs in which a parameter differs from that of all other logs, the most certain first.
+
+    Each is left out of the further tests. Fewer than half of the logs can deviate.
+    """
+    deviating: list[Deviation] = []
+    remaining = list(range(len(logs)))
+    level = SETTINGS.outlier_logs.false_alarms / (len(logs) * max(1, len(logs[0].scores)))
+    while 2 * (len(deviating) + 1) < len(logs):
+        near = [deviation for deviation in tested(logs, remaining) if deviation.p_value < level]
+        sure = [
+            deviation
+            for deviation in (widened(logs, remaining, deviation) for deviation in near)
+            if deviation.p_value < level
+        ]
+        if not sure:
+            break
+        deviating.append(max(sure, key=lambda deviation: abs(deviation.size) / deviation.error))
+        remaining.remove(deviating[-1].log)
+    return deviating
+
+
+def tested(logs: Sequence[Slopes], among: Sequence[int]) -> Iterator[Deviation]:
+    """Every parameter of every log against the other logs."""
+    joint = np.sum([logs[k].information for k in among], axis=0)
+    length = np.sqrt(np.maximum(np.diagonal(joint), 1e-300))
+    scaled = joint / np.outer(length, length)
+    inverse = np.linalg.pinv(scaled, rcond=1e-11, hermitian=True) / np.outer(length, length)
+    slope = np.sum([logs[k].scores.sum(axis=1) for k in among], axis=0)
+    for k in among:
+        information = logs[k].information
+        for j in range(len(length)):
+            through = information[j] @ inverse
+            projected = information[j, j] - through @ information[:, j]
+            if not projected > _BLIND * joint[j, j]:
+                continue
+            blocks = [-through @ logs[m].scores for m in among]
+            blocks[among.index(k)] = blocks[among.index(k)] + logs[k].scores[j]
+            total = sum(float(block.sum()) for block in blocks)
+            size = -total / projected
+            yield Deviation(
+                log=k,
+                parameter=j,
+                size=size,
+                error=max(sum(map(_scatter, blocks)), projected) ** 0.5 / projected,
+                freedom=max(1, sum(block.size - 1 for block in blocks)),
+                channel=int(np.argmax(logs[k].channels[j] * np.sign(total))),
+                others=-inverse @ (slope + size * information[:, j]),
+            )
+
+
+def _scatter(block: np.ndarray) -> float:
+    """Variance of the sum of some values, by how they scatter about their mean."""
+    return float(np.var(block, ddof=1)) * block.size if block.size > 1 else 0.0
+
+
+def widened(logs: Sequence[Slopes], among: Sequence[int], deviation: Deviation) -> Deviation:
+    """A deviation whose standard error includes how much the other logs differ among each other.
+
+    By the moments of DerSimonian and Laird (1986), with the degrees of freedom of Satterthwaite
+    (1946).
+    """
+    remaining = [k for k in among if k != deviation.log]
+    peers = [d for d in tested(logs, remaining) if d.parameter == deviation.parameter]
+    if len(peers) < 2:
+        return deviation
+    sizes, weights = (
+        np.array(x) for x in zip(*((d.size, d.error**-2) for d in peers), strict=True)
+    )
+    between = max(0.0, float(weights @ sizes**2) - len(peers)) / float(weights.sum())
+    within = deviation.error**2
+    share = within**2 / deviation.freedom + between**2 / (len(peers) - 1)
+    return replace(
+        deviation, error=(within + between) ** 0.5, freedom=(within + between) ** 2 / share
+    )
+
+
+def slopes(fitter: CandidateFitter, trial: TrialFit) -> list[Slopes]:
+    """The slopes of each log, training logs first, then unseen ones."""
+    problems = [trial.at_values]
+    if trial.unseen is not None:
+        problems.append(settled_start(trial.unseen))
+    places = [i for i, n in enumerate(trial.names) if n not in fitter.nuisance]
+    sigma = np.asarray(trial.quadratic.sigma)
+    return [log_slopes for problem in problems for log_slopes in _slopes(problem, places, sigma)]
+
+
+def _slopes(problem: Problem, places: Sequence[int], sigma: np.ndarray) -> Iterator[Slopes]:
+    """By finite differences of passes, for which nothing is compiled."""
+    z, first, states = problem.start(), problem.shared, len(problem.layout.starts)
+    high = problem.limits()[1]
+    now = passes(problem, z)
+    by_place = []
+    for at in [[i] for i in places] + [[*range(first + j, z.size, states)] for j in range(states)]:
+        step = _STEP * (1 + float(np.abs(z[at]).max()))
+        moved = z.copy()
+        moved[at] += step if np.all(z[at] + step <= high[at]) else -step
+        pairs = zip(passes(problem, moved), now, strict=True)
+        by_place.append([(a.errors - b.errors) / (moved - z)[at[0]] for a, b in pairs])
+    law = problem.layout.likelihood.law
+    for k, log in enumerate(now):
+        jacobian = np.stack([by_log[k] for by_log in by_place])
+        yield _of_log(log, jacobian, len(places), sigma, law)
+
+
+def _of_log(log: Pass, jacobian: np.ndarray, count: int, sigma: np.ndarray, law: Law) -> Slopes:
+    """Slopes of one log from derivatives ``(P + states, C, T)`` of its errors."""
+    residual = np.nan_to_num(log.errors / sigma[:, None])
+    jacobian = np.nan_to_num(jacobian / sigma[:, None])
+    weight = np.asarray(law.weights(residual[None], np.ones(len(sigma))))[0]
+    parameters, starts = jacobian[:count], jacobian[count:]
+    flat = (starts * weight).reshape(len(starts), residual.size)
+    inner = flat @ starts.reshape(len(starts), residual.size).T
+    cross = flat @ parameters.reshape(count, residual.size).T
+    parameters = parameters - np.tensordot(
+        np.linalg.pinv(inner, hermitian=True) @ cross, starts, (0, 0)
+    )
+    product = parameters * weight * residual
+    blocks = np.array_split(
+        product.sum(axis=1), min(SETTINGS.outlier_logs.blocks, residual.shape[1]), axis=1
+    )
+    return Slopes(
+        information=np.tensordot(parameters * weight, parameters, ((1, 2), (1, 2))) / law.excess,
+        scores=np.stack([block.sum(axis=1) for block in blocks], axis=1),
+        channels=product.sum(axis=2),
+    )

@@ -26,8 +26,8 @@ from diffthrust.simulation._integrate import integrate
 
 _APART = 1e-4
 """Numerics: derivatives by a parameter without a null are taken over this share of its value."""
-_ACTS = 1e-6
-"""Numerics: a point whose cost differs by less does nothing: rounding of a pass is below it."""
+IDLE_CHANGE = 1e-6
+"""Numerics: a point that changes the cost by less does nothing: rounding of a pass is below it."""
 
 Point = Mapping[str, float]
 Shift = dict[str, tuple[list[np.ndarray], ...]]
@@ -149,7 +149,7 @@ def _promised(
         movable[: len(problem.free)] &= [n not in problem.nuisance for n in problem.free]
         gain = response.cost - response.after(q, movable, more, change, (low, high))
     shown = np.diagonal(q.information)[size : size + len(question.moved)]
-    acts = np.any(shown > 0) if question.near else abs(float(q.cost) - response.cost) > _ACTS
+    acts = np.any(shown > 0) if question.near else abs(float(q.cost) - response.cost) > IDLE_CHANGE
     return Promise(gain, question.point, bool(acts))
 
 

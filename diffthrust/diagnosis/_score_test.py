@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diffthrust.diagnosis._held import of_effect
+from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._likelihood import Quadratic
 

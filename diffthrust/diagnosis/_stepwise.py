@@ -19,7 +19,7 @@ from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
 from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
 from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
-from diffthrust.diagnosis._screen import levels_of, screened
+from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter

@@ -9,13 +9,13 @@ from reference import noise, vessel
 
 import diffthrust as dft
 from diffthrust.diagnosis import _search_state  # private: how a search begins
-from diffthrust.diagnosis._candidates import constants_of  # private: names alone
-from diffthrust.diagnosis._findings import HeldValue  # private: made by hand
-from diffthrust.diagnosis._held import (  # private: names alone
+from diffthrust.diagnosis._candidates import (  # private: names alone
     constants_in,
+    constants_of,  # private: names alone
     of_effect,
     with_candidates,
 )
+from diffthrust.diagnosis._findings import HeldValue  # private: made by hand
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     stage_words,
     verdict_words,

@@ -17,8 +17,9 @@ from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     Programs,  # private: as a diagnosis makes them
 )
-from diffthrust.diagnosis._log_slopes import Slopes, deviations  # private: the test alone
-from diffthrust.diagnosis._outlier_logs import (
+from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
+    Slopes,
+    deviations,
     no_longer_odd,
     odd_logs,
 )  # private: without a search for effects

@@ -14,14 +14,14 @@ from diffthrust.diagnosis._innovations_fit import (  # private: the screen alone
     Programs,
 )
 from diffthrust.diagnosis._predicted_gain import promises  # private: what is hoped for, alone
-from diffthrust.diagnosis._probes import probes  # private: the screen alone
-from diffthrust.diagnosis._screen import (  # private: the screen alone
-    anew,
+from diffthrust.diagnosis._screening import (  # private: the screen alone
+    edge_of,  # private: the search alone
+    fitted_from_fallback,
     is_at_null,
     levels_of,
+    probes,  # private: the screen alone
     screened,
 )
-from diffthrust.diagnosis._shortlist import edge_of  # private: the search alone
 from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 TIME = np.arange(500) * 0.05
@@ -207,5 +207,5 @@ def test_far_points_are_tried_with_the_values_as_they_were_given(low, followed):
     costs = {(1.0, 0.0): 100.0, (1.0, 0.2): np.nan, (1.0, 0.5): low, (1.0, 0.9): 80.0 + low}
     present = Made(90.0, {"alpha": 7.0, "effect.size": 0.0}, effects=())
     points = [{"effect.size": size} for size in (0.2, 0.5, 0.9)]
-    found = anew(Astray(costs), "effect", present, points, {"alpha": 1.0})
+    found = fitted_from_fallback(Astray(costs), "effect", present, points, {"alpha": 1.0})
     assert [values["effect.size"] for values in found] == followed
