@@ -68,3 +68,33 @@ def test_a_private_import_of_a_test_gives_its_reason():
                 if private and not told:
                     bare.append(f"{path.relative_to(TESTS)}:{node.lineno}: {node.module}")
     assert not bare
+
+
+VAGUE = {
+    "one", "ones", "known", "found", "told", "rest", "given", "own", "alike", "before", "there",
+    "left", "other", "others", "whole", "part", "thing", "done", "gone", "seen", "said", "again",
+    "once",
+}  # fmt: skip
+"""Words that name nothing: a local or an argument is a residual, a state, a limit."""
+
+
+@pytest.mark.parametrize("folder", ["_support", *FOLDERS])
+def test_names_of_locals_say_what_they_hold(folder):
+    names, vague = 0, []
+    for path in sorted((PACKAGE / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                arguments = node.args.args + node.args.kwonlyargs + node.args.posonlyargs
+                stored = {
+                    name.id
+                    for statement in node.body
+                    for name in ast.walk(statement)
+                    if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+                }
+                every = {argument.arg for argument in arguments} | stored
+                names += len(every)
+                vague += [
+                    f"{path.name}:{node.lineno} {node.name}: {name}"
+                    for name in sorted(every & VAGUE)
+                ]
+    assert len(vague) < 0.03 * max(names, 1), vague

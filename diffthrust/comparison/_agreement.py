@@ -59,14 +59,14 @@ class Agreement:
     @property
     def sentence(self) -> str:
         """What is odd, in plain words; empty where nothing is."""
-        seen = f"(correlation {self.correlation:+.2f} over {_runs(self.runs)})"
+        evidence = f"(correlation {self.correlation:+.2f} over {_runs(self.runs)})"
         if self.opposed:
-            return f"{self.channel}: the measurement moves opposite to the model {seen}."
+            return f"{self.channel}: the measurement moves opposite to the model {evidence}."
         if self.correlation > _FIRMLY and not 1 / _SCALE < self.gain < _SCALE:
             return (
                 f"{self.channel}: the measurement moves with the model, but {self.gain:.2g} times "
-                f"as far {seen}: the unit or scale of the channel or of an input may not be what "
-                "its name says."
+                f"as far {evidence}: the unit or scale of the channel or of an input may not be "
+                "what its name says."
             )
         return ""
 
@@ -150,9 +150,12 @@ def _mends(
 
 def _changes(model: Model, runs: Sequence[Run]) -> Iterable[tuple[str, Callable[[Record], Record]]]:
     names = [name for name in model.inputs if all(name in run.record.inputs for run in runs)]
-    for one, two in combinations(names, 2):
-        if model.inputs[one] == model.inputs[two]:
-            yield f"Exchanging the inputs {one} and {two}", _taking({one: (1, two), two: (1, one)})
+    for first, second in combinations(names, 2):
+        if model.inputs[first] == model.inputs[second]:
+            yield (
+                f"Exchanging the inputs {first} and {second}",
+                _taking({first: (1, second), second: (1, first)}),
+            )
     for name in names:
         yield f"Reversing the sign of the input {name}", _taking({name: (-1, name)})
 
@@ -196,33 +199,33 @@ def _pair(model: Model, run: Run, channel: str, modelled: np.ndarray) -> Pair:
 
 def _together(pairs: Sequence[Pair]) -> tuple[float, float]:
     """Correlation, and slope of the first on the second; NaN where one does not move."""
-    one, two = (np.concatenate(x) for x in zip(*pairs, strict=True))
-    seen = np.isfinite(one) & np.isfinite(two)
-    if seen.sum() < 10 or not (np.ptp(one[seen]) > 0 and np.ptp(two[seen]) > 0):
+    first, second = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    finite = np.isfinite(first) & np.isfinite(second)
+    if finite.sum() < 10 or not (np.ptp(first[finite]) > 0 and np.ptp(second[finite]) > 0):
         return np.nan, np.nan
-    together = float(np.corrcoef(one[seen], two[seen])[0, 1])
-    return together, together * float(np.std(one[seen]) / np.std(two[seen]))
+    correlation = float(np.corrcoef(first[finite], second[finite])[0, 1])
+    return correlation, correlation * float(np.std(first[finite]) / np.std(second[finite]))
 
 
 def _kinematics(runs: Sequence[Run]) -> dict[str, tuple[str, float]]:
     """What a velocity channel must equal by geometry alone, and its correlation with that."""
     pairs: dict[str, list[Pair]] = {}
     for run in runs:
-        seen = {name: trace.measured for name, trace in run.channels.items()}
-        if "heading" not in seen:
+        measured = {name: trace.measured for name, trace in run.channels.items()}
+        if "heading" not in measured:
             continue
-        if "yaw_rate" in seen:
-            turned = _over_a_second(run.time, seen["heading"])
-            pairs.setdefault("yaw_rate", []).append((seen["yaw_rate"], turned))
-        if "north" in seen and "east" in seen:
-            north, east = (_over_a_second(run.time, seen[name]) for name in ("north", "east"))
-            cos, sin = np.cos(seen["heading"]), np.sin(seen["heading"])
+        if "yaw_rate" in measured:
+            turned = _over_a_second(run.time, measured["heading"])
+            pairs.setdefault("yaw_rate", []).append((measured["yaw_rate"], turned))
+        if "north" in measured and "east" in measured:
+            north, east = (_over_a_second(run.time, measured[name]) for name in ("north", "east"))
+            cos, sin = np.cos(measured["heading"]), np.sin(measured["heading"])
             for name, moved in (
                 ("surge", north * cos + east * sin),
                 ("sway", east * cos - north * sin),
             ):
-                if name in seen:
-                    pairs.setdefault(name, []).append((seen[name], moved))
+                if name in measured:
+                    pairs.setdefault(name, []).append((measured[name], moved))
     words = {"yaw_rate": "the rate of the measured heading"}
     along = "the motion of the measured position"
     return {name: (words.get(name, along), _together(pair)[0]) for name, pair in pairs.items()}

@@ -103,8 +103,8 @@ class Comparison(Result):
         predicted = one_step(self.fit, [run.record for run in self.runs], substeps)
         pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         for run, rests in zip(self.runs, predicted, strict=True):
-            for name, rest in rests.items():
-                pairs.setdefault(name, []).append((run.channels[name].measured, rest))
+            for name, residual in rests.items():
+                pairs.setdefault(name, []).append((run.channels[name].measured, residual))
         return errors(pairs, self.model.outputs, shown_of(self.runs))
 
     @cached_property
@@ -185,7 +185,7 @@ class Comparison(Result):
             >>> dft.compare(fit, unseen).outstanding
             ()
         """
-        return tuple(one.sentence for one in outstanding(self.runs))
+        return tuple(entry.sentence for entry in outstanding(self.runs))
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -242,11 +242,11 @@ class Comparison(Result):
         """
         from diffthrust.comparison._figures_runs import comparison_figure
 
-        known = [run.name for run in self.runs]
-        unknown = [name for name in runs or () if name not in known]
+        names = [run.name for run in self.runs]
+        unknown = [name for name in runs or () if name not in names]
         if unknown:
             raise InputError(
-                f"The comparison has no run {listing(unknown)}; it has {listing(known)}.",
+                f"The comparison has no run {listing(unknown)}; it has {listing(names)}.",
                 "Correct the name.",
             )
         shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
@@ -341,7 +341,7 @@ class Comparison(Result):
             >>> list(dft.compare(fit, unseen).to_json())[:5]
             ['schema', 'model', 'effects', 'failures', 'errors']
         """
-        told = {
+        written = {
             "schema": 1,
             "model": self.model.name,
             "effects": [effect.name for effect in self.model.effects],
@@ -355,7 +355,7 @@ class Comparison(Result):
             "noise": self.noise_advice.to_json() if self.noise_advice else None,
             "doubts": [doubt.to_json() for doubt in self.fit.doubts] if self.fit else [],
         }
-        return plain(told)
+        return plain(written)
 
 
 def comparison_report(comparison: Comparison, title: str = "") -> Report:

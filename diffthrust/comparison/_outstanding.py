@@ -53,14 +53,14 @@ def beside_others(runs: Sequence[Run], channel: str) -> list[Outstanding]:
     """
     by_run = {i: r.errors.channels[channel] for i, r in enumerate(runs) if channel in r.channels}
     usual = float(np.median([e.rmse for e in by_run.values()])) if by_run else np.nan
-    whole = sum(e.rmse**2 * e.samples for e in by_run.values())
+    total = sum(e.rmse**2 * e.samples for e in by_run.values())
     return [
         Outstanding(
             place=i,
             run=runs[i].name,
             channel=channel,
             ratio=e.rmse / usual if usual > 0 else 1.0,
-            share=e.rmse**2 * e.samples / whole if whole > 0 else 0.0,
+            share=e.rmse**2 * e.samples / total if total > 0 else 0.0,
             size=f"{e.shown[0]:.3g} {e.shown[1]}".rstrip(),
         )
         for i, e in by_run.items()
@@ -74,12 +74,12 @@ def outstanding(runs: Sequence[Run]) -> list[Outstanding]:
         >>> [one.run for one in outstanding(runs)]
         ['run 3']
     """
-    found = []
+    standing_out = []
     for name in dict.fromkeys(name for run in runs for name in run.channels):
         by_run = beside_others(runs, name)
-        relative = [runs[one.place].errors.channels[name].nrmse for one in by_run]
+        relative = [runs[entry.place].errors.channels[name].nrmse for entry in by_run]
         most = _OUTSTANDING * float(np.median(relative))
-        for one, nrmse in zip(by_run, relative, strict=True):
-            if len(by_run) > 2 and _OUTSTANDING < one.ratio < np.inf and nrmse > most:
-                found.append(one)
-    return found
+        for entry, nrmse in zip(by_run, relative, strict=True):
+            if len(by_run) > 2 and _OUTSTANDING < entry.ratio < np.inf and nrmse > most:
+                standing_out.append(entry)
+    return standing_out

@@ -105,10 +105,10 @@ def worst_range(
         return None
     # of signals that say nearly the same, the plainest, which comes first
     largest = max(score for score, _ in sure.values())
-    alike = [name for name, (score, _) in sure.items() if score >= largest - _SAME]
-    name, size = alike[0], f"|{alike[0]}|"
+    equals = [name for name, (score, _) in sure.items() if score >= largest - _SAME]
+    name, size = equals[0], f"|{equals[0]}|"
     first, last = excesses[name][1]
-    if size in alike and first > 0 and last <= bins[name].size:
+    if size in equals and first > 0 and last <= bins[name].size:
         name = size  # -0.3 < x < 0.32 says the same as |x| < 0.3, and less plainly
     interval = _rounded(samples, name, bins[name], excesses[name][1])
     inside = interval.holds(samples.signals[name])
@@ -128,10 +128,10 @@ def _largest(
         edges: of the bins, ``(m,)``.
     """
     label = np.searchsorted(edges, values, side="right")
-    ones, place = np.ones(label.size, np.float32), (label, np.arange(label.size))
+    weights, place = np.ones(label.size, np.float32), (label, np.arange(label.size))
     from scipy import sparse  # slow to import
 
-    member = sparse.csr_array((ones, place), shape=(edges.size + 1, label.size))
+    member = sparse.csr_array((weights, place), shape=(edges.size + 1, label.size))
     share = (member @ energy).T - np.bincount(label, minlength=edges.size + 1) / label.size
     path = np.concatenate([np.zeros((share.shape[0], 1)), np.cumsum(share, axis=1)], axis=1)
     rise = path - np.minimum.accumulate(path, axis=1)
@@ -157,13 +157,13 @@ def _orders(run: np.ndarray, block: int, rng: np.random.Generator) -> np.ndarray
     parts = [np.flatnonzero(run == i) for i in np.unique(run)]
     draws = []
     for _ in range(_DRAWS):
-        whole = []
+        shuffled = []
         for i in rng.permutation(len(parts)):
             rolled = np.roll(parts[i], int(rng.integers(parts[i].size)))
             pieces = np.array_split(rolled, max(1, rolled.size // block))
-            whole += [pieces[j] for j in rng.permutation(len(pieces))]
+            shuffled += [pieces[j] for j in rng.permutation(len(pieces))]
         # runs of unequal length come to lie across the ends of others: turn the whole as well
-        draws.append(np.roll(np.concatenate(whole), int(rng.integers(run.size))))
+        draws.append(np.roll(np.concatenate(shuffled), int(rng.integers(run.size))))
     return np.stack(draws)
 
 

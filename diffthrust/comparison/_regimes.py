@@ -125,19 +125,19 @@ def worst_regimes(
     everything, outside = float(samples.energy.sum()), np.ones(samples.energy.size, bool)
     regimes: list[Regime] = []
     while len(regimes) < most:
-        left = samples.at(outside)
-        scale = float(left.energy.sum()) / everything
-        best = worst_range(left, block, rng, channels, _EXCESS / max(scale, _EXCESS))
+        remaining = samples.at(outside)
+        scale = float(remaining.energy.sum()) / everything
+        best = worst_range(remaining, block, rng, channels, _EXCESS / max(scale, _EXCESS))
         if best is None:
             break
         where, p = [best[0]], best[1]
-        inside = best[0].holds(left.signals[best[0].signal])
-        closer = worst_range(left.at(inside), block, rng, channels, 0.0)
+        inside = best[0].holds(remaining.signals[best[0].signal])
+        closer = worst_range(remaining.at(inside), block, rng, channels, 0.0)
         if closer is not None and closer[0].signal != best[0].signal:
-            both = inside & closer[0].holds(left.signals[closer[0].signal])
-            if excess(left, both) > excess(left, inside) + _MORE:
+            both = inside & closer[0].holds(remaining.signals[closer[0].signal])
+            if excess(remaining, both) > excess(remaining, inside) + _MORE:
                 where, p, inside = [*where, closer[0]], max(p, closer[1]), both
-        error = float(left.energy[inside].sum()) / everything
+        error = float(remaining.energy[inside].sum()) / everything
         share = float(inside.sum()) / outside.size
         regimes.append(Regime(channel, tuple(where), error, share, p))
         outside[np.flatnonzero(outside)[inside]] = False
@@ -154,13 +154,15 @@ def _gathered(
     """The measured samples of all runs; ``None`` where there is nothing that can be searched."""
     derived = [derived_signals(t, s, units, plain) for t, s in zip(times, signals, strict=True)]
     common = [name for name in derived[0] if all(name in d for d in derived)] if derived else []
-    seen = [~np.isnan(rest) for rest in residuals]
-    energy = np.concatenate([rest[ok] ** 2 for rest, ok in zip(residuals, seen, strict=True)])
+    finite = [~np.isnan(residual) for residual in residuals]
+    energy = np.concatenate(
+        [residual[ok] ** 2 for residual, ok in zip(residuals, finite, strict=True)]
+    )
     if energy.size < 20 or not np.all(np.isfinite(energy)) or not energy.sum() > 0:
         return None
-    run = np.concatenate([np.full(int(ok.sum()), i) for i, ok in enumerate(seen)])
+    run = np.concatenate([np.full(int(ok.sum()), i) for i, ok in enumerate(finite)])
     joined = {
-        name: np.concatenate([d[name][0][ok] for d, ok in zip(derived, seen, strict=True)])
+        name: np.concatenate([d[name][0][ok] for d, ok in zip(derived, finite, strict=True)])
         for name in common
     }
     fine = {name: coarse(v) for name, v in joined.items() if np.all(np.isfinite(v))}
@@ -170,8 +172,8 @@ def _gathered(
 
 def _block(residuals: Sequence[np.ndarray]) -> int:
     """Samples in a block: some correlation times of the squared residual."""
-    longest = max(rest.size for rest in residuals)
-    measured = autocorrelation([rest**2 for rest in residuals], longest // 3)
+    longest = max(residual.size for residual in residuals)
+    measured = autocorrelation([residual**2 for residual in residuals], longest // 3)
     implied = autocorrelation(residuals, longest // 3) ** 2
     times = [_integral(measured), _integral(implied)]
     return max(5, math.ceil(5 * max(times)))
@@ -179,5 +181,5 @@ def _block(residuals: Sequence[np.ndarray]) -> int:
 
 def _integral(correlation: np.ndarray) -> float:
     """Sum of an autocorrelation over both sides, up to where it has died away."""
-    gone = np.flatnonzero(correlation < 0.05)
-    return float(2 * correlation[: gone[0] if gone.size else None].sum() - 1)
+    faded = np.flatnonzero(correlation < 0.05)
+    return float(2 * correlation[: faded[0] if faded.size else None].sum() - 1)

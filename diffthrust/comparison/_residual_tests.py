@@ -168,10 +168,10 @@ def residual_tests(
         >>> residual_tests("speed", [rest], [{"command": u}], step=0.04).white
         False
     """
-    pooled = np.concatenate([rest[~np.isnan(rest)] for rest in residuals])
+    pooled = np.concatenate([residual[~np.isnan(residual)] for residual in residuals])
     if pooled.size < 10 or not np.all(np.isfinite(pooled)) or not np.ptp(pooled) > 0:
         return None
-    longest = max(rest.size for rest in residuals)
+    longest = max(residual.size for residual in residuals)
     ours = autocorrelation(residuals, longest // 2)
     inflation = integral(ours)
     effective = pooled.size / inflation
@@ -226,11 +226,11 @@ def cross_correlation(
         step: time between samples [s].
         ours: autocorrelation of the residuals, where it is known already.
     """
-    longest = max(rest.size for rest in residuals)
+    longest = max(residual.size for residual in residuals)
     ours = autocorrelation(residuals, longest // 2) if ours is None else ours
     theirs = autocorrelation(signals, ours.size - 1)
     inflation = max(1.0, float(2 * np.sum(ours * theirs) - 1))
-    samples = sum(int(np.isfinite(rest).sum()) for rest in residuals)
+    samples = sum(int(np.isfinite(residual).sum()) for residual in residuals)
     error = math.sqrt(inflation / samples)
     norm = math.sqrt(covariance(residuals, residuals, 0)[0] * covariance(signals, signals, 0)[0])
     values = covariance(residuals, signals, lags) / norm

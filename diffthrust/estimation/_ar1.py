@@ -110,14 +110,14 @@ class AR1(NoiseModel):
         scales, links = self.levels(channels, numbers, values), log.links
         return [
             _whitened(
-                rest,
+                residual,
                 ~jnp.isnan(log.measured[i]),
                 links.past[i],
                 links.gap[i],
                 values[_name(name)],
                 scales[i],
             )
-            for i, (name, rest) in enumerate(zip(channels, rests, strict=True))
+            for i, (name, residual) in enumerate(zip(channels, rests, strict=True))
         ]
 
     def levels(
@@ -128,8 +128,8 @@ class AR1(NoiseModel):
         kept = jnp.stack([jnp.asarray(values[_name(c)]) for c in channels])
         return jnp.stack(
             [
-                _level(one, steps, often, samples)
-                for one, steps, often, samples in zip(
+                _level(lag_one, steps, often, samples)
+                for lag_one, steps, often, samples in zip(
                     kept, gaps.steps, gaps.counts, numbers.counts, strict=True
                 )
             ]
@@ -199,15 +199,15 @@ def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float
         anew: ``(B, T)``, true where a simulation begins anew, and with it the noise.
         step: in which gaps are counted [s].
     """
-    seen = np.isfinite(measured)
+    finite = np.isfinite(measured)
     place = np.arange(time.shape[1])
-    latest = np.maximum.accumulate(np.where(seen, place, -1), axis=2)
-    past = np.concatenate([np.full((*seen.shape[:2], 1), -1), latest[..., :-1]], axis=2)
+    latest = np.maximum.accumulate(np.where(finite, place, -1), axis=2)
+    past = np.concatenate([np.full((*finite.shape[:2], 1), -1), latest[..., :-1]], axis=2)
     segment = np.cumsum(anew, axis=1)
     row = np.arange(time.shape[0])[:, None, None]
-    before = np.maximum(past, 0)
-    together = seen & (past >= 0) & (segment[row, before] == segment[:, None, :])
-    gap = np.where(together, (time[:, None, :] - time[row, before]) / step, _FAR)
+    previous = np.maximum(past, 0)
+    together = finite & (past >= 0) & (segment[row, previous] == segment[:, None, :])
+    gap = np.where(together, (time[:, None, :] - time[row, previous]) / step, _FAR)
     return Links(np.where(together, past, 0), gap)
 
 
@@ -215,7 +215,7 @@ def _gaps(links: Sequence[Links]) -> Gaps:
     """The gaps of all logs."""
     by_channel = []
     for channel in zip(*(np.moveaxis(np.asarray(b.gap), 1, 0) for b in links), strict=True):
-        all_gaps = np.concatenate([part.ravel() for part in channel])
+        all_gaps = np.concatenate([gaps.ravel() for gaps in channel])
         finite = all_gaps[all_gaps < _FAR]
         size = 10.0 ** np.floor(np.log10(finite))
         rounded = np.round(finite / size, _DIGITS - 1) * size
@@ -237,7 +237,9 @@ def _level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
     return jnp.exp(0.5 * jnp.sum(often * jnp.log1p(-(lag_one ** (2.0 * gap)))) / samples)
 
 
-def _whitened(rest: Any, seen: Any, past: Any, gap: Any, lag_one: Any, scale: Any) -> Any:
+def _whitened(residual: Any, finite: Any, past: Any, gap: Any, lag_one: Any, scale: Any) -> Any:
     """What is new in each residual of one channel, ``(T,)``; zero where nothing was measured."""
     phi = lag_one**gap
-    return jnp.where(seen, scale * (rest - phi * rest[past]) / jnp.sqrt(1.0 - phi**2), 0.0)
+    return jnp.where(
+        finite, scale * (residual - phi * residual[past]) / jnp.sqrt(1.0 - phi**2), 0.0
+    )

@@ -36,18 +36,18 @@ def listed(logs: Any) -> tuple[Log, ...]:
     return tuple(several)
 
 
-def by_input(what: str, given: Any, model: Model, example: str) -> dict[str, Any]:
+def by_input(what: str, values: Any, model: Model, example: str) -> dict[str, Any]:
     """What was given for the inputs of a model, by their names.
 
     Raises:
         InputError: something else than a dictionary.
     """
-    if given is not None and not isinstance(given, Mapping):
+    if values is not None and not isinstance(values, Mapping):
         raise InputError(
-            f"{what}: expected a dictionary by the names of inputs, found {given!r}.",
+            f"{what}: expected a dictionary by the names of inputs, found {values!r}.",
             f"Write {what}={{'{next(iter(model.inputs), 'input')}': {example}}}.",
         )
-    return dict(given or {})
+    return dict(values or {})
 
 
 @dataclass(frozen=True)

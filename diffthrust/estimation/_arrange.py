@@ -125,11 +125,11 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
         for row, index in enumerate(indices):
             time = problem.records[index].time
             ours = [np.isfinite(s[row, : time.size]) for s in series.values()]
-            ours = [seen for seen in ours if seen.any()]
-            seen = np.all(ours, axis=0) if ours else np.zeros(time.size, bool)
+            ours = [finite for finite in ours if finite.any()]
+            finite = np.all(ours, axis=0) if ours else np.zeros(time.size, bool)
             chosen = np.zeros(batch.time.shape[1], bool)
             for begin in _multiples(time, horizon):
-                later = np.flatnonzero(seen & (time >= begin))
+                later = np.flatnonzero(finite & (time >= begin))
                 if later.size:
                     chosen[later[0]] = True
             for s in series.values():
@@ -270,6 +270,6 @@ def smoothed(values: np.ndarray, half: int = 3) -> np.ndarray:
     wide = np.pad(values, half, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1)
     out = np.full(values.shape, np.nan)
-    seen = np.isfinite(values)
-    out[seen] = np.nanmedian(windows[seen], axis=1)
+    finite = np.isfinite(values)
+    out[finite] = np.nanmedian(windows[finite], axis=1)
     return out

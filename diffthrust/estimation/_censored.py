@@ -36,44 +36,46 @@ class Censored(Gaussian):
     closed: ClassVar[bool] = False
     censors: ClassVar[bool] = True
 
-    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
+    def cost(
+        self, rests: Sequence[Any], numbers: ProblemNumbers, levels_known: Sequence[bool]
+    ) -> Any:
         """A level that is not known is where the likelihood is highest."""
-        counts, given = numbers.counts, jnp.asarray(known)
+        counts, fixed = numbers.counts, jnp.asarray(levels_known)
         sides = [_sides(batch) for batch in numbers.batches]
         inside = counts - sum(jnp.sum(jnp.abs(side), axis=(0, 2)) for side in sides)
         within = [jnp.where(side == 0, r, 0.0) for r, side in zip(rests, sides, strict=True)]
         squares = sum(jnp.sum(r**2, axis=(0, 2)) for r in within)
 
-        def again(_: int, s: Any) -> Any:
+        def reweighted(_: int, s: Any) -> Any:
             beyond = jnp.zeros_like(s)
-            for rest, side in zip(rests, sides, strict=True):
-                a = -side * rest / s[None, :, None]
+            for residual, side in zip(rests, sides, strict=True):
+                a = -side * residual / s[None, :, None]
                 beyond += jnp.sum(jnp.where(side == 0, 0.0, 1.0 - a * _mills(a)[0]), axis=(0, 2))
             pooled = jnp.sqrt((squares + s**2 * beyond) / counts + numbers.floor)
-            return jnp.where(given, s, pooled)
+            return jnp.where(fixed, s, pooled)
 
         first = jnp.sqrt(squares / jnp.maximum(inside, 1.0) + numbers.floor)
-        sigma = jax.lax.fori_loop(0, _ROUNDS, again, jnp.where(given, numbers.noise, first))
+        sigma = jax.lax.fori_loop(0, _ROUNDS, reweighted, jnp.where(fixed, numbers.noise, first))
         cost = 0.5 * squares / sigma**2 + inside * jnp.log(sigma)
-        for rest, side in zip(rests, sides, strict=True):
-            a = -side * rest / sigma[None, :, None]
+        for residual, side in zip(rests, sides, strict=True):
+            a = -side * residual / sigma[None, :, None]
             likely = jax.scipy.special.log_ndtr(a)
             cost -= jnp.sum(jnp.where(side == 0, 0.0, likely), axis=(0, 2))
         return jnp.sum(cost), sigma
 
-    def straight(self, rest: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
+    def straight(self, residual: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
         """Of a sample at a rail the error that has its slope, under the weight of its curvature."""
         side, level = _sides(batch), sigma[None, :, None]
-        slope, room = _mills(-side * rest / level)
+        slope, room = _mills(-side * residual / level)
         return (
-            jnp.where(side == 0, rest, side * level / room),
+            jnp.where(side == 0, residual, side * level / room),
             jnp.where(side == 0, 1.0, slope * room),
         )
 
     def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
         """The curvature of each sample."""
         pairs = zip(rests, numbers.batches, strict=True)
-        return [self.straight(rest, sigma, batch)[1] for rest, batch in pairs]
+        return [self.straight(residual, sigma, batch)[1] for residual, batch in pairs]
 
 
 def _sides(batch: Batch) -> Any:

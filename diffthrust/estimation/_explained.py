@@ -23,7 +23,7 @@ def explained(errors: Errors, doubts: Sequence[Doubt]) -> tuple[str, tuple[Doubt
     if not little:
         return "", tuple(doubts)
     words = [f"{percent(max(share, 0.0) / 100)} of {name}" for name, share in little.items()]
-    told = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
+    doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
     added = [
         Doubt(
             name,
@@ -34,6 +34,6 @@ def explained(errors: Errors, doubts: Sequence[Doubt]) -> tuple[str, tuple[Doubt
             "of the inputs, and at what dft.diagnose(fit, logs) finds missing.",
         )
         for name, share in little.items()
-        if name not in told
+        if name not in doubted
     ]
     return f" But it explains {joined(words)}: look at the doubts first.", (*doubts, *added)

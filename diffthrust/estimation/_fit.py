@@ -367,7 +367,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
         little, doubts = explained(train, doubts)
         corrects = problem.layout.likelihood.corrects
         little += unstable_advice(status, optimum.model, optimum.runs, corrects)
-    gone = vanished_notes(problem, best.z)
+    vanished = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {
         "model": optimum.released,
@@ -386,7 +386,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
         "notes": (
             *optimum.notes,
             *notes,
-            *gone,
+            *vanished,
             *optimum.coarse,
             *correlated,
             *of_logs,

@@ -108,16 +108,18 @@ def by_left_out(ended: Ended) -> tuple[Ended, tuple[str, ...]]:
     longer = _LONGER * (ended.horizon or 0.0)
     if np.any(growth > _GROWTH) and max(r.duration for r in ended.problem.records) > 2 * longer:
         several.insert(1, _followed(ended, longer))
-    errors = [held_out_error(one.problem, one.search.best) for one in several]
+    errors = [held_out_error(candidate.problem, candidate.search.best) for candidate in several]
     quiet = bool(np.all(growth <= _GROWTH))
     usual = len(several) - 1 if quiet else 0
     best = int(np.argmin([e * (1.0 + _TIE * (i != usual)) for i, e in enumerate(errors)]))
     if quiet and several[best] is entire:
         return entire, ()
-    rest = (f"{e:.3g} if fitted {_words(o.horizon)}" for o, e in zip(several, errors, strict=True))
+    rivals = (
+        f"{e:.3g} if fitted {_words(o.horizon)}" for o, e in zip(several, errors, strict=True)
+    )
     note = (
         f"Fitted {_words(several[best].horizon)}, by what the fit says of logs that are left out "
-        f"of it: whole runs of these err by {', '.join(rest)} (NRMSE)."
+        f"of it: whole runs of these err by {', '.join(rivals)} (NRMSE)."
     )
     return several[best], (note,)
 

@@ -29,13 +29,15 @@ def without_silent(
     """
     points = draw(problem, 3, rng)
     first = solve(problem, points[0], FIRST_BUDGET) if begin else None
-    seen = np.zeros(points.shape[1])
+    sensitivity = np.zeros(points.shape[1])
     for solved in _looks(problem, points, first):
-        seen += np.nan_to_num(np.diagonal(solved.quadratic.information), nan=1.0, posinf=1.0)
-        if np.all(seen[: len(problem.own)] > 0):
+        sensitivity += np.nan_to_num(np.diagonal(solved.quadratic.information), nan=1.0, posinf=1.0)
+        if np.all(sensitivity[: len(problem.own)] > 0):
             return problem, (), first
     silent = tuple(
-        name for i, name in enumerate(problem.own) if seen[i] == 0 and _idle(problem, points, i)
+        name
+        for i, name in enumerate(problem.own)
+        if sensitivity[i] == 0 and _idle(problem, points, i)
     )
     if not silent or len(silent) == len(problem.own):
         return problem, (), first

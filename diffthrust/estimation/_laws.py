@@ -67,7 +67,9 @@ class Law(ABC):
     def draws(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
         """Errors at a level of one."""
 
-    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
+    def cost(
+        self, rests: Sequence[Any], numbers: ProblemNumbers, levels_known: Sequence[bool]
+    ) -> Any:
         """Negative log-likelihood without constants, and the noise level of each channel.
 
         A level that is not known is the fixed point of the law's reweighting.
@@ -75,9 +77,9 @@ class Law(ABC):
         Args:
             rests: residuals of each batch, ``(B, C, T)``.
             numbers: of the problem.
-            known: whether the level of a channel is.
+            levels_known: whether the level of a channel is known.
         """
-        counts, fixed = numbers.counts, jnp.asarray(known)
+        counts, fixed = numbers.counts, jnp.asarray(levels_known)
         sigma = jnp.where(fixed, numbers.noise, _pooled(rests, numbers)[1])
 
         def reweight(_: int, s: Any) -> Any:
@@ -89,13 +91,13 @@ class Law(ABC):
         penalties = sum(jnp.sum(self.penalty(r / level), axis=(0, 2)) for r in rests)
         return jnp.sum(penalties + counts * jnp.log(sigma)), sigma
 
-    def weights(self, rest: Any, sigma: Any) -> Any:
+    def weights(self, residual: Any, sigma: Any) -> Any:
         """How much the square of each residual counts, ``(B, C, T)``."""
-        return self.weight(rest / sigma[None, :, None])
+        return self.weight(residual / sigma[None, :, None])
 
-    def straight(self, rest: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
+    def straight(self, residual: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
         """Residuals and weights, ``(B, C, T)``, whose squares slope and bend as the law does."""
-        return rest, self.weights(rest, sigma)
+        return residual, self.weights(residual, sigma)
 
     def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
         """Slope of the law's score, by batch; to be broadcast to ``(B, C, T)``.
@@ -107,8 +109,8 @@ class Law(ABC):
             return error * self.weight(error)
 
         total = jnp.zeros_like(sigma)
-        for rest, batch in zip(rests, numbers.batches, strict=True):
-            error = rest / sigma[None, :, None]
+        for residual, batch in zip(rests, numbers.batches, strict=True):
+            error = residual / sigma[None, :, None]
             slope = jax.jvp(score, (error,), (jnp.ones_like(error),))[1]
             total += jnp.where(jnp.isnan(batch.measured), 0.0, slope).sum(axis=(0, 2))
         # of Student's law itself it is 5 / 7; residuals with heavier shoulders may lower it, even
@@ -157,10 +159,12 @@ class Gaussian(Law):
         """All are one."""
         return _namespace(error).ones_like(error)
 
-    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
+    def cost(
+        self, rests: Sequence[Any], numbers: ProblemNumbers, levels_known: Sequence[bool]
+    ) -> Any:
         """A level that is not known is the root mean square of the residuals."""
         squares, pooled = _pooled(rests, numbers)
-        fixed = jnp.asarray(known)
+        fixed = jnp.asarray(levels_known)
         sigma = jnp.where(fixed, numbers.noise, pooled)
         cost = jnp.where(fixed, 0.5 * squares / sigma**2, numbers.counts * jnp.log(pooled))
         return jnp.sum(cost), sigma

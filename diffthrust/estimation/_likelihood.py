@@ -84,7 +84,9 @@ def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
         for row, index in enumerate(indices):
             record = problem.records[index]
             by_channel = zip(problem.layout.channels, rests[row, :, : len(record)], strict=True)
-            by_log[index] = {name: rest for name, rest in by_channel if name in record.measured}
+            by_log[index] = {
+                name: residual for name, residual in by_channel if name in record.measured
+            }
     return [by_log[index] for index in range(len(problem.records))]
 
 
@@ -152,43 +154,43 @@ def _assemble(
 ) -> Quadratic:
     n, m = layout.shared, len(layout.starts)
     gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())
-    local, cross, own, scores = [], [], [], []
-    for (rest, jacobian), batch in zip(passes, numbers.batches, strict=True):
-        rest, weight = layout.likelihood.law.straight(rest, sigma, batch)
+    local, cross, corners, scores = [], [], [], []
+    for (residual, jacobian), batch in zip(passes, numbers.batches, strict=True):
+        residual, weight = layout.likelihood.law.straight(residual, sigma, batch)
         root = jnp.sqrt(weight) / sigma[None, :, None]
-        rest, jacobian = rest * root, jacobian * root[:, None]
-        products = gram([*jnp.moveaxis(jacobian, 1, 0), rest])
+        residual, jacobian = residual * root, jacobian * root[:, None]
+        products = gram([*jnp.moveaxis(jacobian, 1, 0), residual])
         slope = products[:, :-1, -1]
         gradient += slope[:, :n].sum(0)
         information += products[:, :n, :n].sum(0)
         energy += products[:, -1, -1].sum()
         if layout.width is not None:
-            scores.append(by_blocks(jacobian * rest[:, None], _BLOCKS, jnp)[:, :n])
+            scores.append(by_blocks(jacobian * residual[:, None], _BLOCKS, jnp)[:, :n])
         local.append(slope[:, n:].reshape(-1))
         cross.append(products[:, :n, n:-1].transpose(1, 0, 2).reshape(n, -1))
-        own.append(products[:, n:-1, n:-1])
+        corners.append(products[:, n:-1, n:-1])
     for name, (mean, std) in numbers.prior.items():
 
         def away(p: Any, name: str = name, mean: Any = mean, std: Any = std) -> Any:
             return (named_values(layout, numbers, p)[name] - mean) / std
 
-        rest, slope = away(z), jax.jacfwd(away)(z)
-        cost += 0.5 * rest**2
-        gradient += rest * slope
+        residual, slope = away(z), jax.jacfwd(away)(z)
+        cost += 0.5 * residual**2
+        gradient += residual * slope
         information += slope[:, None] * slope[None, :]
-    whole = information
+    matrix = information
     if m:
-        blocks = jnp.concatenate(own)
+        blocks = jnp.concatenate(corners)
         count = blocks.shape[0]
         diagonal = jnp.zeros((count, m, count, m))
         diagonal = diagonal.at[jnp.arange(count), :, jnp.arange(count), :].set(blocks)
         side = jnp.concatenate(cross, axis=1)
-        whole = jnp.block([[information, side], [side.T, diagonal.reshape(count * m, count * m)]])
+        matrix = jnp.block([[information, side], [side.T, diagonal.reshape(count * m, count * m)]])
         gradient = jnp.concatenate([gradient, *local])
-    fine = jnp.isfinite(cost) & jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(whole))
-    parts = [part.transpose(1, 0, 2).reshape(n, -1) for part in scores]
+    fine = jnp.isfinite(cost) & jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(matrix))
+    parts = [score.transpose(1, 0, 2).reshape(n, -1) for score in scores]
     blocks = jnp.concatenate([jnp.zeros((n, 0)), *parts], axis=1)
-    return Quadratic(jnp.where(fine, cost, jnp.inf), gradient, whole, energy, sigma, blocks)
+    return Quadratic(jnp.where(fine, cost, jnp.inf), gradient, matrix, energy, sigma, blocks)
 
 
 def by_blocks(products: Any, count: int, xp: Any) -> Any:
@@ -230,5 +232,5 @@ def gram(series: Sequence[Any]) -> Any:
         (1, 2),
     )
     products = dict(zip(pairs, sums, strict=True))
-    whole = [[products[max(i, j), min(i, j)] for j in range(k)] for i in range(k)]
-    return jnp.stack([jnp.stack(row, axis=-1) for row in whole], axis=-2)
+    symmetric = [[products[max(i, j), min(i, j)] for j in range(k)] for i in range(k)]
+    return jnp.stack([jnp.stack(row, axis=-1) for row in symmetric], axis=-2)

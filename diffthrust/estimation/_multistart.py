@@ -143,15 +143,17 @@ def search(
         fresh = drawn[1:] if total else drawn[:starts]
         total += starts
         for i, z in enumerate(fresh):
-            known, first = first, None
-            begun.append(solve(problem, z, budget=FIRST_BUDGET) if known is None else known)
+            begun_first, first = first, None
+            begun.append(
+                solve(problem, z, budget=FIRST_BUDGET) if begun_first is None else begun_first
+            )
             say(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
         wanted = max(_ENDED, len(begun) // 4)
         while begun and (wanted > 0 or _agreeing(ended) < enough):
-            one = begun.pop(0)
-            if np.isfinite(one.quadratic.cost):
-                ended.append(one if one.done else _close(problem, one.z))
+            candidate = begun.pop(0)
+            if np.isfinite(candidate.quadratic.cost):
+                ended.append(candidate if candidate.done else _close(problem, candidate.z))
             wanted -= 1
             say(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
         if starts == 1 or _agreeing(ended) >= enough:
@@ -170,9 +172,9 @@ def _best_ended(
     problem: Problem, optima: tuple[tuple[Solved, int], ...]
 ) -> tuple[tuple[Solved, int], ...]:
     """The best of several optima carried to the end."""
-    (best, count), *others = optima
+    (best, count), *rivals = optima
     ended = solve(problem, best.z) if np.isfinite(best.quadratic.cost) else best
-    return ((ended, count), *others)
+    return ((ended, count), *rivals)
 
 
 def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
@@ -184,24 +186,24 @@ def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
     ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + _SAME, not e[0].done, _rank(e[0])))
     optima: list[tuple[Solved, int]] = []
     for solved, count in ended:
-        for i, (other, seen) in enumerate(optima):
-            if _same(solved, other):
-                optima[i] = (other, seen + count)
+        for i, (optimum, starts) in enumerate(optima):
+            if _same(solved, optimum):
+                optima[i] = (optimum, starts + count)
                 break
         else:
             optima.append((solved, count))
     return tuple(optima)
 
 
-def _same(one: Solved, other: Solved) -> bool:
+def _same(first: Solved, second: Solved) -> bool:
     """Equal likelihoods, and nothing between them that either of the two would notice."""
-    if not np.isfinite(_cost(other)):
-        return not np.isfinite(_cost(one))
-    apart, away = abs(_cost(one) - _cost(other)), one.z - other.z
+    if not np.isfinite(_cost(second)):
+        return not np.isfinite(_cost(first))
+    apart, away = abs(_cost(first) - _cost(second)), first.z - second.z
     if apart > _ROUNDED:
         return False
-    nearest = min(float(away @ s.quadratic.information @ away) for s in (one, other))
-    return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(_cost(other)) else _BESIDE**2)
+    nearest = min(float(away @ s.quadratic.information @ away) for s in (first, second))
+    return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(_cost(second)) else _BESIDE**2)
 
 
 def _mirrored(

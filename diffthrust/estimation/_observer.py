@@ -69,8 +69,8 @@ class Observer:
         named: dict[str, Parameter] = {}
         longest = (0.5 * step, 10.0 * duration)
 
-        def gain(value: float, own: bool = True) -> Parameter:
-            low, value = (0.0, value) if own else (None, 0.0)
+        def gain(value: float, signed: bool = True) -> Parameter:
+            low, value = (0.0, value) if signed else (None, 0.0)
             value = 0.0 if self.still else value
             return Parameter(value, "", (low, 1.0), size=0.3, fixed=self.still)
 
@@ -86,8 +86,8 @@ class Observer:
             if state in self.forced:
                 named[f"noise.{state}.memory"] = memory(1.0, self.still)
         for c in self.channels:
-            whole = Parameter(1.0, "", (0.0, 1.0), size=0.3, fixed=True)
-            named[f"noise.{c}.colour"] = whole if self.still else gain(0.2)
+            unity = Parameter(1.0, "", (0.0, 1.0), size=0.3, fixed=True)
+            named[f"noise.{c}.colour"] = unity if self.still else gain(0.2)
             named[f"noise.{c}.correlation"] = memory(5 * step)
         return named
 
@@ -190,17 +190,17 @@ class Correction:
         step = jnp.diff(time, append=time[-1:])
         kept = {f"drift.{n}": values[f"noise.{n}.memory"] for n in observer.forced}
         kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.channels}
-        left = {name: jnp.exp(-step / memory) for name, memory in kept.items()}
+        decays = {name: jnp.exp(-step / memory) for name, memory in kept.items()}
         rate = jnp.where(step > 0, 1.0 / jnp.where(step > 0, step, 1.0), 0.0)
-        seen = {c: measured[i] for i, c in enumerate(observer.channels)}
-        self.rows: Mapping[str, Any] = {**left, **seen, "rate": rate}
+        readings = {c: measured[i] for i, c in enumerate(observer.channels)}
+        self.rows: Mapping[str, Any] = {**decays, **readings, "rate": rate}
         self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
         self.start = {**self.start, **{f"colour.{c}": 0.0 for c in observer.fed}}
 
-    def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+    def rates(self, rates: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
         """Random accelerations on the forced states; the observer's own states wait."""
-        pushed = {n: with_push(found[n], state[f"drift.{n}"]) for n in self.observer.forced}
-        return {**found, **pushed, **dict.fromkeys(self.start, 0.0)}
+        pushed = {n: with_push(rates[n], state[f"drift.{n}"]) for n in self.observer.forced}
+        return {**rates, **pushed, **dict.fromkeys(self.start, 0.0)}
 
     def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
         """Measured minus predicted; zero where nothing was measured."""
@@ -208,10 +208,10 @@ class Correction:
         # half a standard deviation of the errors: wider, it would bend what is read above zero
         size = modelled * direction(modelled, 0.5 * self.clip[i] / CLIP)
         modelled = jnp.where(self.unsigned[i], size, modelled)
-        rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled - colour
+        residual = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled - colour
         if channel in self.model.angles:
-            rest = wrapped(rest)
-        return jnp.where(jnp.isnan(measured), 0.0, rest)
+            residual = wrapped(residual)
+        return jnp.where(jnp.isnan(measured), 0.0, residual)
 
     def correct(self, state: dict[str, Any], u: Mapping[str, Any], row: Any) -> dict[str, Any]:
         """The states after a sample; elementwise, for one sample or a whole log."""
@@ -219,14 +219,14 @@ class Correction:
         s = Signals({**state, **u})
         _, outputs = equations_of(self.model, s, Ports(self.model.effects, s))
         sensor = Ports(self.model.effects, s.also(outputs))
-        seen, errors = {}, {}
+        bounded, errors = {}, {}
         for c in o.fed:
             modelled = sensor(c, outputs[c])
             e = self.error(c, modelled, row[c], state[f"colour.{c}"])
             i = o.channels.index(c)
-            seen[c] = limited(e, self.limit[i])
+            bounded[c] = limited(e, self.limit[i])
             toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
-            errors[c] = toward * seen[c]
+            errors[c] = toward * bounded[c]
         new = dict(state)
         for name, sources in o.corrected:
             measured = name in o.fed
@@ -241,7 +241,7 @@ class Correction:
                     state[f"drift.{name}"] + pace * drift
                 )
         for c in o.fed:
-            held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * seen[c]
+            held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * bounded[c]
             new[f"colour.{c}"] = row[f"colour.{c}"] * held
         return new
 
@@ -302,27 +302,27 @@ def innovations(
     errors = []
     for c in observer.channels:
         modelled = ahead[c] if c in observer.fed else after[c]
-        noted[f"rest.{c}"] = rest = run.error(c, modelled, run.rows[c], 0.0)
+        noted[f"rest.{c}"] = residual = run.error(c, modelled, run.rows[c], 0.0)
         if c in observer.fed:
             errors.append(run.error(c, modelled, run.rows[c], path[f"colour.{c}"]))
         else:
             gain, limit = values[f"noise.{c}.colour"], run.limit[observer.channels.index(c)]
             kept = run.rows[f"colour.{c}"]
-            new, noted[f"colour.{c}"] = _whitened(rest, run.rows[c], gain, kept, limit)
+            new, noted[f"colour.{c}"] = _whitened(residual, run.rows[c], gain, kept, limit)
             errors.append(new)
     return jnp.stack(errors), {**path, **noted}
 
 
 def _whitened(
-    rest: Any, measured: Any, gain: Any, kept: Any, limit: Any
+    residual: Any, measured: Any, gain: Any, kept: Any, limit: Any
 ) -> tuple[jax.Array, jax.Array]:
     """What remains of a residual after its own past has predicted it, and that prediction."""
 
     def body(colour: Any, x: Any) -> tuple[Any, Any]:
-        r, seen, keep = x
-        e = jnp.where(seen, r - colour, 0.0)
+        r, finite, keep = x
+        e = jnp.where(finite, r - colour, 0.0)
         return keep * (colour + gain * limited(e, limit)), (e, colour)
 
-    seen = ~jnp.isnan(measured)
-    _, both = jax.lax.scan(body, jnp.zeros(()), (rest, seen, kept))
+    finite = ~jnp.isnan(measured)
+    _, both = jax.lax.scan(body, jnp.zeros(()), (residual, finite, kept))
     return both

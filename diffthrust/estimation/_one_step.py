@@ -76,8 +76,8 @@ def settled_start(problem: Problem) -> Problem:
     limit = (problem.numbers.reach * np.asarray(problem.numbers.clip))[:, None]
 
     def weighed(at: np.ndarray) -> list[np.ndarray]:
-        rests = [np.clip(one.errors / limit, -1.0, 1.0) for one in passes(problem, at)]
-        return [np.nan_to_num(rest).ravel() for rest in rests]
+        rests = [np.clip(log.errors / limit, -1.0, 1.0) for log in passes(problem, at)]
+        return [np.nan_to_num(residual).ravel() for residual in rests]
 
     logs = [index for indices in problem.order for index in indices]  # in the order of z
     for _ in range(_ROUNDS):
@@ -106,11 +106,11 @@ def nrmse(problem: Problem) -> float:
     logs = passes(problem)
     ratios = []
     for i in range(len(problem.layout.channels)):
-        errors = np.concatenate([one.errors[i] for one in logs])
-        seen = np.isfinite(errors)
-        if seen.any():
-            measured = np.concatenate([one.measured[i] for one in logs])[seen]
-            ratios.append(np.mean(errors[seen] ** 2) / np.var(measured))
+        errors = np.concatenate([log.errors[i] for log in logs])
+        finite = np.isfinite(errors)
+        if finite.any():
+            measured = np.concatenate([log.measured[i] for log in logs])[finite]
+            ratios.append(np.mean(errors[finite] ** 2) / np.var(measured))
     return float(np.sqrt(np.mean(ratios)))
 
 

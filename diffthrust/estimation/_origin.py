@@ -46,14 +46,16 @@ class Origin:
     @property
     def sentences(self) -> tuple[str, ...]:
         """Date, versions and hashes, for the end of a report."""
-        others = ", ".join(f"{n} {v}" for n, v in self.library.items() if n != "diffthrust")
+        packages = ", ".join(f"{n} {v}" for n, v in self.library.items() if n != "diffthrust")
         day, _, moment = self.created.partition("T")
-        made = f"Made {day} {moment[:5]} UTC by diffthrust {self.library['diffthrust']} ({others})."
+        made = (
+            f"Made {day} {moment[:5]} UTC by diffthrust {self.library['diffthrust']} ({packages})."
+        )
         logs = [f"Logs: {_listed(self.train)}"] if self.train else []
         logs += [f"unseen: {_listed(self.holdout)}"] if self.holdout else []
         spec = [f"Spec {self.spec[:_SHORT]}."] if self.spec else []
-        told = " ".join([f"{'; '.join(logs)}."] * bool(logs) + spec)
-        return (made, told) if told else (made,)
+        origin = " ".join([f"{'; '.join(logs)}."] * bool(logs) + spec)
+        return (made, origin) if origin else (made,)
 
 
 def origin_of(logs: Sequence[Log], holdout: Sequence[Log] = (), spec: str | None = None) -> Origin:
@@ -100,8 +102,8 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
     """
     usual = {"command": ""} if model.own else type(model)().arguments  # one's own may need some
     chosen = {name: v for name, v in model.arguments.items() if usual.get(name) != v}
-    told = ", ".join(f"{name}={_quoted(v)}" for name, v in chosen.items())
-    made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
+    arguments = ", ".join(f"{name}={_quoted(v)}" for name, v in chosen.items())
+    made = f"{'' if model.own else 'dft.'}{type(model).__name__}({arguments})"
     every = (*model.effects, *more)
     return ToCopy(f"model = {' + '.join([made, *map(_made, every)])}")
 
@@ -111,8 +113,8 @@ def _made(effect: Effect) -> str:
     if _known(effect) and not effect.form:
         return f'"{effect.name}"'
     if isinstance(effect, MadeEffect) and not effect.own:
-        told = ", ".join(f"{n}={as_python(v)}" for n, v in effect.arguments.items())
-        return f"dft.effects.{type(effect).__name__}({told})"
+        arguments = ", ".join(f"{n}={as_python(v)}" for n, v in effect.arguments.items())
+        return f"dft.effects.{type(effect).__name__}({arguments})"
     form = ", ".join(f"{name}={value:g}" for name, value in effect.form.items())
     return f"{'dft.effects.' if _known(effect) else ''}{type(effect).__name__}({form})"
 
@@ -132,19 +134,19 @@ def closing(origin: Origin | None, model: Model) -> tuple[str, ...]:
     return (*(origin.sentences if origin else ()), *effects)
 
 
-def same_logs(some: Sequence[LogIdentity], others: Sequence[LogIdentity]) -> bool:
+def same_logs(first: Sequence[LogIdentity], second: Sequence[LogIdentity]) -> bool:
     """Whether logs say the same, in the same order."""
-    return [log.sha256 for log in some] == [log.sha256 for log in others]
+    return [log.sha256 for log in first] == [log.sha256 for log in second]
 
 
 def taken_part(origin: Origin, logs: Sequence[LogIdentity]) -> str:
     """Whether logs took part in a fit, in a sentence."""
     theirs = {log.sha256 for log in origin.train}
-    part = [log.name for log in logs if log.sha256 in theirs]
-    told = f"The fit was made of {_listed(origin.train)}"
-    if len(part) == len(logs):
-        return f"{told}: these logs took part in it."
-    return f"{told}: {', '.join(part) or 'none of these logs'} took part in it."
+    shared = [log.name for log in logs if log.sha256 in theirs]
+    sentence = f"The fit was made of {_listed(origin.train)}"
+    if len(shared) == len(logs):
+        return f"{sentence}: these logs took part in it."
+    return f"{sentence}: {', '.join(shared) or 'none of these logs'} took part in it."
 
 
 def _quoted(value: object) -> str:

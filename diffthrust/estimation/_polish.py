@@ -36,7 +36,7 @@ _EQUAL = 1e-13
 
 def polished(search: Search, problem: Problem) -> Search:
     """The search with its best optimum carried to the end, if it had not come there."""
-    (best, count), *others = search.optima
+    (best, count), *rivals = search.optima
     if best.done and _is_flat(problem, best):
         return search
     for _ in range(_ROUNDS):
@@ -44,7 +44,7 @@ def polished(search: Search, problem: Problem) -> Search:
         if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:
             break
         best = solve(problem, best.z)  # from far away a trust region is the safer guide
-    return replace(search, optima=((best, count), *others))
+    return replace(search, optima=((best, count), *rivals))
 
 
 def rounding_of(problem: Problem, end: Solved) -> float:
@@ -67,7 +67,7 @@ def rounding_of(problem: Problem, end: Solved) -> float:
         step = _NEAR * turn / np.linalg.norm(turn) @ moves
         points = [np.clip(end.z + i * step, low, high) for i in range(-3, 4)]
         near = [solve(problem, z, budget=1).quadratic for z in points]
-        table = np.array([[one.cost, *(one.gradient / length)] for one in near])
+        table = np.array([[quadratic.cost, *(quadratic.gradient / length)] for quadratic in near])
         noise = np.maximum(noise, np.sqrt(np.mean(np.diff(table, 4, axis=0) ** 2, axis=0) / 70.0))
     if not np.all(np.isfinite(noise)):
         return 0.0

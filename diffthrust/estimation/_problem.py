@@ -103,7 +103,7 @@ class Problem:
         nuisance = {n: p.with_value(values.get(n, p.value)) for n, p in self.nuisance.items()}
         model = self.model.replace({n: values[n] for n in self.model.parameters if n in values})
         # arrays of numpy: as many of jax would take as long as a pass over the logs
-        rest = {n: np.asarray(values.get(n, p.value), float) for n, p in named.items()}
+        fixed = {n: np.asarray(values.get(n, p.value), float) for n, p in named.items()}
         moved = replace(self, model=model, nuisance=nuisance, chosen=tuple(names))
         scales = np.array([moved.named[n].scale for n in layout.free])
         batches = self.numbers.batches
@@ -111,7 +111,7 @@ class Problem:
             _, starts = self.numbers.split(begin, 0)
             batches = [replace(b, start=start) for b, start in zip(batches, starts, strict=True)]
         numbers = replace(
-            self.numbers, chosen=np.array(chosen), values=rest, scales=scales, batches=batches
+            self.numbers, chosen=np.array(chosen), values=fixed, scales=scales, batches=batches
         )
         return replace(moved, numbers=numbers)
 

@@ -132,9 +132,9 @@ class SimulationError(Likelihood):
         for i, name in enumerate(channels):
             modelled, measured = outputs[name], log.measured[i]
             modelled = jnp.where(log.unsigned[i], jnp.abs(modelled), modelled)
-            rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled
-            rest = wrapped(rest) if name in model.angles else rest
-            rests.append(jnp.where(jnp.isnan(measured), 0.0, rest))
+            residual = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled
+            residual = wrapped(residual) if name in model.angles else residual
+            rests.append(jnp.where(jnp.isnan(measured), 0.0, residual))
         return jnp.stack(self.noise.new(channels, rests, log, numbers, values))
 
 

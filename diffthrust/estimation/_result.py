@@ -238,7 +238,7 @@ class Fit(Result):
             >>> list(fit.to_json())[:5]
             ['schema', 'model', 'effects', 'status', 'parameters']
         """
-        told = {
+        written = {
             "schema": 1,
             "model": self.model.name,
             "effects": [effect.name for effect in self.model.effects],
@@ -249,4 +249,4 @@ class Fit(Result):
             "checks": dict(vars(self.checks)),
             "doubts": [doubt.to_json() for doubt in self.doubts],
         }
-        return plain(told)
+        return plain(written)

@@ -71,12 +71,12 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         good = accept & (gain > 0.7 * state.predicted)
         factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
         damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
-        move, left = self._move(y, q, damping)
+        move, remaining = self._move(y, q, damping)
         predicted = -(q.gradient @ move + 0.5 * move @ q.information @ move)
         stuck = (damping >= 1e13) & ~accept
-        done = jnp.isfinite(q.cost) & (left < self.atol)
+        settled = jnp.isfinite(q.cost) & (remaining < self.atol)
         failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
-        return y, _State(y + move, q, damping, predicted, state.steps + 1, done, failed), q
+        return y, _State(y + move, q, damping, predicted, state.steps + 1, settled, failed), q
 
     def _move(self, y: Any, q: Quadratic, damping: Any) -> tuple[Any, Any]:
         """The damped step within the box, and what an undamped one would still gain."""
@@ -94,8 +94,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         move, full = jax.lax.map(
             lambda matrix: least_in_box(matrix, slope, low, high), jnp.stack([damped, flat])
         )
-        left = -(slope @ full + 0.5 * full @ scaled @ full)
-        return jnp.clip(y + move / scale, self.lower, self.upper) - y, left
+        remaining = -(slope @ full + 0.5 * full @ scaled @ full)
+        return jnp.clip(y + move / scale, self.lower, self.upper) - y, remaining
 
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -143,9 +143,9 @@ def solved_by_passes(
 
 
 @program(1)
-def _further(layout: Any, given: Any) -> Any:
+def _further(layout: Any, arguments: Any) -> Any:
     """Some steps from where the last ones ended: the iteration of `solved_by_passes`, in parts."""
-    numbers, y, state, low, high, budget, atol = given
+    numbers, y, state, low, high, budget, atol = arguments
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     objective = _objective(layout)
 
@@ -186,9 +186,9 @@ def solve(
     side_by_side = shared_runs()
     if side_by_side is None:
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        value, quadratic, done, steps = solved_by_passes(layout, numbers, z, *bounds)
-        quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
-        return Solved(np.asarray(value), quadratic, bool(done), int(steps))
+        value, quadratic, settled, steps = solved_by_passes(layout, numbers, z, *bounds)
+        quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
+        return Solved(np.asarray(value), quadratic, bool(settled), int(steps))
     state = _begin(layout, z)
     while not (state.done or state.failed):
         carried = (numbers, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))

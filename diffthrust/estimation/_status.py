@@ -109,8 +109,8 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     g, information = np.asarray(q.gradient), np.asarray(q.information)
     at_low = (z <= low + 1e-9) & (g >= 0)
     at_high = (z >= high - 1e-9) & (g <= 0)
-    gone = vanished(problem, z)
-    bound = at_low | at_high | gone
+    vanishing = vanished(problem, z)
+    bound = at_low | at_high | vanishing
     # an initial state that nothing measured depends on is no unknown of the fit
     place = np.arange(z.size)
     unseen = (place >= free) & (np.diagonal(information) <= 0)
@@ -151,7 +151,7 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
         samples=int(samples),
         condition=float(condition) if inside.size else 1.0,
         at_bound=names,
-        vanished=tuple(problem.free[i] for i in np.flatnonzero(gone[:k])),
+        vanished=tuple(problem.free[i] for i in np.flatnonzero(vanishing[:k])),
         covariance=out,
         combinations=combinations,
     )
@@ -164,10 +164,10 @@ def marginal_spread(
     if not beside.size:
         return slope[inside], information[np.ix_(inside, inside)]
     cross = information[np.ix_(inside, beside)]
-    own = information[np.ix_(beside, beside)]
-    through = cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True)
-    left = information[np.ix_(inside, inside)] - through @ cross.T
-    return slope[inside] - through @ slope[beside], 0.5 * (left + left.T)
+    block = information[np.ix_(beside, beside)]
+    through = cross @ np.linalg.pinv(block, rcond=1e-10, hermitian=True)
+    schur = information[np.ix_(inside, inside)] - through @ cross.T
+    return slope[inside] - through @ slope[beside], 0.5 * (schur + schur.T)
 
 
 def inflation(problem: Problem, samples: float, columns: int) -> float:

@@ -46,7 +46,7 @@ def vanished_notes(problem: Problem, z: np.ndarray) -> tuple[str, ...]:
     """A sentence for each parameter that vanished: what the model is without it."""
     away = vanished(problem, z)[: len(problem.own)]
     notes = []
-    for name in (n for n, gone in zip(problem.own, away, strict=True) if gone):
+    for name in (n for n, vanishes in zip(problem.own, away, strict=True) if vanishes):
         what = problem.named[name].doc
         term = f"the term of {name} ({what})" if what else f"the term of {name}"
         notes.append(

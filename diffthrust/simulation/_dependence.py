@@ -36,7 +36,9 @@ def states_behind(
 
     closed = jax.make_jaxpr(right_hand_side)(numbers)
     felt = dependence(closed.jaxpr)
-    sizes = [len(jax.tree.leaves(part)) for part in jax.eval_shape(right_hand_side, numbers)]
+    sizes = [
+        len(jax.tree.leaves(component)) for component in jax.eval_shape(right_hand_side, numbers)
+    ]
     order = sorted(states)  # as a dictionary's leaves are
     rows, at = [], 0
     for size in sizes:  # a relaxing state has two numbers
@@ -51,13 +53,13 @@ def states_behind(
 
 def dependence(jaxpr: Any) -> list[set[int]]:
     """For each result of traced code the arguments that it can depend on."""
-    known: dict[Any, set[int]] = {var: {i} for i, var in enumerate(jaxpr.invars)}
+    reach: dict[Any, set[int]] = {var: {i} for i, var in enumerate(jaxpr.invars)}
 
     def of(atom: Any) -> set[int]:
-        return set() if hasattr(atom, "val") else known.get(atom, set())
+        return set() if hasattr(atom, "val") else reach.get(atom, set())
 
     for equation in jaxpr.eqns:
         reached = set().union(*(of(atom) for atom in equation.invars))
         for var in equation.outvars:
-            known[var] = reached
+            reach[var] = reached
     return [of(atom) for atom in jaxpr.outvars]

@@ -67,16 +67,16 @@ class Errors(Brief):
         return {"nrmse": self.nrmse, "channels": channels}
 
 
-def wrapped(rest: Any) -> Any:
+def wrapped(difference: Any) -> Any:
     """A difference of angles without whole turns; of NumPy or of JAX."""
-    return rest - 2 * np.pi * (rest / (2 * np.pi)).round()
+    return difference - 2 * np.pi * (difference / (2 * np.pi)).round()
 
 
 def unwrapped(angle: np.ndarray) -> np.ndarray:
     """An angle without jumps of a full turn; NaN samples stay."""
     out = angle.copy()
-    seen = np.isfinite(angle)
-    out[seen] = np.unwrap(angle[seen])
+    finite = np.isfinite(angle)
+    out[finite] = np.unwrap(angle[finite])
     return out
 
 
@@ -95,13 +95,13 @@ def errors(
     by_channel = {}
     for name, runs in pairs.items():
         measured, residual = (np.concatenate(x) for x in zip(*runs, strict=True))
-        seen = np.isfinite(measured)
-        if seen.all():
-            seen = slice(None)  # no copy
-        if measured[seen].size:
-            error, unit = _channel(measured[seen], residual[seen]), (units or {}).get(name, "")
-            per, told = (shown or ShownUnits()).size(name, 1.0, unit)
-            by_channel[name] = replace(error, unit=unit, per=per, shown_unit=told)
+        finite = np.isfinite(measured)
+        if finite.all():
+            finite = slice(None)  # no copy
+        if measured[finite].size:
+            error, unit = _channel(measured[finite], residual[finite]), (units or {}).get(name, "")
+            per, shown_unit = (shown or ShownUnits()).size(name, 1.0, unit)
+            by_channel[name] = replace(error, unit=unit, per=per, shown_unit=shown_unit)
     overall = np.sqrt(np.mean([e.nrmse**2 for e in by_channel.values()])) if by_channel else np.nan
     return Errors(float(overall), by_channel)
 

@@ -79,9 +79,11 @@ def integrate(
         if correct:
             state = correct(state, {name: value[0] for name, value in inputs_now.items()}, row)
 
-        def further(part: Any, state: dict[str, Any]) -> dict[str, Any]:
-            given = {name: within(value, part, substeps) for name, value in inputs_now.items()}
-            return advance(rates, state, given, step / substeps, weights, compact)
+        def further(substep: Any, state: dict[str, Any]) -> dict[str, Any]:
+            inputs_within = {
+                name: within(value, substep, substeps) for name, value in inputs_now.items()
+            }
+            return advance(rates, state, inputs_within, step / substeps, weights, compact)
 
         if substeps == 1:
             return further(0, state)
@@ -118,9 +120,9 @@ def _until_the_end(
     return jax.lax.fori_loop(0, count, one, (first, after))[1]
 
 
-def within(value: tuple[Any, ...], part: Any, parts: int) -> tuple[Any, ...]:
+def within(value: tuple[Any, ...], substep: Any, substeps: int) -> tuple[Any, ...]:
     """An input over one of the equal parts of a step, as `integrate` is given it for the whole."""
-    if parts == 1 or len(value) == 1:
+    if substeps == 1 or len(value) == 1:
         return value
-    rise = (value[1] - value[0]) / parts
-    return value[0] + rise * part, value[0] + rise * (part + 1)
+    rise = (value[1] - value[0]) / substeps
+    return value[0] + rise * substep, value[0] + rise * (substep + 1)

@@ -50,12 +50,12 @@ def slopes_at(model: Model, record: Record) -> tuple[dict[str, Any], dict[str, A
     inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in series.items()}
     at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
 
-    def both(x: dict[str, Any], push: dict[str, Any], given: dict[str, Any]) -> Any:
-        s = Signals({**given, "time": jnp.zeros(()), **x})
+    def both(x: dict[str, Any], push: dict[str, Any], fed: dict[str, Any]) -> Any:
+        s = Signals({**fed, "time": jnp.zeros(()), **x})
         rates, outputs = equations_of(model, s, Reading(model.effects, s, push))
         return tuple(
-            {n: jnp.asarray(plain_rate(v), float) for n, v in part.items() if n in known}
-            for part, known in ((rates, model.states), (outputs, model.outputs))
+            {n: jnp.asarray(plain_rate(v), float) for n, v in values.items() if n in declared}
+            for values, declared in ((rates, model.states), (outputs, model.outputs))
         )
 
     still = {n: jnp.zeros(()) for n in model.ports}

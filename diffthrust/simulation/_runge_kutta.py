@@ -113,10 +113,10 @@ def advance(
 
     def stage(now: Callable[[Coefficients], Any], state: Any, sums: Any) -> tuple[Any, Any]:
         """From the states and sums at a stage to those at the next; ``now`` reads a row."""
-        found = rates(state, {n: _at(value, now(beside.times)) for n, value in inputs.items()})
+        slopes = rates(state, {n: _at(value, now(beside.times)) for n, value in inputs.items()})
         following, summed = {}, {}
         for n, scheme in schemes.items():
-            slope = plain_rate(found[n])
+            slope = plain_rate(slopes[n])
             if scheme.turned:
                 slope = slope + now(scheme.turned) * state[n]
             total, *first = sums[n]

@@ -80,24 +80,28 @@ def _upstream(key: Key, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> fr
     return frozenset(n for o in outputs for n in states_behind(key.model, o, states, signals))
 
 
-def unknown_starts(model: Model, record: Record, given: Mapping[str, float]) -> tuple[str, ...]:
+def unknown_starts(model: Model, record: Record, start: Mapping[str, float]) -> tuple[str, ...]:
     """The states whose beginning is unknown and that a measured output depends on."""
-    known = {*record.inputs, *given, *record.start}
-    if known >= {*model.states}:
+    settled = {*record.inputs, *start, *record.start}
+    if settled >= {*model.states}:
         return ()
-    known |= {*following(model, [record])}
-    return tuple(n for n in felt(model, [record]) if n not in known)
+    settled |= {*following(model, [record])}
+    return tuple(n for n in felt(model, [record]) if n not in settled)
 
 
 def estimated_start(
-    model: Model, record: Record, given: Mapping[str, float], names: Sequence[str], substeps: int
+    model: Model,
+    record: Record,
+    given_start: Mapping[str, float],
+    names: Sequence[str],
+    substeps: int,
 ) -> dict[str, float]:
     """The initial values of some states with which a whole run errs least.
 
     Args:
         model: the model at its present values.
         record: the run.
-        given: initial values of other states.
+        given_start: initial values of other states.
         names: the states that are sought.
         substeps: integrator steps per sample.
 
@@ -105,7 +109,7 @@ def estimated_start(
         The values: least squares of the errors of all measured channels, each over its spread.
     """
     key, values = Key(model), {name: p.value for name, p in model.parameters.items()}
-    fixed = {**record.start, **given}
+    fixed = {**record.start, **given_start}
 
     def simulate(x: np.ndarray) -> dict[str, np.ndarray]:
         start = {**fixed, **dict(zip(names, map(float, x), strict=True))}

@@ -88,8 +88,8 @@ def march(
     states = starting_point(model, first, start)
 
     def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
-        found = rates_of(model, states, state, u)
-        return found if observe is None else observe.rates(found, state)
+        derivatives = rates_of(model, states, state, u)
+        return derivatives if observe is None else observe.rates(derivatives, state)
 
     begin = states if observe is None else {**states, **observe.start}
     held = dict(grid.hold)
@@ -130,9 +130,9 @@ def rates_of(
 
 def read_out(model: Model, s: Signals) -> dict[str, Any]:
     """What the sensors report, from the states and inputs over a whole log."""
-    _, found = equations_of(model, s, Ports(model.effects, s))
-    expect(f"{type(model).__name__}.equations", "output", model.outputs, found)
-    outputs = {name: jnp.broadcast_to(found[name], s["time"].shape) for name in model.outputs}
+    _, values = equations_of(model, s, Ports(model.effects, s))
+    expect(f"{type(model).__name__}.equations", "output", model.outputs, values)
+    outputs = {name: jnp.broadcast_to(values[name], s["time"].shape) for name in model.outputs}
     sensor = Ports(model.effects, s.also(outputs))
     return {name: sensor(name, value) for name, value in outputs.items()}
 
@@ -145,7 +145,7 @@ class Observe(Protocol):
     rows: Mapping[str, Any]
     """What it reads at each sample, ``(T,)`` each."""
 
-    def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+    def rates(self, rates: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
         """The rates with what the observer adds, and those of its own states."""
         ...
 
@@ -175,13 +175,13 @@ def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, An
     with elementwise(where):
         parts = model.equations(s, port)
     pair = isinstance(parts, tuple) and len(parts) == 2
-    if not (pair and all(isinstance(part, Mapping) for part in parts)):
-        kind = [type(part).__name__ for part in parts] if isinstance(parts, tuple) else parts
+    if not (pair and all(isinstance(mapping, Mapping) for mapping in parts)):
+        kind = [type(mapping).__name__ for mapping in parts] if isinstance(parts, tuple) else parts
         raise InputError(
             f"{where}: expected two mappings, of the rates and of the outputs; found {kind}.",
             "Write return {state: rate}, {output: value}.",
         )
-    for name, value in (item for part in parts for item in part.items()):
+    for name, value in (item for mapping in parts for item in mapping.items()):
         if not isinstance(value, _SIGNALS):
             raise InputError(
                 f"{where}: expected a number or an array for {name!r}, found "
@@ -191,15 +191,15 @@ def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, An
     return parts
 
 
-def starting_point(model: Model, first: Signals, given: Mapping[str, Any]) -> dict[str, Any]:
+def starting_point(model: Model, first: Signals, start: Mapping[str, Any]) -> dict[str, Any]:
     """All states at the start: those given, the model's own, and the effects' as they follow."""
-    own = [name for name in model.states if name not in first]
-    default = model.initial(first) if own else {}
-    states = {name: given.get(name, default.get(name, 0.0)) for name in own}
+    needed = [name for name in model.states if name not in first]
+    default = model.initial(first) if needed else {}
+    states = {name: start.get(name, default.get(name, 0.0)) for name in needed}
     s = first.also({**{n: 0.0 for n in model.all_states if n not in first}, **states})
     port = Ports(model.effects, s, starting=True)
     equations_of(model, s, port)
-    return {**states, **{name: given.get(name, x) for name, x in port.initial.items()}}
+    return {**states, **{name: start.get(name, x) for name, x in port.initial.items()}}
 
 
 class Key:
