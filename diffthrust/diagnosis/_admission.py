@@ -1,4 +1,4 @@
-"""Whether an effect that was tried is added: what it makes superfluous, and whether it matters."""
+"""Accept or refuse an effect that was tried, and drop the effects that it makes superfluous."""
 
 from __future__ import annotations
 
@@ -29,22 +29,23 @@ from diffthrust.simulation._runs import runs_over
 def admit(
     context: SearchContext, state: SearchState, tried: Tried, proven: bool = False
 ) -> SearchState | Refusal:
-    """Add an effect, with a stage of its own if it matters over whole runs, or say why not.
+    """Add an effect, or return the reason for its refusal.
 
-    Without a stage, a refusal, or a mention among the detectable it has turned out superfluous.
+    An effect that matters over whole runs gets a stage of its own, any other that is accepted is
+    recorded as detectable. A state with neither means that the effect proved superfluous.
 
     Args:
         context: what the search works with.
-        state: how far it is.
+        state: the search so far.
         tried: the effect.
-        proven: whole unseen runs speak for it: then their one-step errors, in which random forces
-            may do the same, are not asked.
+        proven: whole unseen runs support the effect. Their one-step errors, in which random forces
+            can take its place, are then not consulted.
     """
     fitter, current, (candidate, trial) = context.fitter, state.current, tried
     if not comparable(context, current, tried):
         return Refusal.SMALL_PART
     with context.clock("screen"):
-        settled = fitter.settled(trial.effects, trial.values, trial.begin, trial.clip)
+        settled = fitter.settled(trial.effects, trial.values, trial.initial_states, trial.clip)
     unseen = unseen_gain(fitter, current.trial, settled)
     if (
         not proven
@@ -52,7 +53,7 @@ def admit(
     ):
         return Refusal.UNSEEN_LOGS
     added = replace(state, current=CurrentModel(fitter, settled))
-    with context.clock("remaining"):  # a constant may take up anything
+    with context.clock("remaining"):  # a freed constant may absorb any error
         if candidate.effect in fitter.constants and added.current.remaining is not None:
             return Refusal.TAKES_UP
     fewer = drop(fitter, added)
@@ -73,9 +74,10 @@ def admit(
 def reject_if_negligible(
     context: SearchContext, state: SearchState, name: str
 ) -> SearchState | Refusal | None:
-    """What becomes of an effect that does nothing to whole runs, by trials: it is not refitted.
+    """Refuse an effect that does not matter over whole runs, or record it as detectable.
 
-    ``None`` where it does, and where trials cannot tell: the stage that it leads to decides.
+    Trials fitted to whole runs decide, which saves a refit. ``None`` where the effect matters or
+    the trials are inconclusive: the refitted stage then decides.
     """
     fitter, last, present = context.fitter, state.stages[-1], state.current.trial
     names = _of_stage(state)
@@ -95,20 +97,20 @@ def reject_if_negligible(
 
 
 def remaining_share(state: SearchState, stage: Stage) -> float:
-    """The share of the squared error of the model as given that is left at a stage."""
+    """The squared error at a stage, as a share of that of the model as given."""
     initial, now = (s.holdout or s.train for s in (state.stages[0], stage))
     return (now.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
 
 
 def _of_stage(state: SearchState) -> tuple[str, ...]:
-    """The effects that a stage of the present model has: not those that are only detectable."""
+    """The effects of the current model, without those that are only detectable."""
     return tuple(n for n in state.current.trial.effects if n not in state.detectable)
 
 
 def record_stage(
     context: SearchContext, state: SearchState, fitted: Stage, name: str
 ) -> SearchState:
-    """The search with an effect that was just fitted: a stage more, or one more detectable."""
+    """Record the newly fitted effect as a stage, or as only detectable."""
     last = state.stages[-1]
     without = [share for share in state.stages if {*share.effects} <= {*fitted.effects} - {name}]
     trained = errors_between(without[-1], fitted, context.fitter.records, trained=True)
@@ -117,7 +119,7 @@ def record_stage(
     share = worth.of(remaining_share(state, without[-1]))
     state = replace(state, worth={**state.worth, name: share})
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
-    constant = name in context.fitter.constants  # the others are wrong beside it, whatever runs say
+    constant = name in context.fitter.constants  # a wrong constant biases all effects
     if constant or matters(worth, everywhere) or in_place_of_others:
         return replace(state, stages=(*state.stages, fitted))
     return replace(state, detectable=(*state.detectable, name))
@@ -148,10 +150,10 @@ def errors_between(
 
 
 def comparable(context: SearchContext, present: CurrentModel, tried: Tried) -> bool:
-    """Whether an effect explains what is missing, not a small part that it happens to touch.
+    """Whether an effect explains enough of what an unknown function of one signal would explain.
 
-    A function of one signal that no known effect is like may explain far more. What an effect
-    explains is its own where that function explains as much beside it as it did alone.
+    An effect that explains only a small share of it is refused, unless most of the effect's gain is
+    independent: the function then gains nearly as much beside the effect as without it.
     """
     fitter, (candidate, trial) = context.fitter, tried
     with context.clock("remaining"):
@@ -172,9 +174,9 @@ def comparable(context: SearchContext, present: CurrentModel, tried: Tried) -> b
 
 
 def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:
-    """Take out every effect without which the criterion is no worse.
+    """Backward elimination of every effect without which the criterion is no worse.
 
-    The last one too: on its way to the optimum the fit may have found a better noise.
+    This includes the last one: its gain may have come from a better noise that its fit found.
     """
     effects = state.current.trial.effects
     for name in effects:
@@ -193,10 +195,10 @@ def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:
 
 
 def refitted_stage(context: SearchContext, state: SearchState) -> Stage:
-    """The present model without what is only detectable, fitted to whole runs.
+    """The current model without the effects that are only detectable, fitted to whole runs.
 
-    It begins at the values of its trial, and where the last stage ended with the new effects at
-    their nulls, so that it ends no worse than that.
+    The fit starts from the values of the trial, and from the last stage with the new effects at
+    their nulls, so that it is no worse than that stage.
     """
     last, values = state.stages[-1].fit.model, state.current.trial.values
     names = _of_stage(state)

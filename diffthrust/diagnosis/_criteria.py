@@ -1,4 +1,4 @@
-"""What speaks for a trial and what against it: its criterion, unseen logs, whole runs."""
+"""The evidence for and against a trial: information criterion, unseen logs, whole runs."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from diffthrust.simulation._errors import Errors
 
 _REMEMBERED = {"drift": "memory", "colour": "correlation"}
 _BUDGET = 12
-"""Numerics: steps of a fit without one of the noises: it begins next to its optimum."""
+"""Numerics: steps of a fit without one of the noises, which starts close to its optimum."""
 
 
-# -- the information criterion, which charges for the noise of a trial as well ---------------------
+# -- the information criterion, which includes the parameters of the noise -------------------------
 
 
 class NoiseTerm(NamedTuple):
-    """One random force or lasting error: its gains, and its memory if it has one."""
+    """One random force or correlated sensor error: its gains, and its memory if it has one."""
 
     gains: tuple[str, ...]
     memory: tuple[str, ...]
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """All of them."""
+        """Gains and memory."""
         return (*self.gains, *self.memory)
 
 
 def noises(nuisance: Sequence[str]) -> list[NoiseTerm]:
-    """The parameters of an observer by what they tell of.
+    """The parameters of an observer, grouped by noise term.
 
     Example:
         >>> [noise.gains for noise in noises(["noise.speed.gain.speed", "noise.thrust.colour"])]
@@ -57,11 +57,11 @@ def noises(nuisance: Sequence[str]) -> list[NoiseTerm]:
 
 
 def criterion(fitter: CandidateFitter, trial: TrialFit) -> float:
-    """Bayesian information criterion with as much noise as the trial needs.
+    """Bayesian information criterion, with only the noise terms that the trial needs.
 
-    Random forces and lasting sensor errors are explanations, too, and their parameters have a
-    price: each noise that the criterion itself would do without is taken out. An effect that makes
-    a noise superfluous gains its price.
+    Random forces and correlated sensor errors are explanations, too, and their parameters are
+    penalised: noise terms that do not repay their penalty are removed. An effect that makes a noise
+    term superfluous saves that penalty.
     """
     price = math.log(fitter.samples)
     named = noises(fitter.nuisance)
@@ -75,7 +75,9 @@ def criterion(fitter: CandidateFitter, trial: TrialFit) -> float:
             continue
         values = {**trial.values, **dict.fromkeys(noise.gains, 0.0)}
         fewer = still | {*noise.parameters}
-        without = fitter.solve(trial.effects, values, trial.begin, trial.clip, _BUDGET, still=fewer)
+        without = fitter.solve(
+            trial.effects, values, trial.initial_states, trial.clip, _BUDGET, still=fewer
+        )
         if 2 * (without.cost - trial.cost) < len(noise.parameters) * price:
             trial, still = without, fewer
     model_parameters = sum(name not in fitter.nuisance for name in trial.names)
@@ -83,7 +85,7 @@ def criterion(fitter: CandidateFitter, trial: TrialFit) -> float:
 
 
 def wald(trial: TrialFit, names: Sequence[str]) -> float:
-    """How far some parameters of a trial are from zero, squared, in their standard errors."""
+    """The Wald statistic of some parameters of a trial against zero."""
     at = [trial.names.index(name) for name in names if name in trial.names]
     size = np.array([trial.values[trial.names[i]] for i in at])
     scales = np.array([trial.problem.named[trial.names[i]].scale for i in at])
@@ -93,7 +95,7 @@ def wald(trial: TrialFit, names: Sequence[str]) -> float:
 
 
 def price_of(fitter: CandidateFitter, trial: TrialFit, effect: str | None = None) -> float:
-    """What the criterion charges for an effect of a trial; for the last one if not said."""
+    """The penalty of the criterion for an effect of a trial, by default the last one."""
     return len(trial.parameters_of(effect)) * math.log(fitter.samples)
 
 
@@ -101,12 +103,12 @@ def price_of(fitter: CandidateFitter, trial: TrialFit, effect: str | None = None
 
 
 def unseen_gain(fitter: CandidateFitter, baseline: TrialFit, updated: TrialFit) -> float:
-    """Gain of log-likelihood on the unseen logs, under the limit of ``updated``; NaN without any.
+    """Gain of log-likelihood on the unseen logs, under the clip of ``updated``; NaN without any.
 
-    The noise levels are those of the unseen logs, and initial states their best: a model that
-    halves the errors of both is better, although on other manoeuvres more may remain.
-    Taken with the observer of either trial, whichever is better: an effect that explains much
-    leaves an observer that corrects little, and a single event that it misses would count most.
+    Noise levels and initial states are estimated on the unseen logs: the errors of other manoeuvres
+    may be larger than in training, and what counts is by how much an effect reduces them. The
+    better of both observers is used: an effect that explains much leaves an observer that corrects
+    little, and a single event that the effect misses would dominate.
     """
     baseline = replace(baseline, clip=updated.clip)
     noise = {name: baseline.values[name] for name in fitter.nuisance}
@@ -118,7 +120,7 @@ def unseen_gain(fitter: CandidateFitter, baseline: TrialFit, updated: TrialFit) 
 def unseen_cost(trial: TrialFit) -> float:
     """Negative log-likelihood of the unseen logs, from their best initial states.
 
-    NaN without unseen logs, infinite where the trial cannot be carried over them.
+    NaN without unseen logs, infinite where the simulation of the trial fails on them.
     """
     if trial.unseen is None:
         return float("nan")
@@ -127,7 +129,7 @@ def unseen_cost(trial: TrialFit) -> float:
 
 
 def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, float | None]:
-    """NRMSE of the simulation, without correction, on training and unseen logs."""
+    """NRMSE of the uncorrected simulation, on training and on unseen logs."""
     simulation = replace(trial, values={**trial.values, **fitter.programs.uncorrected})
     unseen = simulation.unseen
     return nrmse(simulation.at_values), None if unseen is None else nrmse(unseen)
@@ -137,7 +139,7 @@ def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, 
 
 
 class OverRuns(Protocol):
-    """What has errors over whole training and unseen runs: a stage."""
+    """Errors over whole training and unseen runs, such as those of a stage."""
 
     @property
     def train(self) -> Errors: ...
@@ -147,7 +149,7 @@ class OverRuns(Protocol):
 
 
 def missed(last: OverRuns, stage: OverRuns) -> bool:
-    """Whether whole training runs miss an effect that one-step errors can do without."""
+    """Whether whole training runs get worse without an effect that one-step errors do not need."""
     return (
         statistics.geometric_mean(_growth(last.train, stage.train))
         > SETTINGS.admission.most_joint_growth
@@ -155,7 +157,7 @@ def missed(last: OverRuns, stage: OverRuns) -> bool:
 
 
 def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
-    """Why the simulations of a new stage speak against it, if they do."""
+    """The refusal of a new stage whose whole-run errors have grown, else ``None``."""
     if not math.isfinite(stage.train.nrmse):
         return Refusal.FAILS
     trained = _growth(last.train, stage.train)
@@ -172,7 +174,7 @@ def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
 
 
 def _growth(baseline: Errors, updated: Errors) -> list[float]:
-    """By how much the error of each channel has grown; 1 where that cannot be told."""
+    """The growth factor of each channel's error; 1 where it is undefined."""
     pairs = [(baseline.channels[n].rmse, error.rmse) for n, error in updated.channels.items()]
     return [new / old if 0 < old < math.inf and 0 < new < math.inf else 1.0 for old, new in pairs]
 

@@ -1,10 +1,9 @@
-"""The model with some effects, fitted to the same logs again and again.
+"""Fits of the model with any of the candidate effects to the same logs, in the innovations form.
 
-A program is compiled for the model with a few effects (`CandidateFitter.ready`), at their null
-values, where they do nothing. Which parameters move is a matter of numbers
-(`Problem.focus`), so that hundreds of trials share one compilation; and effects that have been
-compiled together stay together, so that few are made. A trial carries its values, the clip of its
-errors, and the program it was fitted with.
+A program is compiled for the model with several effects (`CandidateFitter.ready`), which do nothing
+at their null values. The choice of estimated parameters is data, not code (`Problem.focus`): one
+compilation serves hundreds of trials. Later programs include the effects of earlier ones, so that
+few are needed. A trial holds its values, the clip of its errors, and its program.
 """
 
 from __future__ import annotations
@@ -51,24 +50,24 @@ Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 _ENOUGH = 0.05
-"""Numerics: a trial ends where a full step would gain less log-likelihood than this."""
+"""Numerics: a fit ends when a full step would gain less log-likelihood than this."""
 _LONG = 40
-"""Numerics: steps that carry a trial to its end: a search that goes on creeps along a flat
-ridge."""
+"""Numerics: the largest number of steps of a complete fit: a search that needs more creeps along a
+flat ridge."""
 _TOGETHER = 8
-"""Numerics: effects that are compiled together, unless more are tried at once: compiling a program
+"""Numerics: number of effects compiled together, unless more are tried at once: compiling a program
 takes longer than all of its passes."""
 _MOST_PRESENT = 5
-"""Numerics: effects, of the most parameters, for which a trial has room."""
+"""Numerics: a program has room for the parameters of this many of its largest effects at once."""
 _ROOM = 4
 """Numerics: parameters of effects that are estimated together with all of the model's and the
-observer's; with more, the observer's memories are held at what they were, and then its gains."""
+observer's. With more, first the observer's memories are fixed at their values, then its gains."""
 
 
 def side_by_side(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:
-    """``work`` on each item, on all cores: compiled code runs without Python's lock.
+    """Apply ``work`` to each item in threads on all cores: compiled code releases Python's lock.
 
-    The first item goes alone, so that nothing is compiled twice at the same time.
+    The first item is finished before the others start, so that nothing is compiled twice.
     """
     first = [work(item) for item in items[:1]]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -77,11 +76,11 @@ def side_by_side(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[
 
 @dataclass(frozen=True, eq=False)
 class ResidualClip:
-    """How large an error may be that corrects the states; larger ones correct them no further.
+    """The clip of the errors that correct the states.
 
     Args:
-        size: of a large error, by channel; infinite without a clip.
-        reach: errors are clipped at this multiple of it.
+        size: size of a large error, by channel; infinite without a clip.
+        reach: errors are clipped at this multiple of ``size``.
     """
 
     size: Float[np.ndarray, " channels"]
@@ -93,7 +92,7 @@ class ResidualClip:
 
 
 class Compiled(NamedTuple):
-    """What is compiled together: the effects, the training logs, and the unseen ones."""
+    """A compiled program: its effects, and its problems on the training and the unseen logs."""
 
     effects: frozenset[str]
     problem: Problem
@@ -105,16 +104,16 @@ class TrialFit:
     """The model with some effects, fitted in the innovations form.
 
     Args:
-        effects: names of the effects that are present, and of held parameters that are freed.
+        effects: names of the effects that are present, and of fixed parameters that are freed.
         values: all parameters by full name, the observer's included.
         quadratic: the likelihood near the optimum, in the coordinates of ``names``.
         names: the parameters that were estimated.
         cost: negative log-likelihood, under ``clip``.
-        promise: gain of log-likelihood that a full step within the bounds would still bring.
-        begin: the initial states of the logs, one after the other.
-        clip: beyond which errors correct the states no further.
-        program: what was compiled for it.
-        bare: makes the same problem with no other effects in its program.
+        predicted_gain: gain of log-likelihood by a further full step within the bounds.
+        initial_states: the initial states of the logs, concatenated.
+        clip: the clip of its errors.
+        program: the compiled program.
+        minimal_problem: builds the same problem without any absent effects.
     """
 
     effects: tuple[str, ...]
@@ -122,19 +121,19 @@ class TrialFit:
     quadratic: Quadratic
     names: tuple[str, ...]
     cost: float
-    promise: float
-    begin: Float[np.ndarray, " starts"] | None
+    predicted_gain: float
+    initial_states: Float[np.ndarray, " starts"] | None
     clip: ResidualClip
     program: Compiled = field(repr=False)
-    bare: Callable[[], Problem] = field(repr=False)
+    minimal_problem: Callable[[], Problem] = field(repr=False)
 
     @property
     def expected(self) -> float:
-        """The cost that a full step promises."""
-        return self.cost - self.promise
+        """The predicted cost after a full step."""
+        return self.cost - self.predicted_gain
 
     def parameters_of(self, effect: str | None = None) -> list[str]:
-        """The estimated parameters of one effect; of the last one if not said."""
+        """The estimated parameters of an effect, by default the last one."""
         effect = effect or self.effects[-1]
         return [n for n in self.names if of_effect(n, effect)]
 
@@ -155,7 +154,7 @@ class TrialFit:
         return None if unseen is None else self.clip.on(unseen.focus(self.names, self.values))
 
     def _focused(self, problem: Problem) -> Problem:
-        return self.clip.on(problem.focus(self.names, self.values, self.begin))
+        return self.clip.on(problem.focus(self.names, self.values, self.initial_states))
 
     @cached_property
     def passed(self) -> list[Pass]:
@@ -169,24 +168,24 @@ class TrialFit:
 
     @cached_property
     def response(self) -> LinearResponse:
-        """What the errors answer to anything that is added to the model."""
-        return LinearResponse(self._focused(self.bare()))
+        """The linear response of the errors to additions to the model."""
+        return LinearResponse(self._focused(self.minimal_problem()))
 
 
 class Programs:
     """The compiled problems of a model with any of the candidates, over the same logs.
 
-    The programs made so far are kept, behind a lock; all else stays as it is.
+    The programs compiled so far are kept, guarded by a lock; nothing else changes.
 
     Args:
-        model: the model with the effects that it has already.
+        model: the model, including its effects.
         candidates: effects to try, at any values.
         records: training records.
         unseen: unseen records.
         substeps: integrator steps per sample.
-        noise_model: with "ar1" no random forces act and no state is corrected, as in a fit with
-            that noise.
-        constants: fixed parameters of the model that are candidates by their names.
+        noise_model: with "ar1" there are no random forces and no corrections of the states, as in a
+            fit with that noise.
+        constants: names of fixed parameters of the model that are candidates.
     """
 
     def __init__(
@@ -226,10 +225,10 @@ class Programs:
         self._compiled = [self._program(())]
 
     def ready(self, effects: Collection[str], later: Sequence[str] = ()) -> Compiled:
-        """What is compiled for trials of these effects; made where there is none yet.
+        """The program for trials of these effects, compiled if there is none yet.
 
-        As far as there is a place for them, those come along that were compiled last, and then
-        those that may be tried ``later``, the likeliest first.
+        As far as there is room, it also includes the effects of the last program, and then those
+        that may be tried ``later``, the most likely first.
         """
         with self._lock:
             for program in reversed(self._compiled):
@@ -238,7 +237,7 @@ class Programs:
             last = sorted(self._compiled[-1].effects)
             wanted = dict.fromkeys((*effects, *last, *later))
             wanted = [n for n in wanted if n in self.candidates][: max(_TOGETHER, len(effects))]
-            # beside the effects of a trial each of these must find room for all its parameters
+            # any of these effects may be tried, with all its parameters, beside those of a trial
             most = sum(sorted(map(self._size, wanted))[-_MOST_PRESENT:])
             self._compiled.append(self._program(wanted, len(self.free) + most))
             return self._compiled[-1]
@@ -246,12 +245,12 @@ class Programs:
     def problem(
         self, effects: Collection[str], records: Sequence[Record], least: int = 0
     ) -> Problem:
-        """The model with some effects at their nulls; constants to try may be freed.
+        """The problem of the model with some effects at their nulls, with all constants freed.
 
         Args:
             effects: names of the effects.
             records: the logs.
-            least: fewest coordinates that can be moved together.
+            least: the least number of coordinates that can be estimated together.
         """
         model, free = self.model.free(*self.constants), len(self.constants)
         for name in self.candidates:
@@ -278,8 +277,8 @@ class CandidateFitter:
 
     Args:
         programs: the compiled problems.
-        observed: parameters of the observer that are estimated; all of them where ``None``. With
-            none, and with gains of zero, a fit is one to whole simulated runs.
+        observed: parameters of the observer that are estimated, by default all. With an empty list
+            and gains of zero, whole simulated runs are fitted.
     """
 
     def __init__(self, programs: Programs, observed: Sequence[str] | None = None) -> None:
@@ -311,57 +310,58 @@ class CandidateFitter:
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
-        begin: np.ndarray | None,
+        initial_states: np.ndarray | None,
         clip: ResidualClip,
         budget: int = 40,
         still: Collection[str] = (),
     ) -> TrialFit:
         """Fit with some effects present, from given values and initial states.
 
-        Parameters named in ``still`` stay where they are.
+        Parameters named in ``still`` keep their values.
         """
         names = tuple(name for name in self.moved(effects) if name not in still)
         program = self.ready(effects)
-        problem = clip.on(program.problem.focus(names, values, begin))
+        problem = clip.on(program.problem.focus(names, values, initial_states))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
-        bare = partial(self.programs.problem, effects, self.records)
+        minimal_problem = partial(self.programs.problem, effects, self.records)
         fitted = partial(
             TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
-            bare=bare,
+            minimal_problem=minimal_problem,
         )  # fmt: skip
         if not np.isfinite(q.cost):
-            return fitted(cost=np.inf, promise=0.0, begin=begin)
+            return fitted(cost=np.inf, predicted_gain=0.0, initial_states=initial_states)
         low, high = problem.limits()
         outward = ((z <= low + 1e-9) & (q.gradient >= 0)) | ((z >= high - 1e-9) & (q.gradient <= 0))
         return fitted(
-            cost=float(q.cost), promise=promised_gain(q, ~outward), begin=z[problem.shared :]
+            cost=float(q.cost),
+            predicted_gain=promised_gain(q, ~outward),
+            initial_states=z[problem.shared :],
         )
 
     def further(self, trial: TrialFit, budget: int = 40) -> TrialFit:
-        """A trial carried on."""
-        return self.solve(trial.effects, trial.values, trial.begin, trial.clip, budget)
+        """Continue the fit of a trial."""
+        return self.solve(trial.effects, trial.values, trial.initial_states, trial.clip, budget)
 
     def settled(
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
-        begin: np.ndarray | None,
+        initial_states: np.ndarray | None,
         clip: ResidualClip,
     ) -> TrialFit:
-        """Fit with some effects present to the end, from several guesses of the noise.
+        """A complete fit with some effects present, from several guesses of the noise.
 
-        An effect that explains much leaves little noise: the observer's gains may be far from what
-        they were. Then large errors are clipped at a few times what errors now are, trial by
-        trial.
+        An effect that explains much leaves little noise: the best gains of the observer may be far
+        from the current ones. The clip is then adjusted to a few times the errors of this trial.
         """
 
         def started(guess: Mapping[str, float]) -> TrialFit:
-            return self.solve(effects, {**values, **guess}, begin, clip, budget=12)
+            return self.solve(effects, {**values, **guess}, initial_states, clip, budget=12)
 
         trial = min(side_by_side(started, guesses(self.nuisance)), key=lambda t: t.expected)
         if not np.isfinite(trial.cost):
-            # a spike before a gap makes corrections run away: without them the runs stay finite
+            # a spike before a gap can make corrected runs diverge; uncorrected ones are finite
             trial = started(uncorrected(self.nuisance))
         for _ in range(2):
             trial = self.further(trial, budget=_LONG)
@@ -371,9 +371,9 @@ class CandidateFitter:
     def base(
         self, effects: Sequence[str] = (), values: Mapping[str, float] | None = None
     ) -> TrialFit:
-        """The model as it is, or with some effects, from its own values or from given ones.
+        """Fit the model as it is, or with some effects, from its own values or from given ones.
 
-        The size at which errors are clipped is found here.
+        This also determines the clip of the errors.
         """
         initial, named = values or {}, self.ready(effects).problem.named
         start = {n: initial.get(n, p.value) for n, p in named.items()}
@@ -388,25 +388,25 @@ class CandidateFitter:
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
-        begin: np.ndarray | None,
+        initial_states: np.ndarray | None,
         clip: ResidualClip,
     ) -> float:
-        """Negative log-likelihood at given values: a tenth of the work of a derivative."""
+        """Negative log-likelihood at given values, at a tenth of the cost of its derivatives."""
         problem = self.ready(effects).problem
-        return cost(clip.on(problem.focus(self.moved(effects), values, begin)))
+        return cost(clip.on(problem.focus(self.moved(effects), values, initial_states)))
 
     def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
-        """The values with one effect at its null, or one parameter where it is held."""
+        """The values with one effect at its null, or one freed parameter at its fixed value."""
         if effect in self.constants:
             return {**values, effect: self.model.parameters[effect].value}
         null = self.candidates[effect].at_null()
         return {**values, **{f"{effect}.{n}": p.value for n, p in null._parameters.items()}}
 
     def readings(self, trial: TrialFit) -> list[dict[str, np.ndarray]]:
-        """What passes each port of the model as it was given, log by log."""
+        """The signals at the ports of the given model, log by log."""
         return [port_readings(self.model, path) for path in trial.path]
 
 
 def with_values(model: Model, values: Mapping[str, float]) -> Model:
-    """A model at the values of a trial."""
+    """A model with the values of a trial."""
     return model.replace({n: values[n] for n in model.parameters if n in values})

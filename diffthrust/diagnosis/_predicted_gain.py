@@ -1,9 +1,9 @@
-"""What effects promise beside a trial, by the linear response of its errors: no fit is made.
+"""The predicted gain of effects beside a trial, by the linear response of its errors, without fits.
 
-Next to its null an effect is what its derivatives are along the path of the trial; at a size, what
-it makes of the signals that pass its ports there. Either is carried to the errors
-(`LinearResponse`), and a Gauss-Newton step of the effect's parameters with all others tells what a
-fit would gain, about.
+Next to its null an effect acts through its derivatives along the path of the trial; elsewhere,
+through what it adds at its ports. The linear response (`LinearResponse`) carries this to the
+errors, and a Gauss-Newton step of the effect's and all other parameters estimates what a fit would
+gain.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ IDLE_CHANGE = 1e-6
 
 Point = Mapping[str, float]
 Shift = dict[str, tuple[list[np.ndarray], ...]]
-"""By place what is added there at each sample and when the next comes, by batch ``(B, T)``."""
+"""By port, what is added at each sample and just before the next, by batch ``(B, T)``."""
 
 
-class Promise(NamedTuple):
-    """What an effect would gain from some point.
+class PredictedGain(NamedTuple):
+    """The predicted gain of an effect from one point.
 
     Args:
-        gain: of log-likelihood, after a full step.
+        gain: gain of log-likelihood after a full step.
         point: the values of its parameters.
         acts: whether the errors change at all.
     """
@@ -48,16 +48,16 @@ class Promise(NamedTuple):
     acts: bool
 
 
-def promises(
+def predicted_gains(
     response: LinearResponse, effect: Effect, near: Sequence[Point], far: Sequence[Point]
-) -> list[Promise]:
-    """What an effect would gain from some points.
+) -> list[PredictedGain]:
+    """The predicted gains of an effect from some points.
 
     Args:
-        response: of the trial.
+        response: linear response of the trial.
         effect: the effect.
-        near: points next to its null, by full names; there only parameters with a null move.
-        far: other points.
+        near: points next to its null, by full names; only parameters with a null move from there.
+        far: points away from the null.
     """
     questions = [_asked(response, effect, point, True) for point in near]
     questions += [_asked(response, effect, point, False) for point in far]
@@ -74,10 +74,9 @@ def promises(
 
 
 class _Asked(NamedTuple):
-    """A point, the parameters that move there, and the shifts whose answers tell.
+    """A point, the parameters that move from there, and the shifts to be carried to the errors.
 
-    The first shift is the effect's own, where the point is not next to the null; the others are its
-    derivatives.
+    Away from the null the first shift is that of the effect itself. The others are its derivatives.
     """
 
     point: Point
@@ -108,7 +107,9 @@ def _asked(response: LinearResponse, effect: Effect, point: Point, near: bool) -
 
 
 def _difference(shift: Shift, baseline: Shift, per: float) -> Shift:
-    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is left out later
+    with np.errstate(
+        invalid="ignore", over="ignore"
+    ):  # values that are not finite are rejected later
         return {
             place: tuple(
                 [(a - b) / per for a, b in zip(*parts, strict=True)]
@@ -120,8 +121,8 @@ def _difference(shift: Shift, baseline: Shift, per: float) -> Shift:
 
 def _promised(
     response: LinearResponse, effect: Effect, question: _Asked, answers: list[np.ndarray]
-) -> Promise:
-    nothing = Promise(0.0, question.point, False)
+) -> PredictedGain:
+    nothing = PredictedGain(0.0, question.point, False)
     if not all(np.all(np.isfinite(answer)) for answer in answers):
         return nothing
     change = [] if question.near else [answer[:, 0] for answer in answers]
@@ -132,7 +133,7 @@ def _promised(
     size, movable = response.problem.shared, ~response.held(q.gradient)
     for i, name in enumerate(question.moved):
         p = effect._parameters[name]
-        if question.near and p.null is not None:  # it cannot leave its null beyond a bound
+        if question.near and p.null is not None:  # a bound at the null blocks one direction
             slope, (low, high) = q.gradient[size + i], p.limits
             outward = (p.null <= low and slope > 0) or (p.null >= high and slope < 0)
             movable[size + i] = not outward
@@ -144,17 +145,17 @@ def _promised(
         ]
         ends = np.array([[(end - v) / p.scale for end in p.limits] for p, v in names])
         low, high = ends.reshape(-1, 2).T
-        # far from where the observer was fitted its slopes are no guide
+        # the slopes of the observer's parameters hold only near the values at which it was fitted
         problem = response.problem
         movable[: len(problem.free)] &= [n not in problem.nuisance for n in problem.free]
         gain = response.cost - response.after(q, movable, more, change, (low, high))
     shown = np.diagonal(q.information)[size : size + len(question.moved)]
     acts = np.any(shown > 0) if question.near else abs(float(q.cost) - response.cost) > IDLE_CHANGE
-    return Promise(gain, question.point, bool(acts))
+    return PredictedGain(gain, question.point, bool(acts))
 
 
 def answered(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarray]:
-    """The errors' answers to some shifts of one effect, by batch ``(B, K, C, T)``."""
+    """The changes of the errors under some shifts of one effect, by batch ``(B, K, C, T)``."""
     shape = [(e.shape[0], len(shifts), *e.shape[1:]) for e in response.errors]
     total = [np.zeros(batch_shape) for batch_shape in shape]
     for place in shifts[0] if shifts else ():
@@ -168,7 +169,7 @@ def answered(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarr
 
 
 def shift_of(response: LinearResponse, effect: Effect, values: Point) -> Shift:
-    """What an effect adds at its places along the path."""
+    """What an effect adds at its ports along the path."""
     effect = effect._bound(dict(values))
     out: Shift = {}
     for place in effect.ports:
@@ -180,7 +181,10 @@ def shift_of(response: LinearResponse, effect: Effect, values: Point) -> Shift:
 
 @program(1)
 def _added(place: str, effect: Effect, early: Passing, late: Passing) -> Any:
-    """What an effect adds at a place, early and late, ``(B, T)`` each; compiled once for each."""
+    """What an effect adds at a port, at each sample and just before the next, ``(B, T)`` each.
+
+    Compiled once for each port and effect.
+    """
     ends = [(passing.places[place][0], {**passing.series, **passing.places[place][1]})
             for passing in (early, late)]  # fmt: skip
     if effect.states:
@@ -194,9 +198,10 @@ def _added(place: str, effect: Effect, early: Passing, late: Passing) -> Any:
 
 
 def _integrated(place: str, effect: Effect, early: Any, late: Any) -> Any:
-    """The same of an effect with states, which run along; its mean until the next sample is exact.
+    """The same for an effect with states, which are integrated; the mean over a sample is exact.
 
-    The value that arrives is among the signals as "value", what was added so far as "added".
+    The signals hold the value that arrives at the port as "value". The state "added" integrates
+    what the effect adds.
     """
     rows = [{**signals, "value": value} for value, signals in (early, late)]
     inputs = {n: (v[:-1], rows[1][n][:-1]) for n, v in rows[0].items()}

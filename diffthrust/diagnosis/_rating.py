@@ -1,4 +1,4 @@
-"""The candidates of a stage, each tried beside the present model and rated."""
+"""The candidates of a stage, each fitted beside the current model and rated."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ from diffthrust.models._base.parameter import Parameter
 
 _GONE = 1e-2
 """Numerics: trials also start from the values of simulations if a positive parameter has fallen
-below this share of them: it is as good as zero. Nothing is judged by it."""
+below this share of them, which makes it practically zero. It decides no verdict."""
 _AT_BOUND = 1e-6
-"""Numerics: a value so near to its bound, as a share of it, was stopped by it."""
+"""Numerics: relative distance from a bound below which a value counts as at the bound."""
 _POOR = 0.5
-"""Numerics: trials also start from the first guess if whole training runs err by more (NRMSE): the
-fit may have gone astray. Nothing is judged by it."""
+"""Numerics: trials also start from the first guess if the NRMSE of whole training runs is larger:
+the fit may have found a poor local optimum. It decides no verdict."""
 
 
 class Tried(NamedTuple):
-    """An effect that was tried beside the present model, and what is told of it."""
+    """An effect that was fitted beside the current model: its rating, and its fit."""
 
     candidate: TriedEffect
     trial: TrialFit
 
 
 def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, list[Tried]]:
-    """Try all candidates that are not in the model: those that promise something, best first."""
+    """Try all candidates that are not in the model; the promising ones come rated, best first."""
     fitter, present = context.fitter, state.current.trial
     names = [n for n in (*fitter.candidates, *fitter.constants) if n not in present.effects]
 
@@ -57,7 +57,7 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
     promising, untestable = [], dict(state.untestable)
     levels, fallback = levels_of(fitter, present), other_values(context, state)
     for name, trial in screened(fitter, names, present, levels, say, fallback).items():
-        # what gains so much, the other parameters cannot do from where they are
+        # with a gain as large as this the other parameters have not replaced the effect
         gains = present.cost - trial.cost > SETTINGS.admission.plain_bic_gain
         if not gains and redundant(trial.quadratic, trial.names, name):
             if name not in fitter.constants:
@@ -81,10 +81,10 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
 
 
 def other_values(context: SearchContext, state: SearchState) -> Mapping[str, float] | None:
-    """Values to try effects with besides the present ones, which may have gone astray.
+    """Values from which effects are tried besides the current ones, if these are implausible.
 
-    Where whole runs fail the search's own; where the observer explains all by random forces,
-    and the model is left with nothing to do, those of the simulation.
+    If the errors of whole runs are large, the first guess of the search. If the observer explains
+    everything by random forces, so that parameters of the model vanish, those of the simulation.
     """
     last, fitter = state.stages[-1], context.fitter
     if context.guess and last.train.nrmse > _POOR:
@@ -103,15 +103,15 @@ def rate(
     present_bic: float,
     leading: float = math.inf,
 ) -> TriedEffect:
-    """What a trial has come to.
+    """Rate a trial: its likelihood ratio, criterion, p-value, and errors on unseen logs.
 
     Args:
         fitter: the fits.
         state: the search so far.
-        trial: the present model with one more effect.
-        present_bic: information criterion of the present model.
-        leading: the least criterion among trials whose noises are not priced: those of a trial are
-            priced where that may make it the best.
+        trial: the current model with one more effect.
+        present_bic: information criterion of the current model.
+        leading: the least criterion among the trials, without the price of their noises. The noises
+            of a trial are priced only where that could make it the best.
     """
     from scipy.special import chdtrc  # slow to import
 
@@ -153,7 +153,7 @@ def rate(
 
 
 def stopped(parameter: Parameter, value: float) -> bool:
-    """Whether a bound stopped a parameter; at its null an effect has gone, and was not stopped.
+    """Whether a parameter is at a bound other than its null, at which the effect vanishes.
 
     Example:
         >>> stopped(parameter(4.0, bounds=(0, 5), null=0.0), 5.0)
@@ -167,10 +167,10 @@ def stopped(parameter: Parameter, value: float) -> bool:
 def better_noise(
     fitter: CandidateFitter, present: CurrentModel, tried: list[Tried]
 ) -> CurrentModel | None:
-    """The present model with a noise that was found while trying an effect, if it is better.
+    """The current model with the noise of a trial, if that noise explains the logs better.
 
-    That is so where the trial, its effect taken out, explains the logs better than the present
-    model: its gain was then not the effect's.
+    If the trial without its effect is still better than the current model, the gain was due to the
+    noise, not to the effect.
     """
     for place, (candidate, trial) in enumerate(tried):
         doubtful = (
@@ -179,7 +179,7 @@ def better_noise(
         if not doubtful or candidate.delta_bic >= -SETTINGS.admission.least_bic_gain:
             continue
         now, values = present.trial, fitter.absent(candidate.effect, trial.values)
-        without = fitter.settled(now.effects, values, trial.begin, now.clip)
+        without = fitter.settled(now.effects, values, trial.initial_states, now.clip)
         if without.cost < now.cost - 0.5 * SETTINGS.admission.least_bic_gain:
             clipped = replace(now, clip=without.clip)
             if (

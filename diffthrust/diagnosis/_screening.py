@@ -17,7 +17,13 @@ from itertools import product
 import numpy as np
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._predicted_gain import IDLE_CHANGE, Point, Promise, acts, promises
+from diffthrust.diagnosis._predicted_gain import (
+    IDLE_CHANGE,
+    Point,
+    PredictedGain,
+    acts,
+    predicted_gains,
+)
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._one_step import batch_passes
@@ -96,7 +102,9 @@ def screened(
     def fitted(name: str) -> TrialFit | None:
         if name in fitter.constants:
             effects = (*present.effects, name)
-            best = fitter.solve(effects, present.values, present.begin, present.clip, _FIRST_STEPS)
+            best = fitter.solve(
+                effects, present.values, present.initial_states, present.clip, _FIRST_STEPS
+            )
         else:
             best = _effect_fit(fitter, name, present, promised[name], points[name][1], fallback)
         least = SETTINGS.screening.least_early_gain
@@ -110,7 +118,7 @@ def _effect_fit(
     fitter: CandidateFitter,
     name: str,
     present: TrialFit,
-    near: Sequence[Promise],
+    near: Sequence[PredictedGain],
     far: Sequence[Point],
     fallback: Point | None,
 ) -> TrialFit | None:
@@ -119,7 +127,7 @@ def _effect_fit(
 
     def followed(point: Point, budget: int) -> TrialFit:
         values = {**present.values, **point}
-        return fitter.solve(effects, values, present.begin, present.clip, budget)
+        return fitter.solve(effects, values, present.initial_states, present.clip, budget)
 
     # next to the null the errors do not depend on a place or a direction: these parameters wait
     # until the effect has a size
@@ -132,11 +140,9 @@ def _effect_fit(
     def risen(point: Point, budget: int) -> TrialFit:
         if not waiting:
             return followed(point, budget)
-        sized = fitter.solve(
-            effects, {**present.values, **point}, present.begin, present.clip, _FIRST_STEPS,
-            still=waiting,
-        )  # fmt: skip
-        return fitter.solve(effects, sized.values, sized.begin, sized.clip, budget)
+        values, start = {**present.values, **point}, present.initial_states
+        sized = fitter.solve(effects, values, start, present.clip, _FIRST_STEPS, still=waiting)
+        return fitter.solve(effects, sized.values, sized.initial_states, sized.clip, budget)
 
     def gain(expected: float) -> float:
         return 2 * (present.cost - expected)
@@ -168,7 +174,7 @@ def _best_distant(
 
     def cost(point: Point) -> float:
         values = {**present.values, **point}
-        return fitter.cost(effects, values, present.begin, present.clip)
+        return fitter.cost(effects, values, present.initial_states, present.clip)
 
     def moves(cost: float) -> bool:
         return abs(cost - present.cost) > IDLE_CHANGE
@@ -211,7 +217,7 @@ def shortlist(
     fitter: CandidateFitter,
     present: TrialFit,
     points: Mapping[str, tuple[Sequence[Point], Sequence[Point]]],
-) -> tuple[dict[str, list[Promise]], list[str]]:
+) -> tuple[dict[str, list[PredictedGain]], list[str]]:
     """The effects that are worth a fit, and the remaining ones, each by falling predicted gain.
 
     The first come with their predictions at the points next to the null.
@@ -221,7 +227,7 @@ def shortlist(
         effect = fitter.candidates[name]
         acting = partial(acts, response, effect)
         far = [*far, *limits_near_edge(effect, far, acting)]
-        promised = promises(response, effect, near, far)
+        promised = predicted_gains(response, effect, near, far)
         nearby[name] = promised[: len(near)]
         gains[name] = max((2 * promise.gain for promise in promised), default=0.0)
     least = max(worth, SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0))

@@ -1,4 +1,4 @@
-"""What a search for missing effects works with, what it knows, and how it begins."""
+"""The constant context of a search for missing effects, its state, and its start."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ LEARNING = 0.9
 _LEFT = 0.6
 """Display: share of the remaining bar that a stage leaves."""
 _STARTS = 4, 2
-"""Numerics: starts of a fit, and of a refit, which also begins from a trial and an earlier
+"""Numerics: random starts of a fit, and of a refit, which also starts from a trial and an earlier
 stage."""
 _SUBSTEPS = 2
-"""Numerics: integrator steps per sample of the trials: over one sample errors do not build up."""
+"""Numerics: integrator steps per sample of the trials: over one sample errors do not accumulate."""
 _ALIKE = 0.02
-"""Numerics: more steps are taken if whole runs would err by another share than this."""
+"""Numerics: relative change of the whole-run NRMSE above which more steps per sample are taken."""
 
 
 class Clock:
-    """How long each part of the work took, in all."""
+    """The total time of each kind of work."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -73,8 +73,8 @@ class Refit:
         unseen: unseen logs.
         options: of `fit`.
         clock: times it.
-        settled: what the first fit has settled, which is not worked out once more: integrator steps
-            and, where it had no need of short segments first, that there are none.
+        settled: options that the first fit has determined: integrator steps and, if it needed no
+            short segments first, their absence.
     """
 
     train: Sequence[Record]
@@ -97,18 +97,17 @@ class Refit:
 
         Args:
             model: the model.
-            guesses: values to start from besides.
-            progress: told how far the fit is.
-            starts: the number of starts, if not the usual.
-            records: training and unseen records in the place of all.
-            segments: the fit may go through short segments first, even if the first had no need of
-                them.
-            substeps: integrator steps per sample; nobody looks whether finer ones are needed.
+            guesses: additional values to start from.
+            progress: is called with the progress of the fit.
+            starts: the number of starts, if not the default.
+            records: training and unseen records to use in place of all.
+            segments: allow short segments first, even if the first fit did not need them.
+            substeps: integrator steps per sample, without a check whether finer ones are needed.
         """
         records = records or (self.train, self.unseen)
         starts = starts or _STARTS[bool(guesses)]
         options = {"starts": starts, "guesses": guesses, **self.options}
-        # a warning of coarse steps says what is acted on here, and what the notes of the fit say
+        # a warning of coarse steps is acted on below, and the notes of the fit repeat it
         with self.clock("refit"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", CoarseStepWarning)
             if self.settled:
@@ -118,7 +117,7 @@ class Refit:
                 fitted = fit_records(model, *records, chosen, progress).fit
                 if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in caught):
                     return fitted
-                if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do
+                if math.isfinite(fitted.train.nrmse):  # finer steps have a nearby optimum
                     model, options = fitted.model, {**options, "starts": 1, "guesses": ()}
             return fit_records(model, *records, FitOptions(**options), progress).fit
 
@@ -132,9 +131,9 @@ class SearchContext:
         fitter: fits it with any candidate.
         unseen: unseen logs.
         refit: fits a model to whole runs.
-        guess: values from which the first fit began.
-        say: told how far the work is.
-        clock: times its parts.
+        guess: values from which the first fit started.
+        say: is called with the progress.
+        clock: measures the time of each kind of work.
     """
 
     given: Model
@@ -148,7 +147,7 @@ class SearchContext:
 
 @dataclass(frozen=True, eq=False)
 class CurrentModel:
-    """The model so far, with what is asked of it more than once."""
+    """The current model, with cached results that are needed repeatedly."""
 
     fitter: CandidateFitter
     trial: TrialFit
@@ -161,21 +160,21 @@ class CurrentModel:
 
     @cached_property
     def remaining(self) -> Remaining | None:
-        """What it leaves unexplained."""
+        """The structure of its residuals."""
         return remaining_structure(self.fitter, self.trial)
 
     def without(self, name: str) -> TrialFit:
         """The model, fitted without one of its effects.
 
-        Not to the end where a few steps show that much is lost.
+        The fit stops early if a few steps show that the loss is large.
         """
         if name not in self._without:
             trial, fitter = self.trial, self.fitter
             kept = tuple(n for n in trial.effects if n != name)
             values = fitter.absent(name, trial.values)
-            fewer = fitter.solve(kept, values, trial.begin, trial.clip, budget=12)
+            fewer = fitter.solve(kept, values, trial.initial_states, trial.clip, budget=12)
             if (
-                fewer.promise > 0
+                fewer.predicted_gain > 0
                 and fewer.expected < trial.cost + SETTINGS.admission.plain_bic_gain
             ):
                 fewer = fitter.further(fewer)
@@ -185,22 +184,22 @@ class CurrentModel:
 
 @dataclass(frozen=True)
 class SearchState:
-    """What a search knows after so many stages.
+    """The results of a search so far.
 
     Args:
-        current: the model so far.
-        stages: the model as given, then with one effect after the other.
+        current: the current model.
+        stages: the model as given, then after each further effect.
         untestable: effects that the logs cannot test, with the reason.
         ranking: the effects tried at each stage.
         dropped: effects that later ones made superfluous.
         refused: effects that were not added at the last stage, with the reason.
         turned_down: every refusal so far, with the effects that were present.
-        silent: effects that promised nothing at some stage.
-        detectable: effects of the present model that matter for no stage: they change nothing over
-            whole runs, and are kept lest their evidence is taken for that of others.
-        worth: of the effects that were added or are detectable.
-        possible: effects that whole runs alone speak for, with their worth there.
-        exhausted: the last step added nothing: the search is over.
+        silent: effects without a predicted gain at some stage.
+        detectable: effects of the current model without a stage: they do not matter over whole
+            runs, and are kept so that their evidence is not attributed to other effects.
+        worth: explained share of the effects that were added or are detectable.
+        possible: effects that only whole runs support, with their explained share.
+        exhausted: the last step added nothing, which ends the search.
     """
 
     current: CurrentModel
@@ -218,18 +217,18 @@ class SearchState:
 
     @property
     def number(self) -> int:
-        """Of the last stage."""
+        """The number of the last stage."""
         return len(self.stages) - 1
 
     @property
     def accepted(self) -> tuple[int, tuple[str, ...]]:
-        """How far the search has come: a round that leaves it as it was ends the search."""
+        """The effects accepted so far; a step that does not change this ends the search."""
         return self.number, self.detectable
 
     def share(self, progress: float) -> float:
-        """The share of the whole search, where so much of the next stage is done.
+        """The overall progress of the search, from the progress of the next stage.
 
-        Nobody knows how many stages will come: each takes a part of what is left.
+        The number of stages is unknown: each takes a fixed share of the remaining progress bar.
         """
         remaining = _LEFT ** (self.number + progress)
         return SOUGHT - (SOUGHT - _COMPILED) * remaining
@@ -243,7 +242,7 @@ def start_search(
     seed: int,
     say: Progress,
 ) -> tuple[SearchContext, SearchState]:
-    """Fit the model as it is, and compile the trials."""
+    """Fit the model as it is, and compile the programs of the trials."""
     say("fitting the model as it is", 0.0)
     clock = Clock()
     options = fit.options if isinstance(fit, Fit) else {}
@@ -267,7 +266,7 @@ def start_search(
 
 
 def _is_of_these_logs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) -> bool:
-    """Whether a fit's errors are those of the logs of this diagnosis."""
+    """Whether the errors of a fit agree with its errors on the logs of this diagnosis."""
     if len(fit.initial) != len(train) or (fit.holdout is None) == bool(unseen):
         return False
     runs = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
@@ -286,7 +285,7 @@ def compiled_fitter(
     unseen: Sequence[Record],
     present: TrialFit | None = None,
 ) -> tuple[CandidateFitter, TrialFit]:
-    """The trials, and the first: the model as it is, or with what is ``present`` in another."""
+    """The fitter, and its first trial: the model as it is, or with the effects of ``present``."""
     for substeps in dict.fromkeys((few_substeps(fit, train), fit.substeps)):
         programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
         fitter = CandidateFitter(programs)
@@ -297,7 +296,7 @@ def compiled_fitter(
 
 
 def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
-    """The fewest integrator steps per sample with which whole runs err as with those of a fit."""
+    """The fewest integrator steps per sample that reproduce the whole-run errors of a fit."""
     substeps = min(_SUBSTEPS, fit.substeps)
     while substeps < fit.substeps:
         runs = runs_over(fit.model, train, initial=fit.initial, substeps=substeps)
@@ -308,7 +307,7 @@ def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
 
 
 def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
-    """What to say where no trial can be begun: the effects of the user's own that are why."""
+    """The error if no trial has a finite cost; it names the user's effect that is the cause."""
     for effect in effects:
         if type(effect) is EFFECTS.get(effect.name):
             continue

@@ -1,7 +1,7 @@
-"""Trials fitted to whole runs: their problem with nothing that corrects the states.
+"""Trials fitted to whole runs: the same problem without correction of the states.
 
-They share the programs of the innovations form, so that it costs little to know what an effect does
-to whole runs before the model is refitted with it.
+They share the programs of the innovations form. So the influence of an effect on whole runs is
+cheap to compute, before the model is refitted with the effect.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from diffthrust.estimation._one_step import passes
 from diffthrust.simulation._errors import Errors, errors
 
 _FEW = 8
-"""Numerics: steps from each start of a fit to whole runs; the best goes on."""
+"""Numerics: steps from each start of a fit to whole runs, of which the best is continued."""
 _Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
 def simulation_fitter(fitter: CandidateFitter) -> CandidateFitter:
-    """Fits by the same programs without an observer: no random force or lasting error is estimated.
+    """Fits by the same programs that estimate no random force and no correlated sensor error.
 
-    Started from gains of zero, nothing corrects the states.
+    With gains of zero at the start the states are never corrected.
     """
     return CandidateFitter(fitter.programs, observed=())
 
@@ -61,8 +61,8 @@ def fitted_beside(
 ) -> TrialFit:
     """The model of a stage with other effects, fitted to whole runs.
 
-    From the values of a trial, and from those of the stage with the trial's for what it lacks; the
-    better of both.
+    The better of two fits: one starts from the values of the trial, one from those of the stage,
+    with those of the trial for the parameters that the stage lacks.
     """
     stage_values, uncorrected = _values_of(fitter, last), fitter.programs.uncorrected
     trial_values = {n: v for n, v in trial.values.items() if n not in fitter.nuisance}
@@ -88,13 +88,13 @@ class SimulationErrors(NamedTuple):
 
 
 class SimulationChange(NamedTuple):
-    """Errors over whole runs before a change and after it.
+    """Errors over whole runs without and with a change of the model.
 
     Args:
-        before: without it.
-        after: with it.
-        worth: on unseen logs, if there are any.
-        everywhere: on training and unseen logs together.
+        before: errors without it.
+        after: errors with it.
+        worth: share that it explains, on unseen logs if there are any.
+        everywhere: share that it explains on training and unseen logs together.
     """
 
     before: SimulationErrors
@@ -104,7 +104,7 @@ class SimulationChange(NamedTuple):
 
 
 def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> SimulationChange:
-    """What whole runs say of one trial in place of another."""
+    """The errors over whole runs of two trials, and what the second explains more."""
     baseline, updated = _runs(fitter, first, second), _runs(fitter, second, first)
     trained = _pairs(baseline.trained, updated.trained)
     unseen = _pairs(baseline.unseen, updated.unseen)
@@ -117,14 +117,14 @@ def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -
 
 
 def share_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
-    """What one trial removes of the errors of another, on unseen logs if there are any."""
+    """The share of the first trial's errors that the second removes, on unseen logs if any."""
     baseline, updated = _runs(fitter, first, second), _runs(fitter, second, first)
     pairs = _pairs(baseline.unseen or baseline.trained, updated.unseen or updated.trained)
     return explained_share(pairs)
 
 
 class _Runs(NamedTuple):
-    """A trial over whole runs: measurements and errors by log and channel."""
+    """Whole runs of a trial: measurements and errors by log and channel."""
 
     trained: _Residuals
     unseen: _Residuals
@@ -137,13 +137,13 @@ class _Runs(NamedTuple):
 
 
 def _runs(fitter: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
-    """The runs of a trial, by a program that has the effects of its rival as well.
+    """The runs of a trial, by a program that includes the effects of its rival.
 
-    Both are then integrated by the same code: rounding does not count as a difference.
+    Both are then integrated by the same code, and rounding makes no difference between them.
     """
     program = fitter.ready({*trial.effects, *rival.effects})
     by_problem: list[_Residuals] = []
-    for problem, starts in ((program.problem, trial.begin), (program.unseen, None)):
+    for problem, starts in ((program.problem, trial.initial_states), (program.unseen, None)):
         logs = (
             []
             if problem is None
@@ -173,7 +173,7 @@ def _pooled(runs: _Residuals) -> Errors:
 
 
 def _values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
-    """The values of a stage, with all that is no part of it at its null and nothing corrected."""
+    """The values of a stage, with absent effects at their nulls and all gains zero."""
     values = {n: p.value for n, p in fitter.ready(stage.effects).problem.named.items()}
     values |= {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
     return {**values, **fitter.programs.uncorrected}

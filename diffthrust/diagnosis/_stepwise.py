@@ -1,12 +1,12 @@
-"""The steps of a search: screen the candidates, admit the best, or look at whole runs.
+"""The steps of a search: screen the candidates, admit the best, or turn to whole runs.
 
-`step` adds an effect or ends the search. The `SearchContext` stays as it is; each step takes the
-`SearchState` so far, and returns the next.
+`step` adds an effect or ends the search. It takes the constant `SearchContext` and the current
+`SearchState`, and returns the next state.
 
-In the innovations form of a system with few measured states random forces can explain anything. So
-where whole runs are poor and one-step errors ask for nothing more, every candidate is fitted to
-whole runs as well: its trial starts again from there, and what whole runs alone speak for is
-reported as possible.
+If few states are measured, random forces in the innovations form can explain anything. Therefore,
+if the errors of whole runs are large although one-step errors support no further effect, every
+candidate is fitted to whole runs as well. Its trial is repeated from these values. Effects that
+only whole runs support are reported as possible.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
 
 SCREENS = 3
-"""Numerics: screens for one stage at most: on flat ridges a better noise may appear again and
-again."""
+"""Numerics: the largest number of screens of one stage: on flat ridges a better noise may appear
+repeatedly."""
 
 
 def step(context: SearchContext, state: SearchState) -> SearchState:
-    """Add the best effect, by one-step errors or, where these say nothing, by whole runs."""
+    """Add the best effect by one-step errors or, if these support none, by whole runs."""
     updated = next_stage(context, state)
     if updated.accepted == state.accepted:
         updated = from_simulation(context, updated)
@@ -40,15 +40,15 @@ def step(context: SearchContext, state: SearchState) -> SearchState:
 
 
 def done(state: SearchState) -> bool:
-    """Whether the last step added nothing, or the search has come to its last stage."""
+    """Whether the last step added nothing, or the largest number of effects is reached."""
     effects = max(state.number, len(state.detectable))
     return state.exhausted or effects >= SETTINGS.admission.most_effects
 
 
 def next_stage(context: SearchContext, state: SearchState) -> SearchState:
-    """Add the best effect, if any is worth it; drop what it made superfluous.
+    """Add the best effect that is accepted, and drop the effects that it makes superfluous.
 
-    On its way a better noise may be found; then the candidates are screened anew beside it.
+    If the trials find a better noise, the candidates are screened again beside it.
     """
     for rescreen in reversed(range(SCREENS)):
         previous, state = state, one_round(context, state, rescreen > 0)
@@ -58,9 +58,9 @@ def next_stage(context: SearchContext, state: SearchState) -> SearchState:
 
 
 def one_round(context: SearchContext, state: SearchState, rescreen: bool) -> SearchState:
-    """Screen the candidates, and add the best that passes.
+    """Screen the candidates, and add the best that is accepted.
 
-    With ``rescreen`` a better noise ends the round, if one has come to light.
+    With ``rescreen`` a better noise, if the trials find any, ends the round.
     """
     with context.clock("screen"):
         state, tried = screen(context, state)
@@ -69,7 +69,7 @@ def one_round(context: SearchContext, state: SearchState, rescreen: bool) -> Sea
     state = replace(state, refused={}, ranking=ranked(state, [rated for rated, _ in tried]))
     for place, (candidate, trial) in enumerate(tried):
         if place and candidate.p_value < SETTINGS.screening.pricing_level:
-            # beside the first its noise was not priced
+            # the criterion of all but the first was computed without the price of the noise
             candidate = rate(context.fitter, state, trial, state.current.criterion)
         if candidate.delta_bic > -SETTINGS.admission.least_bic_gain:
             continue
@@ -84,8 +84,8 @@ def one_round(context: SearchContext, state: SearchState, rescreen: bool) -> Sea
 def ranked(state: SearchState, tried: Sequence[TriedEffect]) -> tuple[TriedEffect, ...]:
     """The effects that were tried, by stage, the best first.
 
-    Beside an effect that is only detectable its rivals explain nothing more: of what was tried in
-    the same stage before it, the better result is kept.
+    Rivals of an effect that is only detectable gain nothing beside it: if an effect was tried
+    several times in the same stage, its best result is kept.
     """
     earlier = [rated for rated in state.ranking if rated.stage < state.number]
     same_stage = [
@@ -98,7 +98,7 @@ def ranked(state: SearchState, tried: Sequence[TriedEffect]) -> tuple[TriedEffec
 
 
 def refusing(state: SearchState, name: str, why: Refusal) -> SearchState:
-    """The search with an effect that was refused beside the present ones."""
+    """The search with the refusal of an effect, and the effects that were present."""
     refusal = why, state.current.trial.effects
     return replace(
         state,
@@ -108,9 +108,9 @@ def refusing(state: SearchState, name: str, why: Refusal) -> SearchState:
 
 
 def still_refused(context: SearchContext, state: SearchState, name: str) -> Refusal | None:
-    """Why whole runs have refused an effect, where nothing that came since could change that.
+    """The earlier refusal of an effect by whole runs, if it is still valid.
 
-    That is so where no effect was added or dropped since that shares a port or a signal with it.
+    It is if no effect that shares a port or a signal with it was added or dropped since.
     """
     why, present = state.turned_down.get(name, (None, ()))
     if why is None or not why.by_whole_runs:
@@ -125,16 +125,16 @@ def still_refused(context: SearchContext, state: SearchState, name: str) -> Refu
 
 
 def simulation_is_poor(context: SearchContext, state: SearchState, last: Stage) -> bool:
-    """Whether the errors of a stage over whole runs are large and last."""
+    """Whether the whole-run errors of a stage are large and persistent."""
     sigma = state.current.trial.quadratic.sigma
     one_step = dict(zip(context.fitter.channels, map(float, sigma), strict=True))
     return bool(far_above_noise(last.holdout or last.train, one_step))
 
 
 def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
-    """Try the effects again that lower the errors over whole runs, from their values there.
+    """Retry the effects that lower the errors over whole runs, from their values there.
 
-    The first that explains the next sample as well is added; the others are possible.
+    The first that also lowers the one-step errors is added; the others are possible.
     """
     if not simulation_is_poor(context, state, state.stages[-1]):
         return replace(state, possible={})
@@ -159,7 +159,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
 
 
 def _lowering(context: SearchContext, state: SearchState) -> dict[str, tuple[Worth, TrialFit]]:
-    """The effects that surely lower the errors over whole runs, each fitted to them, best first."""
+    """The effects that significantly lower the errors of whole runs, fitted to them, best first."""
     fitter = context.fitter
     base = fitted_to_runs(fitter, state.stages[-1])
     present = {*state.current.trial.effects}
@@ -182,9 +182,9 @@ def _lowering(context: SearchContext, state: SearchState) -> dict[str, tuple[Wor
 def _multistart_fit(
     context: SearchContext, state: SearchState, base: TrialFit, name: str
 ) -> TrialFit:
-    """A whole-run fit of an effect that promised nothing where the model is, from several starts.
+    """A multistart fit to whole runs of an effect with no predicted gain at the current values.
 
-    A model that is wrong at heart may have run to where its effect shows no more.
+    The fit of a model that lacks a large effect may have ended at values that hide this effect.
     """
     fit = context.refit(state.stages[-1].fit.model + context.fitter.candidates[name])
     values = {**base.values, **{n: p.value for n, p in fit.model.parameters.items()}}
@@ -195,9 +195,11 @@ def _multistart_fit(
 def _retried(
     context: SearchContext, state: SearchState, name: str, simulated: TrialFit
 ) -> TrialFit:
-    """The trial of an effect, from where whole runs put it."""
+    """The trial of an effect, started from its fit to whole runs."""
     fitter, present = context.fitter, state.current.trial
     parts = ("", name, *state.stages[-1].effects)
     values = {n: v for n, v in simulated.values.items() if n.rpartition(".")[0] in parts}
     effects = (*present.effects, name)
-    return fitter.settled(effects, {**present.values, **values}, simulated.begin, present.clip)
+    return fitter.settled(
+        effects, {**present.values, **values}, simulated.initial_states, present.clip
+    )

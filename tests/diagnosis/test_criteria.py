@@ -79,7 +79,7 @@ class Made:
     values: dict = field(default_factory=dict)
     names: tuple = ("alpha", "effect.size", *NOISE)
     effects: tuple = ("effect",)
-    begin: None = None
+    initial_states: None = None
     clip: None = None
     known: float = 0.0
 
@@ -101,7 +101,7 @@ class Costs:
     def __init__(self, drift, colour):
         self.rise = {"noise.speed.drift.speed": drift, "noise.thrust.colour": colour}
 
-    def solve(self, effects, values, begin, limit, budget, still=()):
+    def solve(self, effects, values, initial_states, limit, budget, still=()):
         lost = sum(rise for name, rise in self.rise.items() if values[name] == 0.0)
         names = tuple(n for n in Made.names if n not in still)
         return Made(100.0 + lost, dict(values), names, effects)

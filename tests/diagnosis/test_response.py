@@ -15,7 +15,7 @@ from diffthrust.diagnosis._innovations_fit import (  # private: the trials alone
 )
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
     answered,
-    promises,
+    predicted_gains,
     shift_of,
 )
 from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnosis around them
@@ -82,7 +82,9 @@ def test_the_answer_to_an_effect_is_its_derivative_in_a_pass(trials, name):
     values = {f"{name}.{n}": q.value for n, q in effect._parameters.items() if not q.fixed}
     names = (*base.names, full)
     costs = [
-        made.ready(NAMES).problem.focus(names, {**base.values, **values, full: value}, base.begin)
+        made.ready(NAMES).problem.focus(
+            names, {**base.values, **values, full: value}, base.initial_states
+        )
         for value in (step, 0.0)
     ]
     by_scan = [
@@ -106,8 +108,8 @@ def test_the_answer_to_an_effect_is_its_derivative_in_a_pass(trials, name):
 def test_a_promise_tells_what_is_worth_a_fit(trials, name, point):
     made, base = trials
     point = {f"{name}.{n}": value for n, value in point.items()}
-    (promised,) = promises(base.response, made.candidates[name], [point], [])
-    fitted = made.solve((name,), {**base.values, **point}, base.begin, base.clip)
+    (promised,) = predicted_gains(base.response, made.candidates[name], [point], [])
+    fitted = made.solve((name,), {**base.values, **point}, base.initial_states, base.clip)
     gained = base.cost - fitted.cost
     assert (promised.gain > 20) == (gained > 20)  # a damping is there, a wrong scale is not
     assert promised.gain == pytest.approx(gained, rel=0.7, abs=1.5)
@@ -139,7 +141,7 @@ def known():
 
 def start_search(trials, name):
     base = trials.base()
-    return trials.settled((name,), base.values, base.begin, base.clip)
+    return trials.settled((name,), base.values, base.initial_states, base.clip)
 
 
 def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):

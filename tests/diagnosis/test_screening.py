@@ -13,7 +13,9 @@ from diffthrust.diagnosis._innovations_fit import (  # private: the screen alone
     CandidateFitter,
     Programs,
 )
-from diffthrust.diagnosis._predicted_gain import promises  # private: what is hoped for, alone
+from diffthrust.diagnosis._predicted_gain import (
+    predicted_gains,  # private: what is hoped for, alone
+)
 from diffthrust.diagnosis._screening import (  # private: the screen alone
     edge_of,  # private: the search alone
     fitted_from_fallback,
@@ -34,7 +36,7 @@ class Made:
     cost: float
     values: dict = field(default_factory=dict)
     effects: tuple = ("effect",)
-    begin: None = None
+    initial_states: None = None
     clip: None = None
 
 
@@ -72,8 +74,10 @@ def test_next_to_a_null_is_promised_what_a_step_of_a_fit_from_there_promises(tri
     for name in ("coulomb_friction", "thrust_sensor_offset"):
         effect = made.candidates[name]
         point, *_ = near = probes(effect, levels)[0]
-        promised, *_ = promises(base.response, effect, near, [])
-        step = made.solve((name,), {**base.values, **point}, base.begin, base.clip, budget=1)
+        promised, *_ = predicted_gains(base.response, effect, near, [])
+        step = made.solve(
+            (name,), {**base.values, **point}, base.initial_states, base.clip, budget=1
+        )
         assert promised.gain == pytest.approx(base.cost - step.expected, abs=0.05)
         gain[name] = 2 * promised.gain
     assert gain["coulomb_friction"] > 50 > 15 > gain["thrust_sensor_offset"]
@@ -145,7 +149,7 @@ def test_trials_of_a_few_effects_share_one_compilation(trials):
     screened(made, list(made.candidates), base, levels_of(made, base))
     before = compilations("solved")
     screened(made, list(made.candidates), base, levels_of(made, base))
-    made.settled(("coulomb_friction",), base.values, base.begin, base.clip)
+    made.settled(("coulomb_friction",), base.values, base.initial_states, base.clip)
     assert compilations("solved") == before
     fresh = CandidateFitter(
         Programs(made.model, list(made.candidates.values()), made.records[:1], [], substeps=3)
@@ -195,10 +199,10 @@ class Astray:
     def __init__(self, costs):
         self.costs = costs
 
-    def cost(self, effects, values, begin, limit):
+    def cost(self, effects, values, initial_states, limit):
         return self.costs[values["alpha"], values["effect.size"]]
 
-    def solve(self, effects, values, begin, limit, budget):
+    def solve(self, effects, values, initial_states, limit, budget):
         return dict(values)
 
 

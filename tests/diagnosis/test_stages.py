@@ -69,12 +69,14 @@ def without(loss, promise):
     def result(budget):
         solved.append(budget)
         cost = 100.0 + loss
-        return SimpleNamespace(cost=cost, promise=promise, expected=cost - promise)
+        return SimpleNamespace(cost=cost, predicted_gain=promise, expected=cost - promise)
 
-    trial = SimpleNamespace(effects=("a", "b"), values={}, begin=None, clip=None, cost=100.0)
+    trial = SimpleNamespace(
+        effects=("a", "b"), values={}, initial_states=None, clip=None, cost=100.0
+    )
     trials = SimpleNamespace(
         absent=lambda name, values: values,
-        solve=lambda rest, values, begin, limit, budget: result(budget),
+        solve=lambda rest, values, initial_states, limit, budget: result(budget),
         further=lambda trial: result("to the end"),
     )
     present = CurrentModel(trials, trial)

@@ -303,7 +303,7 @@ def _restrict_to(
     if kept:
         for name in dropped:
             values = fitter.absent(name, values)
-        trial = fitter.settled(kept, values, current.begin, current.clip)
+        trial = fitter.settled(kept, values, current.initial_states, current.clip)
     state = replace(
         state,
         current=CurrentModel(fitter, trial),
