@@ -59,21 +59,21 @@ def predicted_gains(
         near: points next to its null, by full names; only parameters with a null move from there.
         far: points away from the null.
     """
-    questions = [_asked(response, effect, point, True) for point in near]
-    questions += [_asked(response, effect, point, False) for point in far]
-    answers = answered(response, [shift for question in questions for shift in question.shifts])
+    probes = [_probe_at(response, effect, point, True) for point in near]
+    probes += [_probe_at(response, effect, point, False) for point in far]
+    changes = error_changes(response, [shift for probe in probes for shift in probe.shifts])
     out = []
-    for question in questions:
-        count = len(question.shifts)
-        own_answers, answers = (
-            [answer[:, :count] for answer in answers],
-            [a[:, count:] for a in answers],
+    for probe in probes:
+        count = len(probe.shifts)
+        probe_changes, changes = (
+            [change[:, :count] for change in changes],
+            [change[:, count:] for change in changes],
         )
-        out.append(_promised(response, effect, question, own_answers))
+        out.append(_gain_from(response, effect, probe, probe_changes))
     return out
 
 
-class _Asked(NamedTuple):
+class _Probe(NamedTuple):
     """A point, the parameters that move from there, and the shifts to be carried to the errors.
 
     Away from the null the first shift is that of the effect itself. The others are its derivatives.
@@ -91,7 +91,7 @@ def acts(response: LinearResponse, effect: Effect, point: Point) -> bool:
     return any(np.any(values) for parts in shift.values() for values in parts[0])
 
 
-def _asked(response: LinearResponse, effect: Effect, point: Point, near: bool) -> _Asked:
+def _probe_at(response: LinearResponse, effect: Effect, point: Point, near: bool) -> _Probe:
     named = effect._parameters
     values = {name.partition(".")[2]: value for name, value in point.items()}
     here = shift_of(response, effect, values)
@@ -103,7 +103,7 @@ def _asked(response: LinearResponse, effect: Effect, point: Point, near: bool) -
         moved_values = {**values, name: value - step if near else value + step}
         step = -step if near else step
         shifts.append(_difference(shift_of(response, effect, moved_values), here, step / scale))
-    return _Asked(point, near, moved, shifts)
+    return _Probe(point, near, moved, shifts)
 
 
 def _difference(shift: Shift, baseline: Shift, per: float) -> Shift:
@@ -119,42 +119,40 @@ def _difference(shift: Shift, baseline: Shift, per: float) -> Shift:
         }
 
 
-def _promised(
-    response: LinearResponse, effect: Effect, question: _Asked, answers: list[np.ndarray]
+def _gain_from(
+    response: LinearResponse, effect: Effect, probe: _Probe, changes: list[np.ndarray]
 ) -> PredictedGain:
-    nothing = PredictedGain(0.0, question.point, False)
-    if not all(np.all(np.isfinite(answer)) for answer in answers):
+    nothing = PredictedGain(0.0, probe.point, False)
+    if not all(np.all(np.isfinite(change)) for change in changes):
         return nothing
-    change = [] if question.near else [answer[:, 0] for answer in answers]
-    if change and not any(np.any(answer != 0) for answer in change):
+    own_change = [] if probe.near else [change[:, 0] for change in changes]
+    if own_change and not any(np.any(change != 0) for change in own_change):
         return nothing
-    more = answers if question.near else [answer[:, 1:] for answer in answers]
-    q = response.quadratic(more, change)
+    slopes = changes if probe.near else [change[:, 1:] for change in changes]
+    q = response.quadratic(slopes, own_change)
     size, movable = response.problem.shared, ~response.held(q.gradient)
-    for i, name in enumerate(question.moved):
+    for i, name in enumerate(probe.moved):
         p = effect._parameters[name]
-        if question.near and p.null is not None:  # a bound at the null blocks one direction
+        if probe.near and p.null is not None:  # a bound at the null blocks one direction
             slope, (low, high) = q.gradient[size + i], p.limits
             outward = (p.null <= low and slope > 0) or (p.null >= high and slope < 0)
             movable[size + i] = not outward
-    if question.near:
+    if probe.near:
         gain = promised_gain(q, movable)
     else:
-        names = [
-            (effect._parameters[n], question.point[f"{effect.name}.{n}"]) for n in question.moved
-        ]
+        names = [(effect._parameters[n], probe.point[f"{effect.name}.{n}"]) for n in probe.moved]
         ends = np.array([[(end - v) / p.scale for end in p.limits] for p, v in names])
         low, high = ends.reshape(-1, 2).T
         # the slopes of the observer's parameters hold only near the values at which it was fitted
         problem = response.problem
         movable[: len(problem.free)] &= [n not in problem.nuisance for n in problem.free]
-        gain = response.cost - response.after(q, movable, more, change, (low, high))
-    shown = np.diagonal(q.information)[size : size + len(question.moved)]
-    acts = np.any(shown > 0) if question.near else abs(float(q.cost) - response.cost) > IDLE_CHANGE
-    return PredictedGain(gain, question.point, bool(acts))
+        gain = response.cost - response.after(q, movable, slopes, own_change, (low, high))
+    shown = np.diagonal(q.information)[size : size + len(probe.moved)]
+    acts = np.any(shown > 0) if probe.near else abs(float(q.cost) - response.cost) > IDLE_CHANGE
+    return PredictedGain(gain, probe.point, bool(acts))
 
 
-def answered(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarray]:
+def error_changes(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarray]:
     """The changes of the errors under some shifts of one effect, by batch ``(B, K, C, T)``."""
     shape = [(e.shape[0], len(shifts), *e.shape[1:]) for e in response.errors]
     total = [np.zeros(batch_shape) for batch_shape in shape]
@@ -163,8 +161,8 @@ def answered(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarr
             [np.stack(parts, axis=1) for parts in zip(*(s[place][i] for s in shifts), strict=True)]
             for i in (0, 1)
         ]
-        answer = response.to(place, *ends)
-        total = [a + b for a, b in zip(total, answer, strict=True)]
+        change = response.to(place, *ends)
+        total = [a + b for a, b in zip(total, change, strict=True)]
     return total
 
 

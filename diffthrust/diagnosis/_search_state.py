@@ -320,9 +320,9 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) ->
                 "of zero), or leave it out.",
             )
     return InputError(
-        f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
+        f"The '{fit.model}' cannot be simulated along these logs at the parameters of its fit "
         f"({fit.status.value}): expected finite one-step errors, found none."
         + (f" {fit.message}" if fit.status is Status.SIMULATION_FAILED else ""),
-        "Give bounds that keep its time constants longer than a fifth of a sample, and look "
-        "whether the units of the logs are right.",
+        "Give bounds that keep its time constants longer than a fifth of a sample, and check "
+        "the units of the logs.",
     )

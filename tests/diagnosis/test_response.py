@@ -14,7 +14,7 @@ from diffthrust.diagnosis._innovations_fit import (  # private: the trials alone
     Programs,
 )
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
-    answered,
+    error_changes,
     predicted_gains,
     shift_of,
 )
@@ -95,7 +95,7 @@ def test_the_answer_to_an_effect_is_its_derivative_in_a_pass(trials, name):
     exact = np.concatenate([(a - b).ravel() for a, b in zip(*by_scan, strict=True)])
     theirs = {n: q.value for n, q in effect._parameters.items() if not q.fixed}
     shift = shift_of(base.response, effect, {**theirs, own: step})
-    answer = np.concatenate([part.ravel() for part in answered(base.response, [shift])])
+    answer = np.concatenate([part.ravel() for part in error_changes(base.response, [shift])])
     alike = exact @ answer / np.linalg.norm(exact) / np.linalg.norm(answer)
     assert alike > 0.99
     assert np.linalg.norm(answer) == pytest.approx(np.linalg.norm(exact), rel=0.05)
