@@ -159,7 +159,7 @@ class AR1(NoiseModel):
         (lag,) = self.parameters([""]).values()
         if lag.fixed:
             return Likeliest(cost(lag.value), lag.value)
-        best = minimize_scalar(cost, bounds=RANGE, method="bounded")
+        best: Any = minimize_scalar(cost, bounds=RANGE, method="bounded")
         return Likeliest(float(best.fun), float(best.x))
 
     def independent(

@@ -86,6 +86,8 @@ def _sides(batch: Batch) -> Any:
 
 def _mills(a: Any) -> tuple[Any, Any]:
     """phi(a) / Phi(a), and what it exceeds -a by."""
+    # `where` evaluates both forms everywhere: each is clipped to its own range, so that the one not
+    # chosen neither divides by zero nor cancels
     far, near = jnp.maximum(-a, _TAIL), jnp.maximum(a, -_TAIL)
     ratio = jnp.exp(jax.scipy.stats.norm.logpdf(near) - jax.scipy.special.log_ndtr(near))
     room = (1.0 - 2.0 / far**2 + 10.0 / far**4 - 74.0 / far**6) / far

@@ -45,6 +45,9 @@ def schedule(
         restartable = all(record.measured_states for record in records)
         if model.horizon is None or longest <= 2 * model.horizon or not restartable:
             return (None,)
+        # Whole runs at once stick in poor minima. Esso Osaka, basic vessel, runs of 120 to 150 s:
+        # the NRMSE of surge, sway and yaw rate over unseen runs was 0.46, 1.11, 1.07 fitted over
+        # whole runs, and 0.30, 0.78, 0.46 fitted on segments of 20 s.
         return (model.horizon / 10, model.horizon / 3, model.horizon)
     stages = horizon if isinstance(horizon, Sequence) else (horizon,)
     least = max(record.step for record in records)

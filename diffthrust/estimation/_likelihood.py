@@ -125,11 +125,15 @@ def _with_jacobian(
         def push(tangent: Any) -> tuple[Any, Any]:
             return jax.jvp(fn, (point,), (tangent,))
 
+        # All columns in one forward pass, which keeps the integration loop one fused kernel: over
+        # 10 000 samples of a thruster three columns took 0.30 ms. Reverse mode took 24 ms and
+        # `jax.linearize` 29 ms, as both leave that kernel.
         return jax.vmap(push, out_axes=(None, 0))(jnp.eye(size))
 
     if batch.time.shape[0] == 1:
         first = jax.tree.map(lambda a: a[0], batch)
         return jax.tree.map(lambda a: a[None], one(first))
+    # log after log: 256 residuals with Jacobians took 397 ms side by side under `vmap`, 144 ms so
     return jax.lax.map(one, batch)
 
 

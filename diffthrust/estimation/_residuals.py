@@ -134,6 +134,8 @@ class SimulationError(Likelihood):
             modelled = jnp.where(log.unsigned[i], jnp.abs(modelled), modelled)
             residual = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled
             residual = wrapped(residual) if name in model.angles else residual
+            # Zero, not NaN: sums run over gaps and padding, and lasting noise reads sample 0 with a
+            # weight of zero where a sample has no earlier one, and zero times NaN is NaN.
             rests.append(jnp.where(jnp.isnan(measured), 0.0, residual))
         return jnp.stack(self.noise.new(channels, rests, log, numbers, values))
 

@@ -19,7 +19,7 @@ from diffthrust.estimation._problem import Problem
 
 MOST_STEPS = 300
 _CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
-_FLAT = 1e-10  # what is left is told of the quadratic with so much curvature added
+_FLAT = 1e-10  # added to the undamped curvature, so that flat directions have a finite step
 _AT_A_TIME = 8  # steps side by side with others, before those that have ended make room
 
 
@@ -65,6 +65,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         old = state.quadratic
         gain = old.cost - new.cost
         first = state.steps == 0
+        # a failed simulation costs infinity: as zero residuals it would look like a perfect fit
         accept = (first | (gain > 1e-4 * state.predicted)) & jnp.isfinite(new.cost)
         y = jnp.where(accept, state.trial, y)
         q = jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
@@ -80,6 +81,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
 
     def _move(self, y: Any, q: Quadratic, damping: Any) -> tuple[Any, Any]:
         """The damped step within the box, and what an undamped one would still gain."""
+        # Unit columns first, so that damping with the identity is Marquardt's scaling. Optimistix's
+        # own solver damps unscaled: with units 1e3 apart it reported success at a cost of 188,
+        # where the optimum costs 0.085. A coordinate that nothing depends on stays where it is.
         scale = jnp.sqrt(jnp.diagonal(q.information))
         held = (scale == 0) | ~jnp.isfinite(scale)
         scale = jnp.where(held, 1.0, scale)
@@ -94,6 +98,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         move, full = jax.lax.map(
             lambda matrix: least_in_box(matrix, slope, low, high), jnp.stack([damped, flat])
         )
+        # of the undamped step: under strong damping every step is short, also far from an optimum
         remaining = -(slope @ full + 0.5 * full @ scaled @ full)
         return jnp.clip(y + move / scale, self.lower, self.upper) - y, remaining
 

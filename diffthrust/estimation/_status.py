@@ -117,6 +117,7 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     nuisance = (place >= k) & (place < free)
     inside = np.flatnonzero(~bound & ~unseen & ~nuisance)
     beside = np.flatnonzero(~bound & nuisance)
+    # in unit columns: otherwise the rank would depend on the parameters' units
     length = np.sqrt(np.diagonal(information))
     length = np.where(length <= 0, 1.0, length)
     slope, scaled = marginal_spread(
@@ -124,9 +125,13 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     )
     length = length[inside]
     values, vectors = np.linalg.eigh(scaled)
+    # A search converges on a redundant parameter as on any other. Inverting its eigenvalue, which
+    # is rounding, would print a standard error of a number that the logs do not determine.
     null = values <= RANK_LIMIT * max(values.max(initial=0.0), 1e-300)
     samples = float(np.sum(problem.numbers.counts))
     energy = max(float(q.energy), 0.01 * samples)  # residuals at rounding have no direction
+    # Checked here because a solver's word is not enough: at points that one reported as optima this
+    # was 0.016 to 0.89, at true optima below 4e-8.
     gradient = np.max(np.abs(slope) / np.sqrt(energy), initial=0.0)
     kept = vectors[:, ~null]
     inverse = (kept / values[~null]) @ kept.T / np.outer(length, length)

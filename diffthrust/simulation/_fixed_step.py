@@ -26,8 +26,9 @@ def compiled_simulation(static: tuple[Key, Grid], numbers: Any) -> Any:
 
 
 def _run(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
-    # each length is a program of its own, which XLA never unmaps; steps of no length leave the
-    # states where they are
+    # Each length is a program of its own, which XLA never unmaps: in a fit 13.5 MB and some 200
+    # memory maps, and a process dies at 65 530 of them. So lengths are rounded up; steps of no
+    # length leave the states where they are.
     spare = padded_length(time.size) - time.size
     if spare:
         time, inputs = jax.tree.map(lambda s: np.pad(s, (0, spare), "edge"), (time, inputs))
