@@ -7,8 +7,8 @@ from dataclasses import is_dataclass
 import equinox as eqx
 
 BY_IDENTITY = {  # they hold series, of which no one truth can be told
-    "Batch", "Gaps", "Intervals", "Links", "ProblemNumbers", "Profile", "Profiles", "Restart",
-    "Sandwich", "Scores",
+    "Batch", "Gaps", "Intervals", "Links", "ProblemNumbers", "Profile", "Profiles", "Record",
+    "Restart", "Sandwich", "Scores",
 }  # fmt: skip
 
 

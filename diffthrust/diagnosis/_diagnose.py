@@ -46,10 +46,12 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._record import Record, bind
+from diffthrust.simulation._remembered import simulated_once
 from diffthrust.simulation._runs import runs_over
 
 
 @progressing
+@simulated_once()
 def diagnose(
     fit: Fit | Model,
     logs: Log | Sequence[Log],

@@ -15,6 +15,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record
+from diffthrust.simulation._remembered import remembered
 from diffthrust.simulation._trajectory import Grid, Key, driven, trajectory
 
 
@@ -51,7 +52,9 @@ def simulate_fixed(
     """
     start = {**record.start, **checked_initial(model, initial)}
     values = {name: p.value for name, p in model.parameters.items()}
-    return simulated_from(Key(model), values, record, start, substeps)
+    key = Key(model)
+    request = (key, *values.values(), id(record), *sorted(start.items()), substeps)
+    return remembered(request, record, lambda: simulated_from(key, values, record, start, substeps))
 
 
 def simulated_from(

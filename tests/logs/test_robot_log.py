@@ -565,5 +565,5 @@ def test_defects_of_a_spec_file_for_a_bag(spec, old, new, words):
 def test_a_time_base_is_refused_for_a_table(spec):
     (spec.parent / "run.csv").write_text("time,/cmd.data,/rpm.data[0]\n0,1,0\n1,1,1\n")
     spec.write_text(spec.read_text().replace('"run"', '"run.csv"'))
-    with pytest.raises(InputError, match=r"run\.csv is a table, for which 'base' says nothing"):
+    with pytest.raises(InputError, match=r"run\.csv is a table, for which 'base' has no meaning"):
         load_spec(spec).train_logs()
