@@ -16,7 +16,10 @@ from places import FITS
 import diffthrust
 from diffthrust import CoarseStepWarning, InputError
 from diffthrust.checks import check
+from diffthrust.checks._expected import with_expected  # private: texts that no spec may have
+from diffthrust.checks._marks import Marks  # private: what a block says of its making
 from diffthrust.specs import Spec, load_spec
+from diffthrust.specs._parts import ExpectedNumber  # private: what a block holds
 
 
 @pytest.fixture
@@ -153,6 +156,51 @@ def test_writing_the_block(fits, before, after):
     top = re.sub("spec = .*", spec, top)
     spaced = rest.replace("[expected", "[ expected ")
     assert written == head + after.format(top=top, rest=rest, spaced=spaced, **numbers)
+
+
+# texts that no spec may have, too: an update must never spoil what it does not know
+MARKS = Marks("diffthrust 1.0", "5bec", {"a.csv": "da7a"})
+TOP = """\
+status = "ok"
+train_nrmse = 2
+library = "diffthrust 1.0"
+spec = "5bec"
+data = { "a.csv" = "da7a" }
+"""
+REST = '\n[expected.parameters]\np = { value = 1, std_error = 0.1 }\n"e.q" = 3\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "result"),
+    [
+        ("a = 1", f"a = 1\n\n[expected]\n{TOP}{REST}"),
+        ("[expected]\ny = 1", f"[expected]\n{TOP}{REST}"),
+        ("[expected]\ny = 1\n\n[b]\n", f"[expected]\n{TOP}{REST}\n[b]\n"),
+        ("[expected.parameters]\ny = [\n 1]\n[b]\n", f"[expected]\n{TOP}{REST}[b]\n"),
+        (
+            "[expected]\ny = 1\n[b]\n[expected.c]\nz = 1\n[d]\n",
+            f"[expected]\n{TOP}{REST}\n[b]\n[d]\n",
+        ),
+        (
+            "[ expected ]\n# note\ny = 1\n# next\n[b]\n",
+            f"[ expected ]\n# note\n{TOP}{REST.replace('expected', ' expected ')}# next\n[b]\n",
+        ),
+        ("[expectedly]\ny = 1\n", f"[expectedly]\ny = 1\n\n[expected]\n{TOP}{REST}"),
+        (
+            "\ufeff[expected]\n[expected.parameters]\n# why\ne.q = 1\np = 3 # so\n\n# next\n[b]",
+            f"\ufeff[expected]\n{TOP}\n[expected.parameters]\n# why\n"
+            'p = { value = 1, std_error = 0.1 } # so\n"e.q" = 3\n\n# next\n[b]',
+        ),
+    ],
+)
+def test_a_block_is_written_into_any_text(text, result):
+    """Comments stay, and so does the order of what is there already."""
+    numbers = {
+        "train_nrmse": ExpectedNumber(value=2),
+        "parameters.p": ExpectedNumber(value=1, std_error=0.1),
+        "parameters.e.q": ExpectedNumber(value=3),
+    }
+    assert with_expected(text, Path("fit.toml"), "ok", numbers, MARKS) == result
 
 
 def written(fits: Path, key: str):
