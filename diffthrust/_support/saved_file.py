@@ -12,7 +12,18 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.lossless import encoded
 
-SCHEMA = 1
+SCHEMAS = {"fit": 1, "diagnosis": 2}
+"""The layout that files of each kind are written in.
+
+It is raised where a field is renamed, moved or changes its meaning, not where one with a default is
+added: so a change of diagnoses does not make saved fits unreadable.
+"""
+_AGAIN = {
+    "fit": "Fit the logs again, and save the result: dft.fit(model, logs).save(path).",
+    "diagnosis": "Diagnose the logs again, and save the result: dft.diagnose(model, logs)"
+    ".save(path). Saved fits still load.",
+}
+"""How a result is made again whose file has an earlier layout."""
 
 
 def write_saved(path: Path | str, kind: str, origin: Any, result: Any) -> None:
@@ -37,7 +48,7 @@ def write_saved(path: Path | str, kind: str, origin: Any, result: Any) -> None:
     fields = encoded(result, arrays)
     fields.pop("origin", None)
     head = encoded(origin, arrays)
-    document = {"schema": SCHEMA, "kind": kind, "origin": head, "result": fields}
+    document = {"schema": SCHEMAS.get(kind, 1), "kind": kind, "origin": head, "result": fields}
     document["sha256"] = _hash({**document, "arrays": arrays})
     lines = (f'  "{name}": {json.dumps(array)}' for name, array in arrays.items())
     table = ",\n".join(lines)
@@ -66,7 +77,7 @@ def read_saved(path: Path | str) -> dict[str, Any]:
     """The document in a file that `write_saved` has written.
 
     Raises:
-        InputError: there is no such file, it is another one, damaged, or of a newer schema.
+        InputError: there is no such file, it is another one, damaged, or of another schema.
     """
     path = Path(path)
     mend = "Save the result again, or take a copy of the file as it was written."
@@ -92,12 +103,7 @@ def read_saved(path: Path | str) -> dict[str, Any]:
             "for other programs; a fit cannot be made of them.",
             "Save with fit.save(path), diag.save(path) or --save.",
         )
-    if not isinstance(data["schema"], int) or data["schema"] > SCHEMA:
-        raise InputError(
-            f"{path}: written by diffthrust {version_of(data)} in schema {data['schema']}; this "
-            f"one reads schemas up to {SCHEMA}.",
-            "Update diffthrust, or save the result with this version.",
-        )
+    _check_schema(path, data)
     mark = data.pop("sha256", None)
     if mark != _hash(data):
         raise InputError(
@@ -106,6 +112,25 @@ def read_saved(path: Path | str) -> dict[str, Any]:
             mend,
         )
     return data
+
+
+def _check_schema(path: Path, data: Mapping[str, Any]) -> None:
+    """Raise `InputError` for a file in another layout than this version reads."""
+    schema, kind = data["schema"], str(data["kind"])
+    current = SCHEMAS.get(kind, 1)
+    if schema == current:
+        return
+    written = f"{path}: a {kind} in layout {schema!r}, saved by diffthrust {version_of(data)}"
+    if isinstance(schema, int) and schema < current:
+        raise InputError(
+            f"{written}: an earlier layout. This version reads layout {current} of a {kind}, and "
+            "does not convert earlier ones.",
+            _AGAIN[kind],
+        )
+    raise InputError(
+        f"{written}; expected layout {current}, or an earlier one that this version reads.",
+        "Update diffthrust, or save the result with this version.",
+    )
 
 
 def version_of(document: Mapping[str, Any]) -> str:

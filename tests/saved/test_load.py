@@ -352,10 +352,18 @@ def test_a_number_that_was_edited_is_seen(whole, tmp_path):
     refused(tmp_path / "fit.json", edited, "does not agree with its hash")
 
 
-def test_a_newer_schema_is_told(whole, tmp_path):
+def test_a_file_in_a_newer_layout_asks_for_an_update(whole, tmp_path):
     newer = whole.replace('"schema": 1', '"schema": 2').replace(dft.__version__, "9.9", 1)
-    told = refused(tmp_path / "fit.json", newer, "diffthrust 9.9 in schema 2")
-    assert "Update diffthrust" in told.mend
+    error = refused(tmp_path / "fit.json", newer, "a fit in layout 2, saved by diffthrust 9.9")
+    assert "Update diffthrust" in error.mend
+
+
+def test_a_diagnosis_in_an_earlier_layout_asks_for_a_new_diagnosis(tmp_path):
+    origin = {"library": {"diffthrust": "0.1.0"}}
+    earlier = {"schema": 1, "kind": "diagnosis", "origin": origin, "result": {"verdict": "none"}}
+    error = refused(tmp_path / "diag.json", json.dumps(earlier), "an earlier layout")
+    assert "a diagnosis in layout 1, saved by diffthrust 0.1.0" in error.problem
+    assert "Diagnose the logs again" in error.mend
 
 
 def test_other_files_are_named_for_what_they_are(whole, tmp_path):
