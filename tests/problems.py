@@ -4,7 +4,6 @@ They are held against closed forms, finite differences and SciPy at points that 
 """
 
 from diffthrust.estimation import _arrange, _registry  # private: logs as a search has them
-from diffthrust.estimation._ar1 import linked  # private: which samples a noise links
 from diffthrust.estimation._arrange import restarts  # private: segments of another length
 from diffthrust.estimation._held_out import folds, without  # private: what a choice hides
 from diffthrust.estimation._likelihood import (  # private: costs and slopes beside the optimum
@@ -13,6 +12,7 @@ from diffthrust.estimation._likelihood import (  # private: costs and slopes bes
     evaluate,
     jacobians,
 )
+from diffthrust.estimation._noise import linked  # private: which samples a noise links
 from diffthrust.estimation._rebuild import problem_of  # private: what a stored fit has solved
 from diffthrust.estimation._registry import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._residuals import SimulationError  # private: with any law and noise

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, Int
 
 from diffthrust.estimation._laws import Law
-from diffthrust.estimation._numbers import Batch, ProblemNumbers
+from diffthrust.estimation._numbers import AnyArray, Batch, ProblemNumbers
 from diffthrust.models._base.parameter import Parameter
 
 WHITE = 0.1
@@ -147,3 +150,218 @@ class White(NoiseModel):
             "small" + ("." if tables else "; see Comparison.noise_advice."),
             whole_runs=True,
         )
+
+
+_DIGITS = 6
+"""Gaps of time are equal where they agree to so many digits."""
+_FAR = 1e15
+"""The gap where there is no earlier sample: nothing lasts so long, and it has a derivative."""
+RANGE = (1e-3, 0.9999)
+"""Of the correlation from one step to the next: from white noise to a random walk."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Links:
+    """For each sample the one measured before it.
+
+    Args:
+        past: its index.
+        gap: how long before [steps]; `_FAR` where there is none.
+    """
+
+    past: Int[AnyArray, "logs channels time"]
+    gap: Float[AnyArray, "logs channels time"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Gaps:
+    """The gaps of all logs.
+
+    Args:
+        steps: that occur.
+        counts: how often.
+    """
+
+    steps: Float[AnyArray, "channels sizes"]
+    counts: Float[AnyArray, "channels sizes"]
+
+
+@dataclass(frozen=True)
+class AR1(NoiseModel):
+    """Each channel's noise is a first-order autoregression, whose correlation is estimated."""
+
+    word: ClassVar[str] = "ar1"
+
+    def parameters(self, channels: Sequence[str]) -> dict[str, Parameter]:
+        """The correlations of the channels' noise, by name, with a value to start from.
+
+        Example:
+            >>> AR1().parameters(["speed"])["noise.speed.lag_one"].value
+            0.5
+        """
+        return {_name(c): Parameter(0.5, "", RANGE, size=0.3) for c in channels}
+
+    def guesses(self, names: Collection[str]) -> tuple[Mapping[str, float], ...]:
+        """As given, and twice nearly white."""
+        nearly = dict.fromkeys(names, 0.02)
+        return {}, nearly, nearly
+
+    def arranged(self, numbers: ProblemNumbers, step: float) -> ProblemNumbers:
+        """With the samples' distances."""
+        batches = []
+        for batch in numbers.batches:
+            time = np.asarray(batch.time)
+            anew = np.zeros(time.shape, bool)
+            for restart in batch.restarts.values():
+                anew |= np.isfinite(np.asarray(restart.value))
+            links = linked(time, np.asarray(batch.measured), anew, step)
+            batches.append(replace(batch, links=links))
+        return replace(numbers, batches=batches, gaps=_gaps([batch.links for batch in batches]))
+
+    def new(
+        self,
+        channels: Sequence[str],
+        rests: Sequence[Any],
+        log: Batch,
+        numbers: ProblemNumbers,
+        values: Mapping[str, Any],
+    ) -> Sequence[Any]:
+        """What the sample before does not tell."""
+        scales, links = self.levels(channels, numbers, values), log.links
+        return [
+            _whitened(
+                residual,
+                ~jnp.isnan(log.measured[i]),
+                links.past[i],
+                links.gap[i],
+                values[_name(name)],
+                scales[i],
+            )
+            for i, (name, residual) in enumerate(zip(channels, rests, strict=True))
+        ]
+
+    def levels(
+        self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, Any]
+    ) -> Any:
+        """At some values of the correlations."""
+        gaps: Gaps = numbers.gaps
+        kept = jnp.stack([jnp.asarray(values[_name(c)]) for c in channels])
+        return jnp.stack(
+            [
+                _level(lag_one, steps, often, samples)
+                for lag_one, steps, often, samples in zip(
+                    kept, gaps.steps, gaps.counts, numbers.counts, strict=True
+                )
+            ]
+        )
+
+    def likeliest(
+        self, runs: Sequence[np.ndarray], times: Sequence[np.ndarray], law: Law, step: float
+    ) -> Likeliest:
+        """At the correlation under which what is new is likeliest."""
+        from scipy.optimize import minimize_scalar  # slow to import
+
+        links = [
+            linked(time[None], run[None, None], np.zeros((1, run.size), bool), step)
+            for run, time in zip(runs, times, strict=True)
+        ]
+
+        def cost(lag_one: float) -> float:
+            series, jacobian = [], 0.0
+            for run, link in zip(runs, links, strict=True):
+                measured, kept = np.isfinite(run), lag_one ** link.gap[0, 0]
+                scale = np.sqrt(1 - kept**2)
+                new = (run - kept * np.nan_to_num(run)[link.past[0, 0]]) / scale
+                series.append(new[measured])
+                jacobian += float(np.sum(np.log(scale[measured])))
+            return law.level_cost(np.concatenate(series)) + jacobian
+
+        (lag,) = self.parameters([""]).values()
+        if lag.fixed:
+            return Likeliest(cost(lag.value), lag.value)
+        best: Any = minimize_scalar(cost, bounds=RANGE, method="bounded")
+        return Likeliest(float(best.fun), float(best.x))
+
+    def independent(
+        self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, float]
+    ) -> float:
+        """Of the samples that are measured, as far apart as they are on the whole."""
+        gaps: Gaps = numbers.gaps
+        total = 0.0
+        for i, name in enumerate(channels):
+            often = np.asarray(gaps.counts[i])
+            apart = float(often @ np.asarray(gaps.steps[i])) / max(float(often.sum()), 1.0)
+            kept = values[_name(name)] ** apart  # between neighbours, some steps apart
+            total += float(numbers.counts[i]) * (1 - kept) / (1 + kept)
+        return max(total, 2.0)
+
+    def whiteness(self, tables: bool) -> Whiteness:
+        """What is new has no reason to be correlated."""
+        return Whiteness(
+            WHITE,
+            "What is new in the noise at each sample is still correlated with the sample before "
+            "({}): the noise is of another kind, or something is missing from the model. The "
+            "standard errors assume an autoregression and are too small.",
+        )
+
+
+def _name(channel: str) -> str:
+    """The parameter of a channel's noise: its correlation from one step to the next."""
+    return f"noise.{channel}.lag_one"
+
+
+def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float) -> Links:
+    """For each sample the one measured before it, and how long before.
+
+    Args:
+        time: ``(B, T)`` [s].
+        measured: ``(B, C, T)``; NaN where nothing was measured.
+        anew: ``(B, T)``, true where a simulation begins anew, and with it the noise.
+        step: in which gaps are counted [s].
+    """
+    finite = np.isfinite(measured)
+    place = np.arange(time.shape[1])
+    latest = np.maximum.accumulate(np.where(finite, place, -1), axis=2)
+    past = np.concatenate([np.full((*finite.shape[:2], 1), -1), latest[..., :-1]], axis=2)
+    segment = np.cumsum(anew, axis=1)
+    row = np.arange(time.shape[0])[:, None, None]
+    previous = np.maximum(past, 0)
+    together = finite & (past >= 0) & (segment[row, previous] == segment[:, None, :])
+    gap = np.where(together, (time[:, None, :] - time[row, previous]) / step, _FAR)
+    return Links(np.where(together, past, 0), gap)
+
+
+def _gaps(links: Sequence[Links]) -> Gaps:
+    """The gaps of all logs."""
+    by_channel = []
+    for channel in zip(*(np.moveaxis(np.asarray(b.gap), 1, 0) for b in links), strict=True):
+        all_gaps = np.concatenate([gaps.ravel() for gaps in channel])
+        finite = all_gaps[all_gaps < _FAR]
+        size = 10.0 ** np.floor(np.log10(finite))
+        rounded = np.round(finite / size, _DIGITS - 1) * size
+        _, first, counts = np.unique(rounded, return_index=True, return_counts=True)
+        by_channel.append((finite[first], counts))
+    widest = max(steps.size for steps, _ in by_channel)
+
+    def padded(values: np.ndarray, fill: float) -> np.ndarray:
+        return np.concatenate([values, np.full(widest - values.size, fill)])
+
+    return Gaps(
+        steps=np.stack([padded(steps, _FAR) for steps, _ in by_channel]),
+        counts=np.stack([padded(counts.astype(float), 0.0) for _, counts in by_channel]),
+    )
+
+
+def _level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
+    """Geometric mean of sqrt(1 - phi^2): the level of what is new over that of the noise."""
+    return jnp.exp(0.5 * jnp.sum(often * jnp.log1p(-(lag_one ** (2.0 * gap)))) / samples)
+
+
+def _whitened(residual: Any, finite: Any, past: Any, gap: Any, lag_one: Any, scale: Any) -> Any:
+    """What is new in each residual of one channel, ``(T,)``; zero where nothing was measured."""
+    phi = lag_one**gap
+    return jnp.where(
+        finite, scale * (residual - phi * residual[past]) / jnp.sqrt(1.0 - phi**2), 0.0
+    )

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from diffthrust.estimation._ar1 import AR1
 from diffthrust.estimation._censored import Censored, are_censored
 from diffthrust.estimation._laws import Gaussian, Law, StudentT
-from diffthrust.estimation._noise import NoiseModel, White
+from diffthrust.estimation._noise import AR1, NoiseModel, White
 from diffthrust.estimation._residuals import Innovations, Likelihood, SimulationError
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record

@@ -9,8 +9,8 @@ import pytest
 
 import diffthrust as dft
 from diffthrust.estimation import _insensitive, _unstable  # private: each alone
-from diffthrust.estimation._ar1 import AR1, RANGE, Gaps  # private: told by no result
 from diffthrust.estimation._likelihood import noise_levels  # private: told by no result
+from diffthrust.estimation._noise import AR1, RANGE, Gaps  # private: told by no result
 from diffthrust.estimation._one_step import nrmse  # private: as a diagnosis calls it
 from diffthrust.estimation._unstable import unstable_advice  # private: the sentence alone
 from diffthrust.estimation._vanished import alive, vanished, vanished_notes  # private: each alone

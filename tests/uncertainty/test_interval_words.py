@@ -10,7 +10,7 @@ from posterior_cases import PROFILE, Interval
 from scipy.stats import chi2, f, norm
 from scipy.stats import t as student
 
-from diffthrust.estimation._ar1 import AR1  # private: a noise that lasts
+from diffthrust.estimation._noise import AR1  # private: a noise that lasts
 from diffthrust.uncertainty import _intervals as intervals_module  # private: its limits
 from diffthrust.uncertainty._interval_words import (  # private: the sentences alone
     Evidence,
