@@ -5,7 +5,7 @@ They are held against closed forms, finite differences and SciPy at points that 
 
 from diffthrust.estimation import _arrange, _registry  # private: logs as a search has them
 from diffthrust.estimation._arrange import restarts  # private: segments of another length
-from diffthrust.estimation._held_out import folds, without  # private: what a choice hides
+from diffthrust.estimation._horizons import folds, without  # private: what a choice hides
 from diffthrust.estimation._likelihood import (  # private: costs and slopes beside the optimum
     Quadratic,
     errors_at,
