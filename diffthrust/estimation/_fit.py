@@ -16,13 +16,11 @@ from diffthrust.estimation._arguments import FitOptions, check_arguments, check_
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._censored import rail_notes
 from diffthrust.estimation._estimate import Estimate, shown_unit
-from diffthrust.estimation._explained import explained
 from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
 from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
-from diffthrust.estimation._insensitive import without_silent
+from diffthrust.estimation._insensitive import alive, vanished_notes, without_silent
 from diffthrust.estimation._likelihood import noise_levels
 from diffthrust.estimation._multistart import Search
-from diffthrust.estimation._notes import correlation_notes
 from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._polish import polished, rounding_of
 from diffthrust.estimation._problem import Problem
@@ -30,9 +28,17 @@ from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved
-from diffthrust.estimation._status import GRADIENT_LIMIT, Checks, Local, examine, failed_over, judge
-from diffthrust.estimation._unstable import unstable_advice
-from diffthrust.estimation._vanished import alive, vanished_notes
+from diffthrust.estimation._status import (
+    GRADIENT_LIMIT,
+    Checks,
+    Local,
+    correlation_notes,
+    examine,
+    explained,
+    failed_over,
+    judge,
+    unstable_advice,
+)
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model

@@ -43,6 +43,9 @@ def folds(records: Sequence[Record]) -> tuple[Hidden, ...]:
 def held_out_error(problem: Problem, end: Solved) -> float:
     """The error (NRMSE) of whole runs over what was hidden from the fit; infinite where it fails.
 
+    Hidden measurements become missing values in numbers of the same shape, so that nothing is
+    compiled again, and each fit continues from the optimum over all logs.
+
     Args:
         problem: at some horizon.
         end: its optimum.

@@ -1,4 +1,4 @@
-"""Parameters that the logs of a fit say nothing about."""
+"""Parameters that the logs of a fit say nothing about, or push to zero."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from diffthrust.estimation._multistart import FIRST_BUDGET, draw
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved, solve
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 
 
 def without_silent(
@@ -58,3 +59,58 @@ def _idle(problem: Problem, points: np.ndarray, i: int) -> bool:
     pairs = zip(points, np.clip(moved, *problem.limits()), strict=True)
     costs = [[float(solve(problem, z, budget=1).quadratic.cost) for z in pair] for pair in pairs]
     return all(a == b or not np.isfinite([a, b]).all() for a, b in costs)
+
+
+_FAR = 23.0
+"""Logarithms so far below their start, ten decades, are zero to all ends."""
+_NOTHING = 1e-12
+"""A value below this share of the usual one was left behind by a fit in which it vanished,"""
+_ALIVE = 1e-2
+"""and the next begins at this share of the usual one."""
+
+
+def vanished(problem: Problem, z: np.ndarray) -> np.ndarray:
+    """Which coordinates are logarithms that ran off to zero, ``(n,)``.
+
+    A logarithm has no zero: it runs to its limit, far below the start. Nothing depends on it there,
+    so the next fit from that place could not move it, and would report it as insensitive.
+    """
+    away = np.zeros(z.size, bool)
+    for i, name in enumerate(problem.free):
+        p = problem.named[name]
+        away[i] = _may_vanish(p) and z[i] < np.log(p.value) - _FAR
+    return away
+
+
+def alive(model: Model) -> Model:
+    """The model with parameters that vanished in an earlier fit back where logs can move them."""
+    usual = {n: p for effect in model.effects for n, p in _usual(effect, f"{effect.name}.")}
+    usual |= dict(_usual(model, ""))
+    back = {
+        name: _ALIVE * usual[name].value
+        for name, p in model.parameters.items()
+        if name in usual and _may_vanish(p) and p.value < _NOTHING * usual[name].value
+    }
+    return model.replace(back) if back else model
+
+
+def vanished_notes(problem: Problem, z: np.ndarray) -> tuple[str, ...]:
+    """A sentence for each parameter that vanished: what the model is without it."""
+    away = vanished(problem, z)[: len(problem.own)]
+    notes = []
+    for name in (n for n, vanishes in zip(problem.own, away, strict=True) if vanishes):
+        what = problem.named[name].doc
+        term = f"the term of {name} ({what})" if what else f"the term of {name}"
+        notes.append(
+            f"{name} vanished: these logs push it to zero, where {term} is absent. "
+            "The model fits them as well without that term."
+        )
+    return tuple(notes)
+
+
+def _usual(component, prefix: str) -> list[tuple[str, Parameter]]:
+    return [(f"{prefix}{name}", p) for name, p in component.declared.items()]
+
+
+def _may_vanish(p: Parameter) -> bool:
+    return p.transform == "log" and not p.fixed and p.limits[0] <= 0

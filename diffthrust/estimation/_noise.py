@@ -1,8 +1,7 @@
 """What noise a simulation's residuals are taken for: white, or of a kind that lasts.
 
 A noise model is one class: its parameters, what it makes of the residuals, and what a fit says
-where they are not of its kind. `_registry` lists them by the words of `fit`; `_ar1` has one that
-lasts.
+where they are not of its kind. `_arguments` lists them by the words of `fit`.
 """
 
 from __future__ import annotations
@@ -190,7 +189,21 @@ class Gaps:
 
 @dataclass(frozen=True)
 class AR1(NoiseModel):
-    """Each channel's noise is a first-order autoregression, whose correlation is estimated."""
+    """Each channel's noise is a first-order autoregression, whose correlation is estimated.
+
+    The noise of a sample is a share of the previous sample's noise plus an innovation. A residual r
+    at a gap of d steps after the previous one, p, becomes its innovation, scaled to the same level
+    whatever the gap,
+
+        w = (r - phi p) / sqrt(1 - phi^2),    phi = lag_one ^ d,
+
+    which is white where the model is right; the first residual of a run stands for itself. The
+    density also has the factors 1 / sqrt(1 - phi^2). They are taken into the residuals, all
+    multiplied by the geometric mean of sqrt(1 - phi^2): with an estimated level this gives the
+    exact likelihood (Box & Jenkins 1970, section 7.1, and a change of scale), for the Gaussian and
+    for the Student-t law, as a sum of squares with a forward-mode derivative. In the correlation
+    from one step to the next it is a linear regression, which a fit solves from anywhere.
+    """
 
     word: ClassVar[str] = "ar1"
 

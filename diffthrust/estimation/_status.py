@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
-from diffthrust.estimation._likelihood import Quadratic
+from diffthrust._support.correlation import lag_one
+from diffthrust._support.words import joined, percent
+from diffthrust.estimation._insensitive import vanished
+from diffthrust.estimation._likelihood import Quadratic, errors_at
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._vanished import vanished
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors
+from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._runs import Run, are_tables
+from diffthrust.soundness._doubt import Doubt
 
 GRADIENT_LIMIT = 1e-5
 """A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""
@@ -282,3 +289,106 @@ def _of_bounds(local: Local) -> str:
 
 def _names(names: Sequence[str]) -> str:
     return ", ".join(names)
+
+
+def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> tuple[str, ...]:
+    """A sentence where errors are correlated that the likelihood takes as white.
+
+    Args:
+        problem: the problem of the fit.
+        z: its optimum.
+        runs: the fit over its training logs.
+    """
+    white = problem.layout.likelihood.whiteness(are_tables(problem.model, runs))
+    if white.whole_runs:
+        errors = [{n: t.residual for n, t in run.channels.items()} for run in runs]
+    else:
+        errors = errors_at(problem, z)
+    lags = _correlated(errors, white.limit)
+    return (white.sentence.format(lags),) if lags else ()
+
+
+def _correlated(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:
+    """Channels with a lag-one correlation beyond a limit and beyond chance, with its value."""
+    lags = {}
+    for name in dict.fromkeys(name for run in runs for name in run):
+        lag = lag_one([run[name] for run in runs if name in run])
+        if lag > limit:
+            lags[name] = lag
+    return ", ".join(f"{name} {lag:.2f}" for name, lag in lags.items())
+
+
+_LITTLE = 20.0
+"""A channel that is explained to less than so many per cent is not described by the model."""
+
+
+def explained(errors: Errors, doubts: Sequence[Doubt]) -> tuple[str, tuple[Doubt, ...]]:
+    """What to add to a fit's message, and its doubts with those on channels it hardly explains.
+
+    Args:
+        errors: of the fit on its training logs.
+        doubts: on the logs themselves.
+    """
+    little = {name: e.fit_percent for name, e in errors.channels.items() if e.fit_percent < _LITTLE}
+    if not little:
+        return "", tuple(doubts)
+    words = [f"{percent(max(share, 0.0) / 100)} of {name}" for name, share in little.items()]
+    doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
+    added = [
+        Doubt(
+            name,
+            "silent",
+            f"the fit explains {percent(max(share, 0.0) / 100)} of {name}: it does not move as the "
+            "model's does.",
+            f"look at dft.compare(fit, logs).plot(), at the sign, unit and column of {name} and "
+            "of the inputs, and at what dft.diagnose(fit, logs) finds missing.",
+        )
+        for name, share in little.items()
+        if name not in doubted
+    ]
+    return f" But it explains {joined(words)}: look at the doubts first.", (*doubts, *added)
+
+
+_SMALL = 1e-8
+"""What initial states are moved by, as a share of the range that the state has in the run."""
+_LARGE = 1e4
+"""Runs that part by more are those of an unstable model: one that only adds up (a position, a
+heading) parts by as much as the run is long, and rounding of 1e-12 then stays unseen."""
+
+
+def unstable_advice(status: Status, model: Model, runs: Sequence[Run], corrects: bool) -> str:
+    """What to add to the message of a fit that may not be used, where the model is unstable.
+
+    Simulated over whole runs such a model forgets nothing: the last digits of its initial states
+    and parameters decide where a run ends, the likelihood has ridges that no search follows, and
+    the rank that is left of it is that of rounding. Predictions from sample to sample do not have
+    that; the fit does not go over to them by itself, for their standard errors claim other things.
+
+    Args:
+        status: of the fit.
+        model: at the optimum.
+        runs: over its training logs.
+        corrects: whether the fit predicted from sample to sample.
+    """
+    measured = any(set(run.channels) & set(model.all_states) for run in runs)
+    if status.ok or corrects or not measured:
+        return ""
+    parted = [(_parted(model, run), run.name) for run in runs if not run.failure]
+    times, name = max(parted, default=(0.0, ""))
+    if times < _LARGE:
+        return ""
+    return (
+        f" The model is unstable: over {name} a small difference at the start grows {times:.0e} "
+        "times as large, so that whole runs hardly tell its parameters. Predict each sample from "
+        "the ones before it: likelihood='innovations'."
+    )
+
+
+def _parted(model: Model, run: Run) -> float:
+    """How many times larger a small difference of the initial states becomes."""
+    states = {n: run.signals[n] for n in model.all_states if n in run.signals}
+    sizes = {n: float(np.ptp(x)) or 1.0 for n, x in states.items()}
+    begin = {n: float(x[0]) + _SMALL * sizes[n] for n, x in states.items()}
+    moved = simulate_fixed(model, run.record, begin, run.substeps)
+    apart = [np.max(np.abs(moved[n] - x)) / (_SMALL * sizes[n]) for n, x in states.items()]
+    return float(max(apart, default=0.0))

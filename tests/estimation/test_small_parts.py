@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust.estimation import _insensitive, _unstable  # private: each alone
+from diffthrust.estimation import _insensitive, _status  # private: each alone
+from diffthrust.estimation._insensitive import (  # private: each alone
+    alive,
+    vanished,
+    vanished_notes,
+)
 from diffthrust.estimation._likelihood import noise_levels  # private: told by no result
 from diffthrust.estimation._noise import AR1, RANGE, Gaps  # private: told by no result
 from diffthrust.estimation._one_step import nrmse  # private: as a diagnosis calls it
-from diffthrust.estimation._unstable import unstable_advice  # private: the sentence alone
-from diffthrust.estimation._vanished import alive, vanished, vanished_notes  # private: each alone
+from diffthrust.estimation._status import unstable_advice  # private: the sentence alone
 from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 from diffthrust.simulation._runs import runs_over  # private: what it looks at
 
@@ -195,15 +199,15 @@ def test_runs_that_part_by_ten_thousand(monkeypatch, times, told):
         asked.update(initial, substeps=substeps)
         return {"speed": speed + apart}
 
-    monkeypatch.setattr(_unstable, "simulate_fixed", simulate_fixed)
+    monkeypatch.setattr(_status, "simulate_fixed", simulate_fixed)
     status = dft.Status.NOT_CONVERGED
-    advice = _unstable.unstable_advice(status, dft.Thruster(), [run], False)
+    advice = unstable_advice(status, dft.Thruster(), [run], False)
     assert ("grows 1e+04 times as large" in advice) == told
     assert asked == {"speed": 3.0 + 1e-8 * 2.0, "substeps": 3}
     failed = SimpleNamespace(**{**vars(run), "failure": "It failed."})
-    assert _unstable.unstable_advice(status, dft.Thruster(), [failed], False) == ""
+    assert unstable_advice(status, dft.Thruster(), [failed], False) == ""
     blind = SimpleNamespace(**{**vars(run), "channels": {"thrust": None}})
-    assert _unstable.unstable_advice(status, dft.Thruster(), [blind], False) == ""
+    assert unstable_advice(status, dft.Thruster(), [blind], False) == ""
 
 
 def test_one_step_errors_over_the_spread_of_what_was_measured(monkeypatch):
