@@ -3,7 +3,8 @@
 They are held against closed forms, finite differences and SciPy at points that no fit returns.
 """
 
-from diffthrust.estimation import _arrange, _registry  # private: logs as a search has them
+from diffthrust.estimation import _arguments, _arrange  # private: logs as a search has them
+from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._arrange import restarts  # private: segments of another length
 from diffthrust.estimation._horizons import folds, without  # private: what a choice hides
 from diffthrust.estimation._likelihood import (  # private: costs and slopes beside the optimum
@@ -14,7 +15,6 @@ from diffthrust.estimation._likelihood import (  # private: costs and slopes bes
 )
 from diffthrust.estimation._noise import linked  # private: which samples a noise links
 from diffthrust.estimation._rebuild import problem_of  # private: what a stored fit has solved
-from diffthrust.estimation._registry import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._residuals import SimulationError  # private: with any law and noise
 from diffthrust.estimation._solver import solve  # private: from any point, for any budget
 from diffthrust.estimation._status import (  # private: the checks of any point
@@ -62,4 +62,4 @@ def build(model, logs, **options):
 
 def likelihood_of(model, logs, **words):
     """The likelihood that the words of a fit mean for a model and its logs."""
-    return _registry.likelihood_of(model, bind(model, logs), **words)
+    return _arguments.likelihood_of(model, bind(model, logs), **words)

@@ -21,8 +21,8 @@ from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
 from diffthrust.comparison._outstanding import outstanding
 from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
+from diffthrust.estimation._arguments import LIKELIHOODS
 from diffthrust.estimation._origin import Origin, closing, origin_of, taken_part
-from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.estimation._status import Status
 from diffthrust.estimation._tables import error_rows
 from diffthrust.logs._log import Log

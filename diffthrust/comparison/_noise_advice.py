@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.estimation._registry import LOSSES, NOISE_MODELS
+from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._linear_response import LinearResponse
 from diffthrust.diagnosis._ports import places_of
 from diffthrust.diagnosis._score_test import promised_gain
+from diffthrust.estimation._arguments import NOISE_MODELS
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._laws import StudentT
 from diffthrust.estimation._likelihood import Quadratic
@@ -38,7 +39,6 @@ from diffthrust.estimation._observer import (
 )
 from diffthrust.estimation._one_step import Pass, cost, passes, with_clip
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._registry import NOISE_MODELS
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._solver import solve
 from diffthrust.models._base.effect import Effect

@@ -1,4 +1,9 @@
-"""Checks of what a caller gives to a fit or a diagnosis, before any work is done."""
+"""The arguments of a fit: their words, and checks before any work is done.
+
+A new noise is a class in `_noise` or in a file of its own and its place in `NOISE_MODELS`; a new
+law of errors a class in `_laws` and its place in `LOSSES`. Spec files, checks, the advice on noise
+and the reference read the words here.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +14,13 @@ from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, shortly
-from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
+from diffthrust.estimation._censored import Censored, are_censored
+from diffthrust.estimation._laws import Gaussian, Law, StudentT
+from diffthrust.estimation._noise import AR1, NoiseModel, White
+from diffthrust.estimation._residuals import Innovations, Likelihood, SimulationError
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import Record
 
 STARTS_LIMIT = 1_000
 """More starts find nothing that these did not, and take hours."""
@@ -19,6 +28,26 @@ SUBSTEPS_LIMIT = 10_000
 """A model that needs finer steps is a stiff one: no fixed step is right for it."""
 SEED_LIMIT = 2**64 - 1
 """As long as the integers of a spec file."""
+
+LIKELIHOODS: dict[str, type[Likelihood]] = {
+    kind.word: kind for kind in (SimulationError, Innovations)
+}
+NOISE_MODELS: dict[str, NoiseModel] = {noise.word: noise for noise in (White(), AR1())}
+LOSSES: dict[str, Law] = {law.word: law for law in (Gaussian(), StudentT())}
+
+
+def likelihood_of(
+    model: Model, records: Sequence[Record], *, likelihood: str, noise_model: str, loss: str
+) -> Likelihood:
+    """The likelihood that the words of a fit mean, for a model and its records.
+
+    Raises:
+        InputError: logs that it cannot be made for.
+    """
+    kind, noise, law = LIKELIHOODS[likelihood], NOISE_MODELS[noise_model], LOSSES[loss]
+    if law.closed and not kind.corrects and not noise.lasts and are_censored(records):
+        law = Censored()
+    return kind.of(model, records, noise, law)
 
 
 def listed(logs: Any) -> tuple[Log, ...]:

@@ -12,7 +12,13 @@ import numpy as np
 
 from diffthrust._support.progress import Progress, ProgressOption, part, progressing, teller
 from diffthrust._support.warned import warn
-from diffthrust.estimation._arguments import FitOptions, check_arguments, check_guesses, listed
+from diffthrust.estimation._arguments import (
+    FitOptions,
+    check_arguments,
+    check_guesses,
+    likelihood_of,
+    listed,
+)
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._censored import rail_notes
 from diffthrust.estimation._estimate import Estimate, shown_unit
@@ -24,7 +30,6 @@ from diffthrust.estimation._multistart import Search
 from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._polish import polished, rounding_of
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved

@@ -1,6 +1,6 @@
 """Laws of errors: how likely a residual is beside the level of the noise.
 
-A law is one class here and its place in `LOSSES` of `_registry`: fits, spec files, predictions,
+A law is one class here and its place in `LOSSES` of `_arguments`: fits, spec files, predictions,
 posteriors and the advice on noise ask it for the rest. Its numbers must agree with each other;
 `tests/estimation/test_error_laws.py` holds those of every law in the registry against its density.
 """

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._arguments import listed
+from diffthrust.estimation._arguments import likelihood_of, listed
 from diffthrust.estimation._arrange import build, restarts
 from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import Status

@@ -131,7 +131,7 @@ def _checked(name: str) -> str:
 def _spec(model: Model, folder: Path, directory: Path) -> str:
     import jinja2
 
-    from diffthrust.estimation._registry import LOSSES
+    from diffthrust.estimation._arguments import LOSSES
 
     losses = [f'"{word}" {law.suits}' for word, law in LOSSES.items() if not law.closed]
     environment = jinja2.Environment(

@@ -33,7 +33,7 @@ class RegisteredWord:
     """A key whose words are those of a registry of `fit`: a check of pydantic.
 
     Args:
-        registry: its name in `diffthrust.estimation._registry`.
+        registry: its name in `diffthrust.estimation._arguments`.
     """
 
     registry: str
@@ -41,9 +41,9 @@ class RegisteredWord:
     @property
     def words(self) -> tuple[str, ...]:
         """The words, in the order of the registry."""
-        from diffthrust.estimation import _registry  # late: it loads JAX
+        from diffthrust.estimation import _arguments  # late: it loads JAX
 
-        return tuple(getattr(_registry, self.registry))
+        return tuple(getattr(_arguments, self.registry))
 
     def __call__(self, value: Any) -> Any:
         if value not in self.words:

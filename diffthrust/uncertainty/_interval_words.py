@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from diffthrust.estimation._registry import LIKELIHOODS, NOISE_MODELS
+from diffthrust.estimation._arguments import LIKELIHOODS, NOISE_MODELS
 from diffthrust.estimation._result import Fit
 from diffthrust.uncertainty._intervals_row import Interval
 from diffthrust.uncertainty._profile_curve import LOPSIDED, Profile

@@ -12,8 +12,8 @@ import numpy as np
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
+from diffthrust.estimation._arguments import LOSSES
 from diffthrust.estimation._laws import Law
-from diffthrust.estimation._registry import LOSSES
 from diffthrust.logs._written import ShownUnits
 from diffthrust.simulation._record import Record
 from diffthrust.uncertainty._prediction.draws import Draws

@@ -15,7 +15,7 @@ from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
-from diffthrust.estimation._registry import LIKELIHOODS
+from diffthrust.estimation._arguments import LIKELIHOODS
 from diffthrust.logs._log import Log
 from diffthrust.simulation._record import Record, bind
 from diffthrust.simulation._step_size import sufficient_steps

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
+from diffthrust.estimation._arguments import LOSSES
 from diffthrust.estimation._observer import (
     Correction,
     Limits,
@@ -18,7 +19,6 @@ from diffthrust.estimation._observer import (
     limited,
     observer_of,
 )
-from diffthrust.estimation._registry import LOSSES
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._record import Record
