@@ -23,8 +23,8 @@ from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
 from diffthrust.estimation._arguments import LIKELIHOODS
 from diffthrust.estimation._origin import Origin, closing, origin_of, taken_part
+from diffthrust.estimation._result import error_rows
 from diffthrust.estimation._status import Status
-from diffthrust.estimation._tables import error_rows
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors

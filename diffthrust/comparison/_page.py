@@ -21,9 +21,8 @@ from diffthrust._support.report import (
 )
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.estimation._origin import closing
-from diffthrust.estimation._result import Fit
+from diffthrust.estimation._result import Fit, doubt_lines, error_rows, parameter_rows
 from diffthrust.estimation._status import Status
-from diffthrust.estimation._tables import doubt_lines, error_rows, parameter_rows
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 

@@ -20,9 +20,8 @@ from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
-from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
-from diffthrust.estimation._result import Fit
+from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model

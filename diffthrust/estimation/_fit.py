@@ -21,7 +21,6 @@ from diffthrust.estimation._arguments import (
 )
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._censored import rail_notes
-from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
 from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
 from diffthrust.estimation._insensitive import alive, vanished_notes, without_silent
@@ -31,7 +30,7 @@ from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._polish import polished, rounding_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._residuals import Likelihood
-from diffthrust.estimation._result import Fit
+from diffthrust.estimation._result import Estimate, Fit, shown_unit
 from diffthrust.estimation._solver import Solved
 from diffthrust.estimation._status import (
     GRADIENT_LIMIT,

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust.estimation._arrange import build
-from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._laws import Gaussian
 from diffthrust.estimation._likelihood import errors_at
 from diffthrust.estimation._multistart import Search
@@ -17,7 +16,7 @@ from diffthrust.estimation._observer import CLIP, REAL, WIDE, is_memory
 from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._residuals import Innovations
-from diffthrust.estimation._result import Fit
+from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.simulation._record import Record
 
 

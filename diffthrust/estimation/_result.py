@@ -1,29 +1,94 @@
-"""The result of a fit."""
+"""The result of a fit: estimates, the fit itself, and the rows of its report."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
-from diffthrust._support.report import Outcome, Report, Section, Styled, closing_section, notes
+from diffthrust._support.report import (
+    Line,
+    Outcome,
+    Report,
+    Rows,
+    Section,
+    Styled,
+    closing_section,
+    notes,
+)
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
-from diffthrust.estimation._estimate import Estimate
-from diffthrust.estimation._export import exported_fit
+from diffthrust._support.words import number, with_error
 from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._status import Checks, Status
-from diffthrust.export._export import ExportTo
+from diffthrust.export._export import ExportTo, exported
 from diffthrust.export._exported import Exported
+from diffthrust.export._source import ExportSource
+from diffthrust.export._trace import read_inputs
 from diffthrust.logs._identity import LogIdentity
-from diffthrust.logs._written import Written
+from diffthrust.logs._written import ShownUnits, Size, Written
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.simulation._errors import ChannelError, Errors
 from diffthrust.soundness._doubt import Doubt
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter after a fit.
+
+    Args:
+        value: the value, in ``unit``.
+        std_error: standard deviation of the estimate; ``None`` where the parameter was fixed, lies
+            at a bound, or cannot be told apart from others.
+        unit: unit of both.
+        fixed: it was not estimated.
+        at_bound: the data hold it at one of its bounds.
+        per: how many of ``shown_unit`` make one of ``unit``: a dead band is told in the unit in
+            which the logs have the command.
+        shown_unit: the unit for people; ``unit`` where it is empty.
+
+    Example:
+        >>> alpha = fit.parameters["alpha"]
+        >>> alpha.unit, alpha.fixed, alpha.at_bound, alpha.std_error < 0.01
+        ('1/rad', False, False, True)
+        >>> len(alpha.shown), sorted(alpha.to_json())
+        (3, ['at_bound', 'fixed', 'std_error', 'unit', 'value', 'written'])
+    """
+
+    value: float
+    std_error: float | None
+    unit: str
+    fixed: bool
+    at_bound: bool
+    per: float = 1.0
+    shown_unit: str = ""
+
+    @property
+    def shown(self) -> tuple[float, float | None, str]:
+        """Value, standard error and unit for people."""
+        error = None if self.std_error is None else self.per * self.std_error
+        return self.per * self.value, error, self.shown_unit or self.unit
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, in the parameter's unit and in that for people."""
+        names = ("value", "std_error", "unit")
+        kept = {name: getattr(self, name) for name in (*names, "fixed", "at_bound")}
+        return {**kept, "written": dict(zip(names, self.shown, strict=True))}
+
+
+def shown_unit(parameter: Parameter, model: Model, shown: ShownUnits) -> Size:
+    """How many of which unit, for people, make one of a parameter's."""
+    if not parameter.channel:
+        return Size(1.0, parameter.unit)
+    per, unit = shown.size(parameter.channel, 1.0, model.channel_units.get(parameter.channel, ""))
+    return Size(per, parameter.pattern.replace(f"{{{parameter.channel}}}", unit))
 
 
 @dataclass(frozen=True, repr=False)
@@ -157,13 +222,6 @@ class Fit(Result):
         return f"{self.model}: {self.status}, NRMSE {self.train.nrmse:.3g} on training logs{unseen}"
 
     def _report(self) -> Report:
-        from diffthrust.estimation._tables import (
-            doubt_lines,
-            error_rows,
-            noise_rows,
-            parameter_rows,
-        )
-
         status = Styled(self.status.value, "good" if self.status.ok else "bad")
         return Report(
             Section(
@@ -229,7 +287,29 @@ class Fit(Result):
             >>> fit.export("c", "thruster.h").notes
             ()
         """
-        return exported_fit(self, to, path, limits)
+        from diffthrust import __version__
+
+        if self.status is Status.SIMULATION_FAILED:
+            raise InputError(
+                f"This fit failed, so that there is nothing to export. {self.message}",
+                "Fit again, from other values or with narrower bounds.",
+            )
+        errors = {n: e.std_error for n, e in self.parameters.items() if e.std_error is not None}
+        source = ExportSource(
+            self.model,
+            read_inputs(self.model, self.ranges),
+            ranges=self.ranges,
+            linear=tuple(name for name, hold in self.hold.items() if hold == "linear"),
+            substeps=self.substeps,
+            errors=errors,
+            told=(f"Fit: {self.message}", *(self.origin.sentences if self.origin else ())),
+            version=__version__,
+            units=ShownUnits((self.written,)),
+        )
+        result = exported(source, to, path, limits)
+        if self.status.ok:
+            return result
+        return replace(result, notes=(f"The fit is {self.status}: {self.message}", *result.notes))
 
     def to_json(self) -> dict[str, Any]:
         """The fit as plain data, in the form that ``diffthrust fit --json`` writes.
@@ -250,3 +330,61 @@ class Fit(Result):
             "doubts": [doubt.to_json() for doubt in self.doubts],
         }
         return plain(written)
+
+
+def doubt_lines(doubts: Iterable[Doubt]) -> Iterator[Line]:
+    """What to look at before anything else; mostly nothing."""
+    for doubt in doubts:
+        name = Styled(f"Doubt: {doubt.channel} ({doubt.kind}): ", "doubtful")
+        yield Line((name, f"{doubt.evidence}\nMend: {doubt.mend}"))
+
+
+def noise_rows(disturbance: Mapping[str, Estimate]) -> Rows:
+    """What the innovations form estimated of random forces and lasting sensor errors."""
+    rows = (
+        (name.removeprefix("noise."), number(e.value, 3), e.unit, "at its bound" * e.at_bound)
+        for name, e in disturbance.items()
+    )
+    return Rows.of(("Noise", "Value", "Unit", ""), rows, numbers=(1,))
+
+
+def parameter_rows(parameters: Mapping[str, Estimate]) -> Rows:
+    """One row for each parameter; numbers end at the second digit of their standard error."""
+    rows = []
+    for name, e in parameters.items():
+        if e.fixed:
+            remark = "fixed"
+        elif e.at_bound:
+            remark = "at its bound"
+        else:
+            remark = "" if e.std_error is not None else "not determined by these logs"
+        size, spread, unit = e.shown
+        rows.append((name, *with_error(size, spread), unit, remark))
+    return Rows.of(("Parameter", "Value", "Std error", "Unit", ""), rows, numbers=(1, 2))
+
+
+def error_rows(errors: Iterable[tuple[str, Errors | None]]) -> Rows:
+    """Errors by log and channel, and over all channels."""
+    headings = ("Logs", "Channel", "RMSE", "Unit", "NRMSE", "Fit %", "Samples")
+    blocks = tuple(tuple(_channel_rows(logs, e)) for logs, e in errors if e is not None)
+    return Rows(headings, blocks, numbers=(2, 4, 5, 6))
+
+
+def _channel_rows(logs: str, errors: Errors) -> Iterator[tuple[str, ...]]:
+    for name, e in errors.channels.items():
+        yield logs, name, *_error_cells(e)
+    if len(errors.channels) > 1:
+        total = (logs, "all", "", "", _error_cell(errors.nrmse), "", "")
+        yield tuple(Styled(cell, "strong") for cell in total)
+
+
+def _error_cells(e: ChannelError) -> tuple[str, str, str, str, str]:
+    """RMSE, its unit, NRMSE, fit per cent and samples."""
+    # + 0.0 turns -0.0 into 0.0
+    percent = f"{round(e.fit_percent, 1) + 0.0:.1f}" if math.isfinite(e.fit_percent) else "-"
+    return _error_cell(e.shown.value), e.shown.unit, _error_cell(e.nrmse), percent, str(e.samples)
+
+
+def _error_cell(value: float) -> str:
+    """An error as text; ``-`` where the simulation failed."""
+    return number(value) if math.isfinite(value) else "-"

@@ -20,8 +20,7 @@ from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._ports import place_words
 from diffthrust.diagnosis._report.learned import learned_words, share_words
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.estimation._estimate import Estimate
-from diffthrust.estimation._result import Fit
+from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
