@@ -1,6 +1,6 @@
 """The observer behind the innovations, by itself: its gains, limits and passes."""
 
-from diffthrust.estimation import _innovations, _observer  # private: as a comparison calls it
+from diffthrust.estimation import _observer, _rebuild  # private: as a comparison calls it
 from diffthrust.estimation._observer import (  # private: its parts against closed forms
     CLIP,
     REAL,
@@ -53,4 +53,4 @@ def observer_of(model, log, channels, **options):
 
 def one_step(fit, logs, substeps=1):
     """The one-step errors of a fit on some logs."""
-    return _innovations.one_step(fit, bind(fit.model, logs), substeps)
+    return _rebuild.one_step(fit, bind(fit.model, logs), substeps)

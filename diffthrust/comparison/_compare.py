@@ -97,7 +97,7 @@ class Comparison(Result):
         """
         if self.fit is None or self.fit.disturbance is None:
             return None
-        from diffthrust.estimation._innovations import one_step
+        from diffthrust.estimation._rebuild import one_step
 
         substeps = max(run.substeps for run in self.runs)
         predicted = one_step(self.fit, [run.record for run in self.runs], substeps)

@@ -22,13 +22,12 @@ from diffthrust.estimation._arguments import (
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._censored import rail_notes
 from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
-from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
 from diffthrust.estimation._insensitive import alive, vanished_notes, without_silent
 from diffthrust.estimation._likelihood import noise_levels
 from diffthrust.estimation._multistart import Search
 from diffthrust.estimation._origin import origin_of
-from diffthrust.estimation._polish import polished, rounding_of
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._refine import disturbance_of, limits_of, polished, refined, rounding_of
 from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Estimate, Fit, shown_unit
 from diffthrust.estimation._solver import Solved

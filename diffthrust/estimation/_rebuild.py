@@ -1,4 +1,4 @@
-"""The estimation problem of a fit, arranged once more from its logs."""
+"""The estimation problem of a finished fit, from its own logs or from others."""
 
 from __future__ import annotations
 
@@ -13,13 +13,18 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.estimation._arguments import likelihood_of, listed
 from diffthrust.estimation._arrange import build, restarts
+from diffthrust.estimation._laws import Gaussian
+from diffthrust.estimation._likelihood import errors_at
+from diffthrust.estimation._noise import White
+from diffthrust.estimation._observer import uncorrected
 from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
-from diffthrust.simulation._record import bind
+from diffthrust.simulation._record import Record, bind
 
 _SAME = 1e-6
 """The likelihood is that of the fit where it differs by no more than this times its samples."""
@@ -82,14 +87,7 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
             loss=fit.loss,
         ),
     )
-    if fit.limits is not None:
-        problem = with_clip(problem, [fit.limits[c] for c in problem.layout.channels], fit.reach)
-    estimates = fit.disturbance or {}
-    nuisance = {
-        name: p.with_value(estimates[name].value) if name in estimates else p
-        for name, p in problem.nuisance.items()
-    }
-    problem = restarts(replace(problem, nuisance=nuisance), fit.horizon, hold=fit.held)
+    problem = restarts(_as_fitted(problem, fit), fit.horizon, hold=fit.held)
     begin = [
         [fit.initial[index].get(state, 0.0) for state in problem.layout.starts]
         for indices in problem.order
@@ -105,3 +103,40 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
             "Give the training logs of the fit, in their order, or fit the model to these.",
         )
     return problem, z
+
+
+def one_step(fit: Fit, records: Sequence[Record], substeps: int = 1) -> list[dict[str, np.ndarray]]:
+    """Errors of the one-step predictions of a fit on any records, from their measured states on.
+
+    Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured.
+
+    A channel that the fit did not know corrects nothing.
+
+    Raises:
+        InputError: the logs measure no state.
+    """
+    problem = build(
+        fit.model,
+        records,
+        substeps=substeps,
+        initial="measured",
+        likelihood=Innovations.of(fit.model, records, White(), Gaussian()),
+    )
+    problem = _as_fitted(problem, fit)
+    errors = errors_at(problem, problem.start())
+    return [
+        {name: record.at_samples(series) for name, series in by_channel.items()}
+        for record, by_channel in zip(records, errors, strict=True)
+    ]
+
+
+def _as_fitted(problem: Problem, fit: Fit) -> Problem:
+    """The problem with a fit's gains, memories and limits; a channel new to it corrects nothing."""
+    values = uncorrected(problem.nuisance) if problem.layout.likelihood.corrects else {}
+    values |= {name: estimate.value for name, estimate in (fit.disturbance or {}).items()}
+    nuisance = {n: p.with_value(values.get(n, p.value)) for n, p in problem.nuisance.items()}
+    problem = replace(problem, nuisance=nuisance)
+    if fit.limits is None:
+        return problem
+    limits = [fit.limits.get(name, np.inf) for name in problem.layout.channels]
+    return with_clip(problem, limits, fit.reach)

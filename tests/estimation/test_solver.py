@@ -18,7 +18,7 @@ import diffthrust  # noqa: F401
 import diffthrust as dft
 from diffthrust._support.box import least_in_box  # private: the solver alone
 from diffthrust.estimation._multistart import Search  # private: a search that stopped early
-from diffthrust.estimation._polish import polished, rounding_of  # private: the end alone
+from diffthrust.estimation._refine import polished, rounding_of  # private: the end alone
 from diffthrust.estimation._solver import BoundedLevenbergMarquardt  # private: the solver alone
 
 

@@ -13,7 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust.estimation._multistart import Search
+from diffthrust.estimation._observer import CLIP, REAL, WIDE
+from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._result import Estimate
 from diffthrust.estimation._solver import Solved, solve
 from diffthrust.estimation._status import GRADIENT_LIMIT, RANK_LIMIT, examine
 
@@ -143,3 +146,36 @@ def _better(problem: Problem, trial: Solved, at: Solved) -> bool:
     if not abs(gain) <= rounding:
         return gain > 0
     return _steepness(problem, trial) < _steepness(problem, at)
+
+
+def refined(search: Search, problem: Problem) -> tuple[Search, Problem]:
+    """An innovations fit continued with large errors limited, where the law forgives them.
+
+    A spike then moves the states no further than a large error does. Where large errors are no
+    spikes but real motion, the wider limit is likelier and is taken.
+    """
+    if not problem.layout.likelihood.law.forgiving:
+        return search, problem
+    for _ in range(2):  # the limit follows the noise level, which falls once spikes are limited
+        problem = with_clip(problem, CLIP * search.best.quadratic.sigma)
+        search = search.followed(problem)
+    wide = with_clip(problem, problem.numbers.clip, reach=WIDE)
+    freer = search.followed(wide)
+    if freer.best.quadratic.cost < search.best.quadratic.cost - REAL:
+        return freer, wide
+    return search, problem
+
+
+def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:
+    """The observer's gains and memories, without standard errors."""
+    values = problem.values(z)
+    estimates = {}
+    for name, p in problem.nuisance.items():
+        touching = any(np.isclose(values[name], end, rtol=1e-9, atol=1e-9) for end in p.limits)
+        estimates[name] = Estimate(values[name], None, p.unit, fixed=False, at_bound=touching)
+    return estimates
+
+
+def limits_of(problem: Problem) -> dict[str, float]:
+    """By channel the size of a large error."""
+    return dict(zip(problem.layout.channels, map(float, problem.numbers.clip), strict=True))
