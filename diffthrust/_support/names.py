@@ -1,4 +1,4 @@
-"""Names from outside: the nearest known one, and lists of them that stay short."""
+"""Names in messages: the nearest valid one for a misspelt name, and lists that stay short."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""Numbers as text, and the small pieces of English that sentences about results are made of."""
+"""Numbers as text, and helpers for English sentences about results."""
 
 from __future__ import annotations
 
@@ -74,11 +74,11 @@ def joined(words: Iterable[str], last: str = "and") -> str:
 
 
 def apart(first: float, second: float) -> tuple[str, str]:
-    """Two numbers with as many digits (two to four) as it takes to tell them apart."""
+    """Two numbers with as many digits (two to four) as make them look different."""
     for digits in (2, 3):
-        shown = number(first, digits), number(second, digits)
-        if shown[0] != shown[1]:
-            return shown
+        texts = number(first, digits), number(second, digits)
+        if texts[0] != texts[1]:
+            return texts
     return number(first, 4), number(second, 4)
 
 
@@ -88,7 +88,7 @@ def probability(p_value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage that never rounds something to nothing.
+    """A share as a percentage; a small one is not rounded to zero.
 
     Example:
         >>> percent(0.617), percent(0.0042)

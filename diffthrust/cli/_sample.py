@@ -32,7 +32,7 @@ def sample_command(
     spec: SpecPath,
     method: Annotated[
         Sampler,
-        typer.Option("--method", help="emcee: an ensemble of walkers; nuts: along the gradient."),
+        typer.Option("--method", help="emcee: an ensemble of walkers; nuts: uses the gradient."),
     ] = Sampler.emcee,
     draws: Annotated[
         int, typer.Option("--draws", metavar="N", min=10, help="Draws of each walker or chain.")
@@ -96,6 +96,8 @@ def sample_command(
             file=file,
             progress=part(notify, 0.2, 1.0),
         )
+        # Before the summary: its predictions take a while, and an interrupt must not lose the
+        # chain.
         if save:
             write_posterior(post, save)
         posterior = sampled(post, fit, train, unseen, seed=seed)
