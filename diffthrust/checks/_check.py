@@ -86,6 +86,7 @@ def tasks_in(directory: Path, update: bool = False, trust: Sequence[str] = ()) -
     visited: set[str] = set()
     for folder, below, files in os.walk(directory, followlinks=True, onerror=_unreadable):
         real = os.path.realpath(folder)
+        # A link to a folder above would never end; one to a sibling would check its fits twice.
         if real in visited:
             below.clear()
             continue
@@ -137,4 +138,6 @@ def _warn(runs: Sequence[FitRun]) -> None:
 
     for run in runs:
         for text in run.warnings:
+            # stacklevel 4: _warn, check and the decorator of `progress` lie between here and the
+            # caller.
             warnings.warn(f"{run.fit}: {text}", CoarseStepWarning, stacklevel=4)
