@@ -97,6 +97,8 @@ def intervals(
 
 def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
     """Half-width of the covariance's interval in standard errors."""
+    # the same quantile as the profile's, or intervals would differ where the likelihood is
+    # quadratic
     if problem.layout.likelihood.noise.lasts:
         return math.sqrt(threshold_of(problem, z, level))
     degrees = float(np.sum(problem.numbers.counts)) - z.size
@@ -130,6 +132,8 @@ def _row(
     if drawn is not None:
         by_method["posterior"] = drawn
     unwhite = lag > _WHITE or _wider(robust, name)
+    # white residuals: the profile, which is exact to a transform and knows bounds; else the
+    # sandwich, the only one of the four that does not take the residuals as white
     recommended = "sandwich" if unwhite and wide is not None else "profile"
     evidence = Evidence(
         fit=fit,

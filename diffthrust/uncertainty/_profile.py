@@ -126,6 +126,7 @@ def profiles_of(
                 profiles.append(_profile(fit, problem, name, line, threshold, level))
             profiles += _quantities(fit, problem, best, quantities, units, threshold, level)
             break
+        # all profiles belong to one optimum: they start again from the deeper one
         except DeeperError as deeper:
             best = optimum_at(problem, deeper.point.z)
     else:
@@ -184,6 +185,8 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
     degrees = samples - z.size
     if degrees < 1:
         return plain
+    # with the level profiled out, twice the drop is n log(1 + t^2 / degrees), exactly so for a
+    # linear model (Bates & Watts 1988, section 6.1)
     return samples * math.log1p(quantile(confidence, degrees) ** 2 / degrees)
 
 

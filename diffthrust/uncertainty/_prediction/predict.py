@@ -208,8 +208,11 @@ def predict(
         )
     drawn, notes = _with_noise(drawn, record, channels, noise)
     if substeps is None:
+        # the step is chosen once, at the median draw: each number of substeps is a program to
+        # compile
         middle = {n: float(np.median(v)) for n, v in drawn.values.items()}
         substeps = sufficient_steps(drawn.model.replace(middle), record).substeps
+    # a stream apart from that of the draws: with or without noise the same parameters are drawn
     rng = np.random.default_rng([seed, 1])
     report("simulating the draws", 0.2)
     means = mean_runs(drawn, record, channels, substeps, rng)

@@ -89,6 +89,8 @@ def _smooth_jvp(shape: DensityShape, box: Box, primals: Any, tangents: Any) -> t
         return jax.jvp(density, (v,), (direction,))
 
     value, gradient = jax.vmap(push, out_axes=(None, 0))(jnp.eye(v.shape[0]))
+    # outside the density is -inf; a NaN in its slope would poison the whole trajectory, where a
+    # zero ends it as a divergence
     fine = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
     return value, jnp.where(fine, gradient, 0.0) @ tangents[1]
 

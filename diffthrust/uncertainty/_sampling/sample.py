@@ -176,6 +176,7 @@ def check_sampling(
             raise InputError(
                 f"{what}: expected at most {most}, found {shortly(value)}.", f"Correct {what}."
             )
+    # the limit of numpy's RandomState, which emcee draws from
     if seed >= 2**32:
         raise InputError(
             f"seed: expected less than 2^32, found {shortly(seed)}.", "Correct the seed."
@@ -188,6 +189,8 @@ def _walkers(posterior: Posterior, wanted: int | None) -> int:
 
     if wanted is None:
         return ensemble.default_walkers(posterior.dim)
+    # with fewer walkers than twice the coordinates stretch moves stay in a subspace (Goodman &
+    # Weare 2010)
     least = 2 * (posterior.dim + 1)
     if wanted < least or wanted % 2:
         raise InputError(
