@@ -53,6 +53,8 @@ def simulate_fixed(
     start = {**record.start, **checked_initial(model, initial)}
     values = {name: p.value for name, p in model.parameters.items()}
     key = Key(model)
+    # id, not the content: hashing a long log costs more than its simulation. `remembered` keeps the
+    # record alive, so that its id is not reused.
     request = (key, *values.values(), id(record), *sorted(start.items()), substeps)
     return remembered(request, record, lambda: simulated_from(key, values, record, start, substeps))
 

@@ -75,7 +75,9 @@ def fit(
     named, triples = _names(names, members), list(zip(models, members, unseen, strict=True))
     if _processes(processes, devices) == 1:
         return _fits(triples, named, (lengths, width, None, options), devices, teller(progress))
-    common = (lengths, width, 2, options)  # each has one processor
+    # Two runs at a time: each process has one processor, and one group waits while the other
+    # computes.
+    common = (lengths, width, 2, options)
     return divided(_fits, triples, named, common, processes=processes, progress=teller(progress))
 
 
@@ -90,7 +92,7 @@ def _fits(
 
     def fit_member(i: int) -> Fit:
         model, logs, unseen = members[i]
-        # thousands of short fits: checking the logs for doubts would double the time
+        # Thousands of short fits: checking each log for doubts would double the time.
         return fit_one(model, logs, holdout=unseen, **{"doubts": False, **options})
 
     return each(

@@ -31,7 +31,7 @@ def fleet_report(
 
 
 def pooled_report(population: Any, vehicles: Any, level: float, remarks: Sequence[str]) -> Report:
-    """The law of the fleet, each vehicle, and what is to be said of them."""
+    """The law of the fleet, its vehicles, and remarks."""
     exact = bool((vehicles["likelihood"] == "exact").any())
     return Report(
         Section(f"The fleet ({percent(level)} intervals)", _population_rows(population)),
