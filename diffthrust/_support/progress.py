@@ -37,33 +37,33 @@ def progressing(work: Callable[_P, _R]) -> Callable[_P, _R]:
     def run(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         if kwargs.get("progress") is not True:
             return work(*args, **kwargs)
-        with bar() as tell:
-            kwargs["progress"] = tell
+        with bar() as report:
+            kwargs["progress"] = report
             return work(*args, **kwargs)
 
     return run
 
 
-def teller(progress: ProgressOption) -> Progress:
+def reporter(progress: ProgressOption) -> Progress:
     """The function that receives progress; does nothing without one. Shares never decrease.
 
     Work that underestimates what remains may report a smaller share later; that is not passed on.
     """
     if not callable(progress):
         return lambda message, share: None
-    tell, most = progress, 0.0
+    report, most = progress, 0.0
 
     def rising(message: str, share: float) -> None:
         nonlocal most
         most = max(most, min(share, 1.0))
-        tell(message, most)
+        report(message, most)
 
     return rising
 
 
-def part(tell: Progress, first: float, last: float) -> Progress:
+def subtask(report: Progress, first: float, last: float) -> Progress:
     """Report the progress of a subtask that takes the work from one share to another."""
-    return lambda message, share: tell(message, first + (last - first) * min(share, 1.0))
+    return lambda message, share: report(message, first + (last - first) * min(share, 1.0))
 
 
 @contextmanager
@@ -74,8 +74,8 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
         The function that receives progress; None where output goes to a file or a pipe.
 
     Example:
-        >>> with bar() as tell:
-        ...     fit(model, logs, progress=tell)
+        >>> with bar() as report:
+        ...     fit(model, logs, progress=report)
     """
     draw = _place_to_draw()
     if draw is None:
@@ -91,7 +91,7 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
             drawn = time.monotonic()
             draw(_line(message, share_done, time.monotonic() - start))
 
-    def tell(words: str, share: float) -> None:
+    def report(words: str, share: float) -> None:
         nonlocal message, share_done
         message, share_done = words, max(share_done, min(share, 1.0))
         if time.monotonic() - drawn > _PAUSE:
@@ -106,7 +106,7 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
     clock = threading.Thread(target=copy_context().run, args=(tick,), daemon=True)
     clock.start()
     try:
-        yield tell
+        yield report
     finally:
         over.set()
         clock.join()

@@ -45,11 +45,11 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
     return f"{value:.{min(digits, 12) - 1}e}", f"{error:.1e}"
 
 
-def spelt(name: str) -> str:
+def humanize(name: str) -> str:
     """A name of the code in words.
 
     Example:
-        >>> spelt("command_deadband")
+        >>> humanize("command_deadband")
         'command dead band'
     """
     return " ".join(_SPELT.get(word, word) for word in name.split("_"))
@@ -73,7 +73,7 @@ def joined(words: Iterable[str], last: str = "and") -> str:
     return f"{', '.join(first)} {last} {final}" if first else final
 
 
-def apart(first: float, second: float) -> tuple[str, str]:
+def distinct_numbers(first: float, second: float) -> tuple[str, str]:
     """Two numbers with as many digits (two to four) as make them look different."""
     for digits in (2, 3):
         texts = number(first, digits), number(second, digits)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.words import joined
 from diffthrust.describing._formulas import FORMULAS, quasi_linear
 from diffthrust.describing._map import DescribingMap
@@ -93,7 +93,7 @@ def describing_function(
         model, amplitudes, frequencies, input=input, output=output, method=method,
         harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
     )  # fmt: skip
-    return maps_of([asked], [model], teller(progress))[0]
+    return maps_of([asked], [model], reporter(progress))[0]
 
 
 def maps_of(

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from diffthrust._support._running.batching import alone, padded_length, run_program
+from diffthrust._support._running.batching import is_unbatched, padded_length, run_program
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -70,7 +70,7 @@ def simulated_from(
     inputs = record.inputs_for(key.model)
     outputs, states = _run(
         key,
-        Grid(record.holds(inputs), substeps, uniform=record.even, padded=alone()),
+        Grid(record.holds(inputs), substeps, uniform=record.even, padded=is_unbatched()),
         {name: np.asarray(value, float) for name, value in values.items()},
         record.time,
         inputs,

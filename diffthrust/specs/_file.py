@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
-from diffthrust._support.names import listing, nearest, shortly
+from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.specs._lines import line_of
 from diffthrust.specs._parts import ExpectedNumber, ParameterPart, SpecFile
@@ -171,7 +171,7 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     message = re.sub(r" or instance of \w+$", "", message)
     return InputError(
         f"{where}: expected {message[:1].lower()}{message[1:]}, found "
-        f"{shortly(problem['input'])}.{also}",
+        f"{short_repr(problem['input'])}.{also}",
         f"Correct {'.'.join(map(str, loc))}.",
     )
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.progress import ProgressOption, part, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter, subtask
 from diffthrust._support.results import Brief
 from diffthrust.logs._columns import Column
 from diffthrust.logs._kinds import is_bag, kind_of
@@ -235,14 +235,14 @@ class Spec(Brief):
         records = bind(model, (*train, *unseen))
         # Before the fit, which takes minutes: a wrong name of an effect is reported at once.
         candidates_of(model, records, wanted)
-        report = teller(progress)
-        fit = self.fit(progress=part(report, 0.0, 0.15), train=train, holdout=unseen)
+        report = reporter(progress)
+        fit = self.fit(progress=subtask(report, 0.0, 0.15), train=train, holdout=unseen)
         return diagnose(
             fit,
             train,
             holdout=unseen or None,
             candidates=wanted,
-            progress=part(report, 0.15, 1.0),
+            progress=subtask(report, 0.15, 1.0),
         )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from diffthrust._support.report import Rows, Styled
-from diffthrust._support.words import number, percent, spelt
+from diffthrust._support.words import humanize, number, percent
 from diffthrust.survey._choice import Choice
 from diffthrust.survey._rows import ColumnRow
 from diffthrust.survey._rules import NO_CHANNEL, UNIT_OF
@@ -64,7 +64,7 @@ def remarks(rows: Sequence[ColumnRow]) -> list[str]:
 def _meaning(row: ColumnRow) -> str:
     if row.channel or row.quantity == "derived":
         return row.channel or "-"
-    return f"{spelt(row.quantity)}{'?' if row.sure == 'perhaps' else ''}" or "?"
+    return f"{humanize(row.quantity)}{'?' if row.sure == 'perhaps' else ''}" or "?"
 
 
 def first_line(name: str, choice: Choice, columns: Sequence[ColumnRow]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import check_mark, problem_of
 from diffthrust.estimation._result import Fit
@@ -73,7 +73,7 @@ def intervals(
     problem, z = problem_of(fit, logs)
     measured = sample_scores(problem, z)
     robust = sandwich_of(fit, problem, z, measured)
-    profiles = profiles_of(fit, problem, z, problem.own, None, {}, level, teller(progress))
+    profiles = profiles_of(fit, problem, z, problem.own, None, {}, level, reporter(progress))
     lag = measured.lag_one()
     reach = _reach(problem, z, level)
     rows = [

@@ -10,7 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -91,7 +91,7 @@ def profile(
             "Write quantities=lambda p: {'gain': p['beta'] / p['alpha']}.",
         )
     problem, z = problem_of(fit, logs)
-    report = teller(progress)
+    report = reporter(progress)
     return profiles_of(fit, problem, z, wanted, quantities, units or {}, level, report)
 
 

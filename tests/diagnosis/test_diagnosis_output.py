@@ -22,7 +22,7 @@ from measures import ChannelError, Errors
 
 import diffthrust as dft
 from diffthrust._support.figures import unseen  # private: as a page makes them
-from diffthrust._support.words import an, apart, joined, spelt  # private: words alone
+from diffthrust._support.words import an, distinct_numbers, humanize, joined  # private: words alone
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Refusal,
     Remaining,
@@ -194,17 +194,17 @@ def test_an_effect_of_several_parameters_names_each(full):
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_every_effect_has_words(name):
-    words = an(spelt(name))
+    words = an(humanize(name))
     assert "_" not in words
-    assert words.split()[0] in ("a", "an") or words == spelt(name)
+    assert words.split()[0] in ("a", "an") or words == humanize(name)
 
 
 def test_phrases():
     assert an("Coulomb friction") == "Coulomb friction"
     assert joined(["a", "b", "c"], "or") == "a, b or c"
     assert joined([]) == ""
-    assert apart(5.6, 0.3) == ("5.6", "0.30")
-    assert apart(0.3121, 0.3119) == ("0.3121", "0.3119")
+    assert distinct_numbers(5.6, 0.3) == ("5.6", "0.30")
+    assert distinct_numbers(0.3121, 0.3119) == ("0.3121", "0.3119")
 
 
 # -- an effect of one's own ------------------------------------------------------------------------

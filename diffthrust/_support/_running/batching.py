@@ -53,7 +53,7 @@ def padded_to(lengths: Sequence[int]) -> Iterator[None]:
         _ladder.reset(token)
 
 
-def alone() -> bool:
+def is_unbatched() -> bool:
     """Whether programs run for one log at a time, so that what is padded can be left out."""
     return shared_runs() is None
 

@@ -18,7 +18,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from diffthrust._support.progress import Progress, teller
+from diffthrust._support.progress import Progress, reporter
 from diffthrust.describing._periodic.period import LANE_BLOCK, Cycle, Harmonics, Lane
 
 _FINE = 2e-4
@@ -166,7 +166,7 @@ def respond(
         guess: where to start from, instead of the model's own initial states.
         progress: called with a message and the share done.
     """
-    tell, size = teller(progress), lanes.amplitude.size
+    tell, size = reporter(progress), lanes.amplitude.size
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
     last_steps = samples or solver.finest
     stage = np.zeros(size, int)

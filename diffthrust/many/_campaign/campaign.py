@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.many._campaign.executors import outcomes
@@ -183,7 +183,7 @@ def campaign(
         Job(names[path], str(path), str(out / folder), task, options, report, time_limit, places)
         for path, folder in folders(names).items()
     ]
-    report_progress = teller(progress)
+    report_progress = reporter(progress)
     rows = {job.name: row for job in work if (row := _kept(job))}
     todo = [job for job in work if job.name not in rows]
     kept = len(rows)

@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
-from diffthrust._support.words import spelt
+from diffthrust._support.words import humanize
 from diffthrust.many._fleet.axis import Axis
 from diffthrust.many._fleet.estimates import Estimates, vehicle_means
 from diffthrust.many._fleet.statistics import between, weighted_mean
@@ -132,7 +132,7 @@ def effects_figure(table: Any) -> Figure:
                 shade = "white" if share[row, column] > 0.55 else "0.1"
                 axes.text(column + 0.5, row + 0.5, f"{count} of {table.loc[vehicle, 'fits']}",
                           ha="center", va="center", color=shade, fontsize=8)  # fmt: skip
-    words = [spelt(name).replace(" ", "\n") for name in names]
+    words = [humanize(name).replace(" ", "\n") for name in names]
     axes.set_xticks(np.arange(len(names)) + 0.5, words, fontsize=8)
     axes.set_yticks(np.arange(len(table)) + 0.5, [literal(v) for v in table.index], fontsize=8)
     axes.invert_yaxis()

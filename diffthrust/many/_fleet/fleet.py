@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
@@ -247,7 +247,7 @@ class Fleet(Result):
             chains=chains,
             seed=seed,
             level=_share("level", level),
-            progress=teller(progress),
+            progress=reporter(progress),
         )
 
     @showing

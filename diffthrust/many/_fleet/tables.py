@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.report import Report, Rows, Section, Styled, notes
-from diffthrust._support.words import joined, number, percent, probability, spelt, with_error
+from diffthrust._support.words import humanize, joined, number, percent, probability, with_error
 from diffthrust.many._fleet.estimates import Estimates
 
 
@@ -141,4 +141,4 @@ def _effects(table: Any) -> Iterator[str]:
             for vehicle, share, fits in zip(table.index, table[name], table["fits"], strict=True)
             if share > 0
         ]
-        yield f"Effect: {spelt(name)} in {joined(where)}."
+        yield f"Effect: {humanize(name)} in {joined(where)}."

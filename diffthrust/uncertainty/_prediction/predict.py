@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
@@ -195,7 +195,7 @@ def predict(
         raise InputError(
             f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
         )
-    report = teller(progress)
+    report = reporter(progress)
     report("drawing parameters", 0.0)
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
     (record,) = bind(drawn.model, [log.counted], compared=False)

@@ -13,7 +13,7 @@ import emcee
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, teller
+from diffthrust._support.progress import Progress, reporter
 from diffthrust.uncertainty._sampling import chain_file
 from diffthrust.uncertainty._sampling.chain_file import BLOCK, Mark, Stored, packed
 from diffthrust.uncertainty._sampling.identity import problem_identity
@@ -84,7 +84,7 @@ def run_ensemble(
         InputError: the file belongs to another problem or cannot be written, or the density is not
             finite around the fit.
     """
-    report = teller(progress)
+    report = reporter(progress)
     lanes, total = lanes_of(walkers), warmup + draws
     who = problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
     stored = chain_file.read(file, who) if file else None

@@ -14,7 +14,7 @@ import numpy as np
 from diffthrust._support._running.batching import run_program
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, teller
+from diffthrust._support.progress import Progress, reporter
 from diffthrust.uncertainty._sampling.density import DensityShape, log_density
 from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import Posterior
@@ -208,7 +208,7 @@ def sample_target(
         seed: equal seeds give equal draws.
         progress: called with a message and the share done.
     """
-    report = teller(progress)
+    report = reporter(progress)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
     starts = jax.random.normal(begin, (chains, dim))
     report("warmup", 0.0)
