@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 _FEW = 20
-"""Fewer pairs of values say nothing of a correlation."""
+"""Pairs of values; from fewer no correlation is estimated."""
 
 
 def ljung_box(correlation: np.ndarray, samples: int) -> float:
@@ -26,6 +26,8 @@ def ljung_box(correlation: np.ndarray, samples: int) -> float:
 
 def integral(correlation: np.ndarray) -> float:
     """Sum of an autocorrelation over both sides, up to its first zero; at least 1."""
+    # Cut at the first zero: summed over all lags, an estimated autocorrelation always adds up to
+    # -1/2, whatever the process.
     negative = np.flatnonzero(correlation <= 0)
     return max(1.0, float(2 * correlation[: negative[0] if negative.size else None].sum() - 1))
 
@@ -76,13 +78,15 @@ def covariance(first: Sequence[np.ndarray], second: Sequence[np.ndarray], lags: 
         products += _lagged(*flat, lags)
         counts += _lagged(x_valid.astype(float), y_valid.astype(float), lags)
         full += np.maximum(x.size - reach, 0)
+    # The biased (tapered) estimate: its Fourier transform is never negative, which the unbiased one
+    # does not grant. Division by the pairs that were measured corrects for gaps only.
     taper = full / full[lags]
     return np.where(counts > 0.5, products / np.maximum(counts, 1.0), 0.0) * taper
 
 
 def _lagged(x: np.ndarray, y: np.ndarray, lags: int) -> np.ndarray:
     """Sums over t of x[t + k] y[t] at k = -lags .. lags."""
-    size = 2 ** (2 * x.size).bit_length()
+    size = 2 ** (2 * x.size).bit_length()  # twice the length: a cyclic product would wrap around
     sums = np.fft.irfft(np.fft.rfft(x, size) * np.conj(np.fft.rfft(y, size)), size)
     reach = min(lags, x.size - 1)
     return np.pad(sums[np.arange(-reach, reach + 1)], lags - reach)

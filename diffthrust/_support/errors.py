@@ -9,13 +9,13 @@ from diffthrust._support.visible import visible
 
 @dataclass(frozen=True)
 class Place:
-    """What of the user's an error is about.
+    """The place in the user's input that an error is about.
 
     Args:
         text: how a message names it, such as ``run3.csv, line 212, column 'rpm'``.
         column: the column of a log file that is to blame.
         channel: the channel of a log that is to blame.
-        unit: it is the unit given for them, not the numbers.
+        unit: the stated unit is to blame, not the numbers.
     """
 
     text: str
@@ -28,16 +28,16 @@ class Place:
 
 
 def refused(error: OSError) -> tuple[str, str]:
-    """What a person is told of an error of the system that nobody foresaw: problem and mend."""
+    """Problem and mend for an unforeseen error of the operating system."""
     where = f"{error.filename}: " if error.filename else ""
     return (
         f"{where}the system refused it ({error.strerror or error}).",
-        "Look at the place and at the room that is left there, and try again.",
+        "Check the path, its permissions and the free space, then try again.",
     )
 
 
 class InputError(ValueError):
-    """Something given by the user cannot be used.
+    """Input from the user that cannot be used.
 
     The message names the file, line, column, channel, parameter or effect, says what was expected
     and what was found, and ends with the mend. The command line prints it and exits with status 2.
@@ -63,7 +63,7 @@ class InputError(ValueError):
         super().__init__(f"{problem}\nMend: {mend}" if mend else problem)
 
     def _render_traceback_(self) -> list[str]:
-        """What IPython and notebooks show: the message, and not the way to it."""
+        """What IPython and notebooks show: the message without a traceback."""
         return [f"{type(self).__name__}: {self}"]
 
     @classmethod

@@ -1,4 +1,4 @@
-"""What figures share: their look, and that they show where somebody can see them."""
+"""What figures share: their look, and how they reach the screen."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _P = ParamSpec("_P")
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
 _POINTS = 4000
 _MOST = 20
-"""Figures that wait to be shown: from more on pyplot warns of the memory."""
+"""Figures that wait to be shown; with more, pyplot warns about memory."""
 _OURS: WeakSet[Figure] = WeakSet()
 _SEEN: ContextVar[bool] = ContextVar("seen", default=True)
 
@@ -42,6 +42,7 @@ def showing(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
     @wraps(draw)
     def drawn(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
         figure = draw(*args, **kwargs)
+        # pyplot's state is not safe across threads, and GUI backends fail outside the main one.
         if _SEEN.get() and threading.current_thread() is threading.main_thread():
             _hand_over(figure)
         return figure
@@ -50,7 +51,7 @@ def showing(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
 
 
 def unseen(draw: Callable[[], Figure]) -> Figure:
-    """A figure that is made to be written, and is shown nowhere."""
+    """A figure that is written to a file and not shown."""
     token = _SEEN.set(False)
     try:
         return draw()
@@ -88,7 +89,7 @@ def _hand_over(figure: Figure) -> None:
 
 
 def _displayed(figure: Figure, **_: Any) -> dict[str, str]:
-    """What a notebook asks for before it draws a figure, which must not show once more."""
+    """Called by a notebook just before it draws the figure, which must not show a second time."""
     import matplotlib.pyplot as plt
 
     plt.close(figure)
@@ -96,7 +97,7 @@ def _displayed(figure: Figure, **_: Any) -> dict[str, str]:
 
 
 def literal(name: str) -> str:
-    """A name from outside, which must not be read as a formula."""
+    """A name from a file, escaped: Matplotlib would read text between two $ as a formula."""
     return name.replace("$", r"\$")
 
 
@@ -128,6 +129,7 @@ def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
     values = np.where(np.isfinite(values), values, np.nan)
     if values.size <= _POINTS:
         return time, values
+    # Two points per stretch, its minimum and maximum: plain decimation would hide single spikes.
     width = -(-values.size // (_POINTS // 2))
     count = -(-values.size // width)
     padded = np.full(count * width, np.nan)

@@ -20,12 +20,13 @@ _ELSEWHERE = "Name a file in a folder that exists and that you may write to."
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name beside it, then rename: never a half-written file.
+    """Write a file under a temporary name in its folder, then rename it: never a half-written file.
 
     Raises:
         InputError: the folder does not exist or cannot be written to.
     """
     try:
+        # Through symbolic links: os.replace would replace the link, not the file that it points to.
         target = Path(os.path.realpath(path))
         temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         try:
@@ -33,7 +34,7 @@ def write_whole(path: Path, data: bytes) -> None:
             if target.exists():
                 shutil.copymode(target, temporary)
             os.replace(temporary, target)
-        except BaseException:  # an interrupt, too
+        except BaseException:  # Ctrl-C, too, must not leave the temporary file behind
             with suppress(OSError):
                 temporary.unlink()
             raise
@@ -53,8 +54,8 @@ def ending(path: Path, *kinds: str) -> str:
     """The ending of a file to write, of those that its content may have.
 
     Raises:
-        InputError: another ending; what is written would not be what the name says, and it might be
-            the name of a log or a spec.
+        InputError: another ending; the content would not match the name, and a log or a spec with
+            that name might be overwritten.
     """
     suffix = path.suffix.lower()
     if suffix not in kinds:
@@ -78,7 +79,7 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
     """Write plain data as JSON, with ``null`` where a number is not finite."""
     ending(path, ".json")
     text = json.dumps(plain(data), indent=2, allow_nan=False, ensure_ascii=False)
-    # a byte of a file's name that is no text becomes an escape, as JSON has it
+    # Names of files may hold bytes that are not UTF-8 (surrogates in Python): written as escapes.
     write_whole(path, f"{text}\n".encode("utf-8", "backslashreplace"))
 
 
@@ -101,7 +102,7 @@ def plain(data: Any) -> Any:
 
 
 def oddity(path: Path) -> str | None:
-    """What a path leads to that is neither file nor folder, and may never end or never answer.
+    """What a path is if neither file nor folder; reading it may block or never end.
 
     Returns:
         Words such as ``"a socket"``; None for a file, a folder, and where there is nothing.

@@ -9,7 +9,7 @@ from typing import Any
 
 
 class ToCopy(str):
-    """Lines to be copied: code, which is another one where a line of it is broken."""
+    """Lines to be copied: code whose lines must not be folded."""
 
 
 def as_python(value: Any) -> str:
@@ -31,7 +31,7 @@ def as_python(value: Any) -> str:
 
 
 def as_toml(value: Any) -> str:
-    """Plain data as TOML in one line; a bound that is none is infinite there.
+    """Plain data as TOML in one line; TOML has no null, so a missing bound becomes infinite.
 
     Example:
         >>> as_toml({"unit": "rad/s", "bounds": (0.0, None)})

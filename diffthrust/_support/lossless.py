@@ -1,7 +1,7 @@
 """Results as plain data, in the types of JSON, and back again to the last digit.
 
-What a piece of data means is said by the annotation of the field that it goes into, never by the
-data: nothing that a file says can choose a class, and nothing in it is run.
+The annotation of a field decides how its data are read, never the data themselves: no content of a
+file can choose a class or run code.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from diffthrust._support.errors import InputError
 _INLINE = 36
 """Numbers of an array that stand where it is used; longer ones stand once in a table of arrays."""
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
-"""How numbers are written that JSON does not know."""
+"""Spellings of the numbers that JSON does not have."""
 
 
 def encoded(value: Any, arrays: dict[str, Any]) -> Any:
@@ -40,6 +40,8 @@ def encoded(value: Any, arrays: dict[str, Any]) -> Any:
         >>> encoded((1.5, float("nan"), None), {})
         [1.5, 'nan', None]
     """
+    # The order matters: an Enum may also be a str, a bool is an Integral, and a NumPy scalar offers
+    # __array__; each must meet its own branch first.
     if isinstance(value, Enum):
         return encoded(value.value, arrays)
     if value is None or isinstance(value, bool | str):
@@ -59,6 +61,7 @@ def encoded(value: Any, arrays: dict[str, Any]) -> Any:
     if isinstance(value, Mapping):
         if all(isinstance(key, str) for key in value):
             return {str(key): encoded(each, arrays) for key, each in value.items()}
+        # JSON has only strings for keys: others (tuples, numbers) become pairs.
         return [[encoded(key, arrays), encoded(each, arrays)] for key, each in value.items()]
     if isinstance(value, frozenset | set):
         return encoded(sorted(value), arrays)
@@ -77,6 +80,8 @@ def _written(number: float) -> float | str:
 def _encoded_array(array: np.ndarray, arrays: dict[str, Any]) -> Any:
     if array.ndim == 0:
         return encoded(array.item(), arrays)
+    # Numbers inline are read back as float64; an array of another type (int, bool) keeps its type
+    # only in the table.
     usual = array.dtype == np.float64
     values = [_written(x) if usual else x for x in array.ravel().tolist()]
     if usual and 0 < array.size <= _INLINE:
@@ -112,7 +117,7 @@ class Decoder(NamedTuple):
     names: Mapping[str, Any]
 
     def decoded(self, kind: Any, data: Any) -> Any:
-        """The value of a kind (a type as annotations give it) that plain data stand for.
+        """The value that plain data represent, of the given kind (a type, as annotated).
 
         Raises:
             ValueError: data that are not of that kind; the message says which.
@@ -151,14 +156,12 @@ class Decoder(NamedTuple):
         """The fields of a class, by its annotations; those with defaults may be absent.
 
         Raises:
-            ValueError: a field that the class does not have, or has and the data have not.
+            ValueError: a field that the class does not have, or one without default is missing.
         """
         hints = get_type_hints(cls, localns=dict(self.names))
         if is_dataclass(cls):
             hints = {f.name: hints[f.name] for f in fields(cls)}
-            needed = {
-                f.name for f in fields(cls) if f.default is f.default_factory is MISSING
-            }  # the same marker where there is neither
+            needed = {f.name for f in fields(cls) if f.default is f.default_factory is MISSING}
         else:
             needed = set(hints)
         _expect(isinstance(data, dict), data, f"the fields of {cls.__name__}")
@@ -172,7 +175,7 @@ class Decoder(NamedTuple):
         if data is None and NoneType in kinds:
             return None
         problems = []
-        # a number may be written as a word: where words are meant too, a word is one
+        # "nan" is a number, too; in a field `float | str` it is a word: str comes first.
         for kind in sorted((k for k in kinds if k is not NoneType), key=lambda k: k is not str):
             try:
                 return self.decoded(kind, data)
@@ -197,7 +200,7 @@ def _numbers(data: Any) -> Any:
 def _scalar(kind: type, data: Any) -> Any:
     if kind is float and isinstance(data, str):
         return _WORDS[_expect(data in _WORDS, data, "a number")]
-    if kind is float and type(data) is int:  # as it was
+    if kind is float and type(data) is int:  # a field `float` may hold an int: it stays one
         return data
     return _expect(type(data) is kind, data, f"a {kind.__name__}")
 

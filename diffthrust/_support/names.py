@@ -1,4 +1,4 @@
-"""Names from outside: the nearest known one, and lists of them that stay short."""
+"""Names in messages: the nearest valid one for a misspelt name, and lists that stay short."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -40,11 +40,11 @@ def listing(names: Iterable[str], limit: int = 30) -> str:
     return ", ".join(quoted[:limit]) + (f" and {more} more" if more > 0 else "")
 
 
-def shortly(value: object) -> str:
+def short_repr(value: object) -> str:
     """What was found, for a message: as Python writes it, cut where it is long.
 
     Example:
-        >>> shortly([1, 2])
+        >>> short_repr([1, 2])
         '[1, 2]'
     """
     try:

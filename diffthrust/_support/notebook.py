@@ -1,4 +1,4 @@
-"""Reports as HTML for the cells of notebooks, which keep styles only inside the tags."""
+"""Reports as HTML for notebooks, which keep inline styles and strip style sheets."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def page(report: Report, title: str) -> str:
 
 
 def image(draw: Callable[[], Figure]) -> str:
-    """A figure as a PNG in base64, for the page alone."""
+    """A figure as a PNG in base64, so that the page needs no other file."""
     out = BytesIO()
     unseen(draw).savefig(out, format="png", dpi=90)
     return base64.b64encode(out.getvalue()).decode("ascii")

@@ -1,4 +1,4 @@
-"""How long work tells how far it is: to a function of the caller, or by a bar with a clock."""
+"""Progress of long work: reported to a function of the caller, or shown as a bar with a clock."""
 
 from __future__ import annotations
 
@@ -17,65 +17,65 @@ from diffthrust._support.visible import visible
 
 Progress = Callable[[str, float], None]
 ProgressOption = Progress | bool | None
-"""What a caller may give for ``progress``: a function of a message and the share done, or True."""
+"""Values of ``progress``: a function of a message and the completed share, or True for a bar."""
 _TICK = 0.5
-"""Seconds between two turns of the clock."""
+"""Seconds between two updates of the clock."""
 _PAUSE = 0.05
-"""Seconds between two drawings at least."""
+"""Minimum number of seconds between two drawings."""
 _WIDEST = 100
 """Characters of the widest bar."""
 _SURE = 0.05
-"""Of less than this share nothing can be told of the time left."""
+"""Completed share from which the remaining time is estimated."""
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 
 def progressing(work: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Let a function with a keyword ``progress`` take True for it: a bar, while it works."""
+    """Let a function with a keyword ``progress`` accept True, which shows a bar while it works."""
 
     @wraps(work)
     def run(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         if kwargs.get("progress") is not True:
             return work(*args, **kwargs)
-        with bar() as tell:
-            kwargs["progress"] = tell
+        with bar() as report:
+            kwargs["progress"] = report
             return work(*args, **kwargs)
 
     return run
 
 
-def teller(progress: ProgressOption) -> Progress:
-    """The function to tell, of shares that never fall; it does nothing where none was given.
+def reporter(progress: ProgressOption) -> Progress:
+    """The function that receives progress; does nothing without one. Shares never decrease.
 
-    Work that does not know how much is left may tell of too little, but takes nothing back.
+    Work that underestimates what remains may report a smaller share later; that is not passed on.
     """
     if not callable(progress):
         return lambda message, share: None
-    tell, most = progress, 0.0
+    report, most = progress, 0.0
 
     def rising(message: str, share: float) -> None:
         nonlocal most
         most = max(most, min(share, 1.0))
-        tell(message, most)
+        report(message, most)
 
     return rising
 
 
-def part(tell: Progress, first: float, last: float) -> Progress:
-    """What tells the progress of a part of the work, which goes from one share to another."""
-    return lambda message, share: tell(message, first + (last - first) * min(share, 1.0))
+def subtask(report: Progress, first: float, last: float) -> Progress:
+    """Report the progress of a subtask that takes the work from one share to another."""
+    return lambda message, share: report(message, first + (last - first) * min(share, 1.0))
 
 
 @contextmanager
 def bar(begin: str = "working") -> Iterator[Progress | None]:
-    """A bar that never goes back, with a clock that runs, on a terminal or in a notebook.
+    """A bar that never goes back, with a running clock, on a terminal or in a notebook.
 
     Yields:
-        The function to tell, or None where nobody looks: in files and pipes.
+        The function that receives progress; None where output goes to a file or a pipe.
 
     Example:
-        >>> with bar() as tell:
-        ...     fit(model, logs, progress=tell)
+        >>> with bar() as report:
+        ...     fit(model, logs, progress=report)
     """
     draw = _place_to_draw()
     if draw is None:
@@ -91,7 +91,7 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
             drawn = time.monotonic()
             draw(_line(message, share_done, time.monotonic() - start))
 
-    def tell(words: str, share: float) -> None:
+    def report(words: str, share: float) -> None:
         nonlocal message, share_done
         message, share_done = words, max(share_done, min(share, 1.0))
         if time.monotonic() - drawn > _PAUSE:
@@ -102,11 +102,11 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
             redraw()
 
     redraw()
-    # in this context, or a notebook does not know to which cell the clock belongs
+    # A copy of this context: a notebook finds by it the cell that the clock's output belongs to.
     clock = threading.Thread(target=copy_context().run, args=(tick,), daemon=True)
     clock.start()
     try:
-        yield tell
+        yield report
     finally:
         over.set()
         clock.join()
@@ -114,7 +114,7 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
 
 
 def _line(message: str, share: float, seconds: float) -> str:
-    """What is done, how much of it, and for how long, as wide as the terminal."""
+    """The current step, its share and the time taken, as wide as the terminal."""
     clock = _clock(seconds)
     if _SURE <= share < 1.0:
         clock += f", {_clock(seconds * (1.0 - share) / share)} left"
@@ -129,7 +129,7 @@ def _clock(seconds: float) -> str:
 
 
 def _place_to_draw() -> Callable[[str], None] | None:
-    """What draws a line over the last one."""
+    """A function that draws a line over the previous one."""
     if sys.stderr.isatty():
 
         def draw(line: str) -> None:
@@ -143,9 +143,9 @@ def _place_to_draw() -> Callable[[str], None] | None:
         return None
     from IPython.display import display
 
-    def shown(line: str) -> dict[str, str]:
+    def cell_content(line: str) -> dict[str, str]:
         return {"text/plain": line, "text/html": f"<pre>{escape(line)}</pre>" if line else ""}
 
-    cell = display(shown(""), raw=True, display_id=True)
+    cell = display(cell_content(""), raw=True, display_id=True)
     assert cell is not None
-    return lambda line: cell.update(shown(line), raw=True)
+    return lambda line: cell.update(cell_content(line), raw=True)

@@ -1,7 +1,7 @@
 """Reports as plain data: sections of sentences, tables and figures.
 
-A folder says once what a result has to report. The terminal (`tables`), notebooks (`notebook`) and
-pages (`page`) each read the same data, so that none of them can leave something out.
+A folder states once what a result reports. The terminal (`tables`), notebooks (`notebook`) and
+pages (`page`) read the same data, so that none of them can omit something.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Bullets(tuple[str, ...]):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a report comes to: a word, and a few sentences.
+    """The conclusion of a report: a word, and a few sentences.
 
     Args:
         label: what the word is, such as "Status".
@@ -98,7 +98,7 @@ class Picture:
 
     Args:
         draw: makes the figure.
-        caption: what is to be seen.
+        caption: what it shows.
     """
 
     draw: Callable[[], Figure]
@@ -107,7 +107,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class OnPage:
-    """Something that pages add: explanations for readers who do not have the library at hand."""
+    """Content of pages only: explanations for readers who do not have the library."""
 
     part: Text
 

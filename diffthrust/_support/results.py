@@ -31,7 +31,7 @@ class Brief:
 
 
 class Result(Brief, ABC):
-    """The outcome of some work, reported alike to terminals, notebooks and pages."""
+    """The outcome of some work, with the same report on terminals, notebooks and pages."""
 
     @abstractmethod
     def _report(self) -> Report:
@@ -50,7 +50,7 @@ class Result(Brief, ABC):
 
 
 def report_of(result: Result) -> Report:
-    """What a result has to report, for those who print it among other things."""
+    """The report of a result, for functions that combine several."""
     return result._report()
 
 

@@ -29,8 +29,8 @@ _AGAIN = {
 def write_saved(path: Path | str, kind: str, origin: Any, result: Any) -> None:
     """Write a result so that it can be read back to the last digit.
 
-    Where it comes from stands first, where a person looks; the long arrays stand last, each once
-    and on one line; a hash of all the rest tells whether anything was changed.
+    The origin comes first, where a person looks; long arrays come last, each once and on one line;
+    a hash of everything else reveals changes.
 
     Args:
         path: the file to write, ending in ``.json``.
@@ -52,6 +52,8 @@ def write_saved(path: Path | str, kind: str, origin: Any, result: Any) -> None:
     document["sha256"] = _hash({**document, "arrays": arrays})
     lines = (f'  "{name}": {json.dumps(array)}' for name, array in arrays.items())
     table = ",\n".join(lines)
+    # The arrays are appended as text, one line each: a generic indenter puts every number on a
+    # line.
     text = f'{_text(document)[:-2]},\n "arrays": {{\n{table}\n }}\n}}\n'
     write_whole(path, text.encode())
 
@@ -104,6 +106,7 @@ def read_saved(path: Path | str) -> dict[str, Any]:
             "Save with fit.save(path), diag.save(path) or --save.",
         )
     _check_schema(path, data)
+    # Hashed as data with sorted keys, not as bytes: a reformatted file is still the same result.
     mark = data.pop("sha256", None)
     if mark != _hash(data):
         raise InputError(

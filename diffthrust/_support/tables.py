@@ -1,6 +1,6 @@
-"""Reports for the terminal (rich): tables lose nothing where the terminal is narrow.
+"""Reports for the terminal (rich): tables keep every cell even where the terminal is narrow.
 
-The only file that imports rich. Everything else hands over a `Report`.
+The only file that imports rich; all others hand over a `Report`.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def report_text(report: Report | str) -> str:
 def plain_text(report: Report, width: int) -> str:
     """A report as plain text of a width."""
     out = StringIO()
-    # without force_jupyter=False rich detects a notebook, ignores `file`, and displays its output
-    # in the cell instead
+    # Without force_jupyter=False rich detects a notebook, ignores `file`, and displays its output
+    # in the cell instead.
     console = Console(
         file=out, width=width, force_terminal=False, force_jupyter=False, color_system=None
     )
@@ -121,14 +121,14 @@ def _table(rows: Rows) -> FittedTable:
         )
     for block in rows.blocks:
         for row in block:
-            table.add_row(*map(_text, row))
+            table.add_row(*map(_text, row))  # as Text: rich would read "[m/s]" as markup
     return table
 
 
 class _Visible:
-    """Something of rich in which no control sequence for the terminal is left but rich's own.
+    """Output without control sequences for the terminal other than those of rich itself.
 
-    Names of files and columns come from outside, and may hold some.
+    Names of files and columns come from outside and may contain some.
     """
 
     def __init__(self, content: RenderableType) -> None:
@@ -140,10 +140,10 @@ class _Visible:
 
 
 class FittedTable(Table):
-    """A table that loses nothing where it is too wide: words wrap, and columns go on below.
+    """A table that keeps every cell where it is too wide: words wrap, columns continue below.
 
     Numbers are never broken. The first columns, up to the first one of numbers, are repeated before
-    the columns that go on below. (A table of rich by itself cuts cells off with an ellipsis.)
+    the columns that continue below. (A plain table of rich cuts cells off with an ellipsis.)
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -190,7 +190,7 @@ def _divided(
     for segment in segments or [list(range(count))]:
         widths = _squeezed([sizes[i] for i in segment], room)
         numbered = enumerate(zip(segment, widths, strict=True))
-        # rich finds the cells of a column by its index
+        # rich looks up the cells of a column by its index, which is that of the whole table.
         yield [replace(columns[i], width=width, _index=k) for k, (i, width) in numbered]
 
 

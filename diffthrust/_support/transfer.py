@@ -1,4 +1,4 @@
-"""Linear systems given by numbers or by an object of python-control: what a loop needs of them."""
+"""Linear systems from coefficients or from objects of python-control and SciPy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 
 _PADE = 6
-"""Order of the rational function that stands for a dead time where poles are wanted."""
+"""Order of the rational function that replaces a dead time where poles are needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Transfer:
 
     @property
     def corners(self) -> np.ndarray:
-        """Frequencies [rad/s] at which something happens: poles, zeros, |G| = 1 if only powers."""
+        """Corner frequencies [rad/s]: of poles and zeros; |G| = 1 for a pure power of s."""
         places = np.abs(np.concatenate([self.poles, np.roots(self.num)]))
         largest = float(places.max(initial=0.0))
         turning = places[places > 1e-9 * largest]
@@ -58,7 +58,7 @@ class Transfer:
 
     @property
     def direct(self) -> float:
-        """What of a step passes at once."""
+        """Direct feedthrough: the part of a step that passes at once."""
         return float(self.num[0]) if self.num.size == self.den.size else 0.0
 
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
@@ -117,6 +117,9 @@ class Transfer:
 
         a, b, _, _ = self.state_space()
         n = self.order
+        # Van Loan's method (1978): the exponential of one block matrix gives the integrals over the
+        # input's constant and ramp as well, and needs no inverse of `a`, which is singular for an
+        # integrator.
         block = np.zeros((n + 2, n + 2))
         block[:n, :n] = a * step
         block[:n, n] = b * step
@@ -186,12 +189,7 @@ def transfer_of(linear: Any) -> Transfer:
 
 
 def _coefficients(value: Any, what: str) -> np.ndarray:
-    while isinstance(value, list | tuple | np.ndarray) and np.ndim(value) != 1:
-        if np.ndim(value) == 0 and not isinstance(value, np.ndarray):
-            break
-        if np.ndim(value) == 0:
-            value = np.reshape(value, 1)
-            continue
+    while isinstance(value, list | tuple | np.ndarray) and np.ndim(value) > 1:
         if len(value) != 1:  # python-control nests them by output and input
             raise InputError(
                 f"The linear part has {len(value)} inputs or outputs; a limit cycle is sought in a "
@@ -230,7 +228,9 @@ def _from_states(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
     from scipy.signal import ss2tf  # slow to import
 
     num, den = ss2tf(a, b, c, d)
-    num = np.where(np.abs(num[0]) < 1e-12 * np.abs(num[0]).max(), 0.0, num[0])  # rounding
+    # ss2tf leaves leading coefficients of rounding size where there are none, and each would count
+    # as a zero of the transfer function at a very high frequency.
+    num = np.where(np.abs(num[0]) < 1e-12 * np.abs(num[0]).max(), 0.0, num[0])
     return num, den
 
 

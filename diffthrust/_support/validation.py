@@ -1,4 +1,4 @@
-"""Numbers checked, with one sentence that says what was expected."""
+"""Checks of numbers, with one sentence that states what was expected."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def finite(where: str, value: Any, right: Callable[[float], bool], expected: str
         InputError: it does not.
     """
     try:
+        # float() takes True for 1 and "nan" for a number; both are mistakes in a place for numbers
         number = math.nan if isinstance(value, bool | str) else float(value)
     except (TypeError, ValueError):
         number = math.nan

@@ -1,19 +1,19 @@
-"""Text from outside made fit to be shown: a file's name may hold orders for the terminal."""
+"""Text from outside, made safe to print: a file's name may hold control sequences."""
 
 from __future__ import annotations
 
 import re
 
 _UNSEEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""What moves the cursor, colours or turns the text, or is no character at all."""
+"""Control characters (cursor, colour), marks that reverse the text, and lone surrogates."""
 _BYTE = 0xDC00
-"""Python keeps the bytes of a name that are no UTF-8 as characters from here on."""
+"""Python maps bytes of a file's name that are not UTF-8 to characters from here on (PEP 383)."""
 
 
 def visible(text: str) -> str:
-    r"""The text with an escape in place of each character that does not show.
+    r"""The text with an escape in place of each invisible character.
 
-    Ends of lines and tabs stay. Nothing else is told apart, so that the result is for people only.
+    Line ends and tabs stay. A backslash is not escaped, so the result cannot be parsed back.
 
     Example:
         >>> visible("run\x1b[31m.csv")

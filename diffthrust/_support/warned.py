@@ -1,4 +1,4 @@
-"""Warnings that also stand in a result: given out, unless many results are on their way."""
+"""Warnings that are also noted in the result: issued, except where many results are computed."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ _silent: ContextVar[bool] = ContextVar("silent", default=False)
 
 
 def silence() -> None:
-    """From here on, in this context, nothing is given out: each result has it in its notes."""
+    """Issue no warnings in this context from here on; each result keeps them in its notes."""
     _silent.set(True)
 
 
 def warn(message: str, category: type[Warning]) -> None:
-    """Give out a warning of the module that calls this, as seen from where that was called."""
+    """Issue a warning, attributed to the user's line that called the calling module."""
     if _silent.get():
         return
-    # neither the module's own functions nor the decorator of the progress were called by the user
+    # Skip the frames of the calling module and of the `progressing` decorator: the first frame
+    # outside both is the user's line.
     inner = (sys._getframe(1).f_globals.get("__name__"), progress.__name__)
     level, frame = 3, sys._getframe(2)
     while frame.f_back is not None and frame.f_globals.get("__name__") in inner:

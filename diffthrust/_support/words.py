@@ -1,4 +1,4 @@
-"""Numbers as text, and the small pieces of English that sentences about results are made of."""
+"""Numbers as text, and helpers for English sentences about results."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
     return f"{value:.{min(digits, 12) - 1}e}", f"{error:.1e}"
 
 
-def spelt(name: str) -> str:
+def humanize(name: str) -> str:
     """A name of the code in words.
 
     Example:
-        >>> spelt("command_deadband")
+        >>> humanize("command_deadband")
         'command dead band'
     """
     return " ".join(_SPELT.get(word, word) for word in name.split("_"))
@@ -73,12 +73,12 @@ def joined(words: Iterable[str], last: str = "and") -> str:
     return f"{', '.join(first)} {last} {final}" if first else final
 
 
-def apart(first: float, second: float) -> tuple[str, str]:
-    """Two numbers with as many digits (two to four) as it takes to tell them apart."""
+def distinct_numbers(first: float, second: float) -> tuple[str, str]:
+    """Two numbers with as many digits (two to four) as make them look different."""
     for digits in (2, 3):
-        shown = number(first, digits), number(second, digits)
-        if shown[0] != shown[1]:
-            return shown
+        texts = number(first, digits), number(second, digits)
+        if texts[0] != texts[1]:
+            return texts
     return number(first, 4), number(second, 4)
 
 
@@ -88,7 +88,7 @@ def probability(p_value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage that never rounds something to nothing.
+    """A share as a percentage; a small one is not rounded to zero.
 
     Example:
         >>> percent(0.617), percent(0.0042)

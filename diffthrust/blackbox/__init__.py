@@ -1,7 +1,7 @@
 """Linear black-box models of a log's inputs and outputs.
 
-They say what any linear model of some order can tell of a log, without physics: ARX, ARMAX, output
-error and state space, the selection of their orders, and their transfer functions.
+They show how well any linear model of some order explains a log, without physics: ARX, ARMAX,
+output error and state space, the selection of their orders, and their transfer functions.
 """
 
 import lazy_loader as _lazy

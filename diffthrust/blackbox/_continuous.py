@@ -38,6 +38,7 @@ def continued(system: System, step: float, method: str) -> tuple[np.ndarray, ...
                 "Choose another order.",
             )
         inverse = np.linalg.inv(a + np.eye(n))
+        # shared between B and C, as in control texts: the gramians stay those of the sampled system
         root = 2.0 / np.sqrt(step)
         return (2.0 / step * (a - np.eye(n)) @ inverse, root * inverse @ b, root * c @ inverse,
                 d - c @ inverse @ b)  # fmt: skip
@@ -59,6 +60,8 @@ def _steps(a: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     from scipy.linalg import expm
 
     n = len(a)
+    # Van Loan 1978: one exponential of a block matrix gives the integrals of exp(A t), without the
+    # inverse of A, which an integrator does not have
     block = np.zeros((3 * n, 3 * n))
     block[:n, :n] = a * step
     block[:n, n : 2 * n] = np.eye(n) * step
@@ -71,11 +74,15 @@ def _logarithm(a: np.ndarray) -> np.ndarray:
     from scipy.linalg import expm, logm
 
     poles = np.linalg.eigvals(a)
+    # a sampled pole is exp(s T): never zero, and negative only as one of a pair that has lost its
+    # partner
     real = np.abs(poles.imag) < 1e-12 * np.abs(poles)
     lost = poles[(np.abs(poles) < 1e-9) | (real & (poles.real <= 0))]
     if not lost.size:
         full: Any = logm(a)
         real_part = np.real(full)
+        # the principal logarithm of a nearly defective matrix may be wrong without an error: taken
+        # back
         if np.allclose(expm(real_part), a, rtol=_CLOSE, atol=_CLOSE):
             return real_part
     where = ", ".join(f"{pole.real:.3g}" for pole in lost) or "what rounding cannot tell from those"

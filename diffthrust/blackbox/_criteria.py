@@ -35,6 +35,8 @@ def bic_of(system: System, records: Sequence[SampledLog], size: int) -> tuple[fl
         return np.inf, np.full(e.shape[1], np.inf)
     e = e[np.isfinite(e).all(axis=1)]
     spread = e.T @ e / len(e)
+    # noise-free logs leave rounding only: the logarithm stays finite, and more orders gain nothing
+    # there
     floor = 1e-26 * np.mean(np.concatenate([r.y[r.complete] for r in records]) ** 2)
     _, logarithm = np.linalg.slogdet(spread + floor * np.eye(len(spread)))
     free = size + len(records) * system.order
@@ -56,6 +58,7 @@ def memory_of(residuals: Sequence[np.ndarray], used: int) -> tuple[float, float]
 
     pooled = np.concatenate(residuals)
     power = float(pooled @ pooled)
+    # the chi-square law holds for many more samples than lags
     if pooled.size < 4 * _LAGS or not power > 0:
         return np.nan, np.nan
     lags = np.arange(1, _LAGS + 1)

@@ -49,6 +49,7 @@ def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels
     numbers = {name: check_integer(what, name, value) for name, value in numbers_by_name.items()}
     nb, delay = by_input["nb"], by_input["delay"]
     if channels.offset:
+        # an offset is one more input that is always 1: it needs one coefficient and no delay
         nb, delay = [*nb, 1], [*delay, 0]
     tied = "nf" in numbers
     na = numbers["nf"] if tied else numbers["na"]
@@ -61,6 +62,7 @@ def check_integer(what: str, name: str, value: Any) -> int:
         number = operator.index(value)
     except TypeError:
         number = -1
+    # True passes operator.index as 1
     if isinstance(value, bool) or number < _LEAST[name]:
         raise InputError(
             f"{what}, {name}: expected a whole number, {_LEAST[name]} or more, found {value!r}.",

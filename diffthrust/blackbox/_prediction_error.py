@@ -104,8 +104,11 @@ def _predicted(
         e = passed(c, wrong)
         basis = _pulses(c, y.size, shape.nc)
         _check_finite(e, basis)
+        # starting values are linear: the best ones are projected off, so the search knows only
+        # coefficients
         e = e - basis @ np.linalg.lstsq(basis, e, rcond=None)[0]
         by_ab = -passed(c, rows)
+        # dC/dc_i e = q^-i e, filtered once more by 1 / C
         past = passed(c, e)
         by_c = -np.stack([_later(past, i) for i in range(1, shape.nc + 1)], axis=1)
         out.append((e, _freed(np.concatenate([by_ab, by_c], axis=1), basis), basis.shape[1]))
@@ -134,6 +137,7 @@ def _simulated(
     start = np.zeros(free)
     _check_finite(driven, basis)
     if free:
+        # nearly equal poles make nearly equal responses: directions at rounding level are left out
         start = np.linalg.lstsq(basis[measured], y - driven[measured], rcond=1e-12)[0]
     w = driven + basis @ start
     past = passed(a, w)
@@ -167,5 +171,7 @@ def _freed(gradient: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """The gradient with starting values profiled out (projected off their responses)."""
     if not basis.shape[1]:
         return gradient
+    # Kaufman's simplification of the variable-projection gradient: its second term is of the order
+    # of the residuals
     q, _ = np.linalg.qr(basis)
     return gradient - q @ (q.T @ gradient)

@@ -69,6 +69,7 @@ class Channels:
                 have another step.
         """
         step = step_of(log)
+        # coefficients belong to one step: a pole of 0.9 at 0.1 s is another lag at 0.2 s
         if abs(step - self.step) > _EVEN * self.step:
             raise InputError(
                 f"{log.name}: expected a sample every {self.step:g} s, as in the logs that the "

@@ -158,6 +158,7 @@ class SampledModel(Brief):
         den = np.real(np.atleast_1d(np.poly(a)))
         # |C adj(s - A) B| = |s - A + B C| - |s - A|
         num = np.real(np.poly(a - b @ c)) - den + d[0, 0] * den
+        # rounding in a leading coefficient would be a zero near infinity
         num[np.abs(num) < 1e-12 * np.abs(num).max(initial=0.0)] = 0.0
         if not num.any():
             num = np.zeros(1)

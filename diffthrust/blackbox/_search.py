@@ -62,6 +62,7 @@ def search_coefficients(
     """
     from scipy.optimize import least_squares  # takes a while
 
+    # SciPy asks for residuals and Jacobian of one point in two calls: the last point is kept
     kept: list[tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray, int]]]] = []
 
     def parts(theta: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, int]]:
@@ -98,6 +99,8 @@ def search_coefficients(
         with np.errstate(over="ignore", invalid="ignore"):
             if not np.isfinite(residual(start, bounded)).all():
                 return np.inf, start
+            # residuals in units of the output, so that the tolerances mean the same for newtons and
+            # for rpm
             end = least_squares(
                 lambda theta: residual(theta, bounded) / scale,
                 start,
@@ -149,6 +152,7 @@ def judged(
     """
     residuals = [stretch[0] for stretch in parts]
     r, j = np.concatenate(residuals), np.concatenate([stretch[1] for stretch in parts])
+    # columns of unit length: the rank then does not depend on the units of the channels
     size = np.linalg.norm(j, axis=0)
     size = np.where(size > 0, size, 1.0)
     scaled = j / size
@@ -175,6 +179,7 @@ def _with_memory(parts: Sequence[tuple[np.ndarray, np.ndarray, int]], factor: fl
     """The covariance of the gradient of the squared errors, ``(k, k)``."""
     samples = sum(e.size for e, _, _ in parts)
     longest = min(samples // 4, max(e.size for e, _, _ in parts) - 1)
+    # two standard errors of a correlation of white noise (Bartlett)
     limit = 2.0 / np.sqrt(samples)
     power = sum(float(e @ e) for e, _, _ in parts) / samples
     total = power * sum(j.T @ j for _, j, _ in parts)
@@ -186,6 +191,7 @@ def _with_memory(parts: Sequence[tuple[np.ndarray, np.ndarray, int]], factor: fl
         total = total + r * (cross + cross.T)  # pyright: ignore
         quiet = quiet + 1 if abs(r) < limit * power else 0
         lag += 1
+    # a sum over lags that is cut off need not be positive definite: negative variances are lifted
     values, vectors = np.linalg.eigh(total)
     floor = 1e-3 * np.abs(values).max()
     return factor * (vectors * np.maximum(values, floor * (values <= 0))) @ vectors.T

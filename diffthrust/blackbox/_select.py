@@ -194,6 +194,7 @@ def select(
         if not values:
             raise InputError(f"{what}: none was given.", f"Write {what}=(1, 2).")
     common: dict[str, Any] = {"input": input, "output": output, "offset": offset}
+    # fitted for what it is judged by
     focus: Literal["prediction", "simulation"] = "simulation" if by == "unseen" else "prediction"
     rows = []
     problem: InputError | None = None
@@ -203,6 +204,8 @@ def select(
                 try:
                     model = _made(kind, logs, order, delay, focus, common)
                 except InputError as error:
+                    # one impossible order (more coefficients than samples) must not end the
+                    # selection
                     problem = problem or error
                     rows.append(Candidate(kind, order, delay, None, remark=error.problem))
                     continue

@@ -68,6 +68,8 @@ def _searched(
         squares, slope = j.T @ j, j.T @ r
         if error <= 1e-18 * r.size or _flatness(j, r) < _FLAT:  # the remaining error is rounding
             return Simulated(current, error, True)
+        # damping also selects the step: the Jacobian has n^2 null directions, one for each change
+        # of basis
         while damping < 1e12 * np.trace(squares):
             step = -np.linalg.solve(squares + damping * np.eye(slope.size), slope)
             trial = stepped(current, step, free)
@@ -80,6 +82,7 @@ def _searched(
         still = lower > (1.0 - _STILL) * error
         current, damping = trial, damping / 5.0
         error, r, j = linearized(current, records, size, free)
+        # a small gain under heavy damping is a short step, and no proof of an end
         if still and damping < 1e-3 * np.trace(squares):
             return Simulated(current, error, True)
     return Simulated(current, error, False)
@@ -102,6 +105,7 @@ def _settled(start: System) -> System:
     size = np.abs(values)
     a = start.a
     if np.any(size >= 1.0):
+        # reflected poles keep the magnitude of the response on the unit circle but for a factor
         inside = np.where(size >= 1.0, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
         a = np.real(vectors @ np.diag(inside) @ np.linalg.inv(vectors))
     return System(a, start.b, start.c, start.d, np.zeros_like(start.k), start.lags)

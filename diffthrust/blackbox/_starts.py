@@ -18,6 +18,7 @@ def reflected(polynomial: np.ndarray, limit: float = 0.999) -> np.ndarray:
     roots = np.roots(polynomial)
     size = np.abs(roots)
     inside = np.where(size > 1.0, roots / np.maximum(size, 1e-300) ** 2, roots)
+    # a root on the circle itself would filter without end
     inside = inside * np.minimum(1.0, limit / np.maximum(np.abs(inside), 1e-300))
     return np.atleast_1d(np.real(np.poly(inside))) if roots.size else polynomial
 
@@ -44,6 +45,7 @@ def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray
     """
     starts = [np.concatenate([least_squares(records, without_c(shape)), np.zeros(shape.nc)])]
     samples = sum(int(record.complete.sum()) for record in records)
+    # long enough for the noise model's memory, with five equations or more for each coefficient
     depth = min(max(10, 3 * shape.reach), samples // (5 * (1 + len(shape.nb))))
     long = Shape(depth, tuple(n if n == 1 else max(n, depth) for n in shape.nb), 0, shape.delays)
     if depth <= shape.nc or not any(equations(record, long) for record in records):
@@ -81,6 +83,7 @@ def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.
 
     raw = least_squares(records, free)
     theta = inside(raw)
+    # the raw ARX stays among the starts: an unstable system is lost by reflection
     starts = [theta] if np.allclose(theta, raw) else [theta, raw]
     filled = [_filled(record) for record in records]
     for _ in range(_ROUNDS):

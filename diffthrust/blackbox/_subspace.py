@@ -90,6 +90,7 @@ def state_space(
     level = np.zeros(m + p)
     if offset:
         joined = np.concatenate([np.concatenate([r.u, r.y], axis=1)[r.complete] for r in records])
+        # the mean is taken off before the regression and comes back as the offset input's columns
         level = joined.mean(axis=0)
     series = [_late(record, lag, level) for record in records]
     joined = np.concatenate(series)
@@ -137,6 +138,7 @@ def state_space(
     )
     if refine and focus == "simulation":
         shorter = {max(order + 1, round(share * horizon)) for share in (1 / 3, 2 / 3)}
+        # several horizons are several starts: the error of free simulation has many minima
         starts = [system, *(of_horizon(h)[0] for h in sorted(shorter - {horizon}))]
         return _simulating(model, starts, records, direct, free - order * p)
     return _refined(model, records, order, delay) if refine and p == 1 else model
@@ -167,6 +169,8 @@ def _horizon(series: Sequence[np.ndarray], m: int, order: int, direct: bool) -> 
     least = max(2 * order, order + 1, 5)
     samples = sum(int(np.isfinite(z).all(axis=1).sum()) for z in series)
     most = max(least, min(max(_LONGEST, 3 * order), samples // (8 * width)))
+    # gaps cut long windows out of a log: lags are lowered until there are four windows for each
+    # unknown
     while most > least and len(_windows(series, most + 1)) < 4 * most * width:
         most -= 1
     windows = _windows(series, most + 1)
@@ -203,7 +207,7 @@ def _identified(
     _check(windows, horizon, width)
     if order > horizon * p:
         raise InputError(
-            f"state_space, order: at most {horizon * p} states can be told by a horizon of "
+            f"state_space, order: expected at most {horizon * p} states for a horizon of "
             f"{horizon} samples, found {order}.",
             "Raise the horizon or lower the order.",
         )
@@ -216,6 +220,8 @@ def _identified(
     stacked = np.zeros((horizon * p, horizon * width))
     for i in range(horizon):  # prediction of the i-th sample from now
         stacked[i * p : (i + 1) * p, i * width :] = markov[: (horizon - i) * width].T
+    # the factor R weighs the past by its own covariance: the singular values are then of predicted
+    # outputs, and not of coefficients
     _, r = np.linalg.qr(past)
     directions, values, _ = np.linalg.svd(stacked @ r.T, full_matrices=False)
     states = (directions[:, :order].T @ stacked).T

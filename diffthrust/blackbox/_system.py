@@ -79,6 +79,8 @@ class System:
 
     def _predict(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         if np.isfinite(y).all():
+            # without gaps the predictor is a linear system with the outputs as inputs, and runs in
+            # blocks
             f = self.a - self.k @ self.c
             g = np.concatenate([self.b - self.k @ self.d, self.k], axis=1)
             d = np.concatenate([self.d, np.zeros((y.shape[1],) * 2)], axis=1)
@@ -125,6 +127,7 @@ def _run(
         pulse = [d, *(c @ power @ b for power in powers[: length - 1])]
         i, j = np.indices((length, length))
         pulses = np.concatenate([np.stack(pulse), np.zeros((length, p, m))])
+        # i - j below zero reads the zeros at the end: the matrix is causal
         forced = np.swapaxes(pulses[i - j], 1, 2).reshape(length * p, length * m)
         grown = np.concatenate([power @ b for power in powers[:length][::-1]], axis=1)
         blocks = -(-len(u) // length)
@@ -159,6 +162,8 @@ def _started(driven: np.ndarray, by_state: np.ndarray, y: np.ndarray) -> np.ndar
         return np.full_like(driven, np.inf)
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0] = 1.0
+    # a stable system forgets: the columns of fast states are tiny, and are scaled before the cut of
+    # rank
     start, *_ = np.linalg.lstsq(matrix / scale, target, rcond=1e-10)
     return driven + by_state @ (start / scale)
 

@@ -57,6 +57,7 @@ def _with_lags(model: SampledModel, lags: tuple[int, ...]) -> tuple[np.ndarray, 
             b[:n, j], d[:, j] = s.b[:, j], s.d[:, j]
             continue
         last = first + lag - 1
+        # python-control has no input delay in discrete time: each is a chain of unit delays
         b[first, j] = 1.0
         for k in range(first, last):
             a[k + 1, k] = 1.0

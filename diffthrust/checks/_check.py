@@ -11,7 +11,7 @@ from typing import NoReturn
 from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.visible import in_line
 from diffthrust.checks._result import Checked, FitRun
 from diffthrust.checks._run import Task, run_again, run_all
@@ -64,7 +64,7 @@ def check(
         ending(Path(junit), ".xml")
     trusted = (trust,) if isinstance(trust, str | Path) else trust
     tasks = tasks_in(Path(directory), update, [os.path.abspath(place) for place in trusted])
-    runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), teller(progress))
+    runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), reporter(progress))
     _warn(runs)
     checked = Checked(tuple(runs))
     if junit is not None:
@@ -86,6 +86,7 @@ def tasks_in(directory: Path, update: bool = False, trust: Sequence[str] = ()) -
     visited: set[str] = set()
     for folder, below, files in os.walk(directory, followlinks=True, onerror=_unreadable):
         real = os.path.realpath(folder)
+        # A link to a folder above would never end; one to a sibling would check its fits twice.
         if real in visited:
             below.clear()
             continue
@@ -137,4 +138,6 @@ def _warn(runs: Sequence[FitRun]) -> None:
 
     for run in runs:
         for text in run.warnings:
+            # stacklevel 4: _warn, check and the decorator of `progress` lie between here and the
+            # caller.
             warnings.warn(f"{run.fit}: {text}", CoarseStepWarning, stacklevel=4)

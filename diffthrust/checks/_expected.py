@@ -88,14 +88,14 @@ class CheckRow:
     def to_json(self) -> dict[str, Any]:
         """The row as plain data."""
         kept = {name: value for name, value in vars(self).items() if name not in _FOR_PEOPLE}
-        shown = vars(self.shown)
-        written = {name: shown[name] for name in (*_NUMBERS, "unit")}
+        displayed = vars(self.in_display_unit)
+        written = {name: displayed[name] for name in (*_NUMBERS, "unit")}
         verdict = {"difference": self.difference, "verdict": self.verdict}
         return {**kept, **verdict, "written": written}
 
     @property
-    def shown(self) -> CheckRow:
-        """The same in the display unit."""
+    def in_display_unit(self) -> CheckRow:
+        """The same row in the display unit."""
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         scaled = {n: self.per * x if isinstance(x, float) else x for n, x in numbers.items()}
         return replace(self, **scaled, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
@@ -158,7 +158,9 @@ def found_numbers(fit: Fit) -> dict[str, FoundNumber]:
         if not e.fixed:
             has_error = e.std_error is not None and math.isfinite(e.std_error)
             number = FoundNumber(e.value, e.std_error if has_error else None)
-            if e.at_bound:  # its distance from the bound is arbitrary
+            # An estimate at a bound stops within the solver's tolerance of it (1e-13 or 1e-9 of
+            # its size), and the difference means nothing.
+            if e.at_bound:
                 number = number._replace(least=_RELATIVE * fit.model.parameters[name].scale)
             out[f"parameters.{name}"] = number
     for name, error in zip(_ERRORS, (fit.train, fit.holdout), strict=True):
@@ -198,6 +200,8 @@ def with_expected(
     Raises:
         InputError: the block has a form that cannot be edited in place.
     """
+    # The file is a person's: comments, order, line ends and a byte order mark stay. Editors on
+    # Windows write \r\n and the mark, and tomlkit alters both.
     original = parse_toml(text, file)
     mark = "\ufeff" * text.startswith("\ufeff")
     line_ends = "\r\n" if "\n" not in text.replace("\r\n", "") and "\r\n" in text else "\n"
@@ -206,9 +210,8 @@ def with_expected(
         lines = tomlkit.dumps(document)
         gap = "" if not lines or lines.endswith("\n") else "\n"
         document = tomlkit.parse(f"{lines}{gap}\n[expected]\n")
-    if isinstance(
-        document["expected"], OutOfOrderTableProxy
-    ):  # its tables are scattered: join them
+    # [expected] and [expected.parameters] with other tables between them: joined to one block.
+    if isinstance(document["expected"], OutOfOrderTableProxy):
         document["expected"] = tomlkit.table()
     table = document["expected"]
     values = {key: _written(number) for key, number in numbers.items()}
@@ -224,6 +227,8 @@ def with_expected(
         _fill(table["parameters"], parameters)
     new = mark + tomlkit.dumps(document).replace("\n", line_ends)
     block = {"status": status, **errors, **vars(marks), "parameters": parameters}
+    # tomlkit edits unusual layouts (dotted keys, inline tables) wrongly at times: the result is
+    # parsed again, and must be the old file with the new block.
     if parse_toml(new, file) != {**original, "expected": block}:
         raise InputError(
             f"{file}: the expected values are not written as one [expected] table, so they cannot "
@@ -258,7 +263,9 @@ def _written(number: ExpectedNumber) -> Item:
 
 def _fill(table: Table, values: Mapping[str, Item]) -> None:
     """Set the values of a table and delete others, except its table of parameters."""
-    tail = []  # blank lines and comments before the next table belong to that table
+    # tomlkit counts blank lines and comments before the next table to this one: new keys must go
+    # above them.
+    tail = []
     while table.value.body and table.value.body[-1][0] is None:
         tail.append(table.value.body.pop()[1])
     for key in [key for key in table if key not in values and key != "parameters"]:

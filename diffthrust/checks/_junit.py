@@ -27,9 +27,8 @@ def write_junit(path: Path, checked: Checked, directory: Path) -> None:
 
     One suite with a case for each fit, with its duration: services show one failure per case, so
     that their counts agree with the command. The case lists all moved quantities, the largest move
-    first. A fit that was not compared is an
-    error, one that moved a failure. The elements and attributes are those of junit-10.xsd, the
-    schema of Jenkins' xUnit plugin.
+    first. A fit that was not compared is an error, one that moved a failure. The elements and
+    attributes are those of junit-10.xsd, the schema of Jenkins' xUnit plugin.
 
     Args:
         path: the file to write, ending in ``.xml``.
@@ -54,7 +53,7 @@ def _suites(checked: Checked, directory: Path) -> JUnitXml:
     suite.add_testcases([_case(run, directory.resolve().name) for run in checked.runs])
     suites = JUnitXml("diffthrust check")
     suites.append(suite)
-    # update_statistics would also count skipped cases, for which the schema has no attribute.
+    # update_statistics would also write the number of skipped cases, which the schema forbids.
     for count in ("tests", "failures", "errors", "time"):
         setattr(suites, count, getattr(suite, count))
     return suites

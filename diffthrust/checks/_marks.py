@@ -34,13 +34,13 @@ class Marks:
     data: dict[str, str]
 
     def since(self, expected: ExpectedPart | None) -> str:
-        """What changed since a block was written, in a sentence; "" without a block."""
+        """A sentence on what changed since a block was written; "" without a block."""
         if expected is None:
             return ""
         if not (expected.library and expected.spec and expected.data):
             return (
-                "Its [expected] block does not say of which data, spec and library it is: "
-                "diffthrust check --update writes that."
+                "Its [expected] block does not name the data, spec and library that it belongs to: "
+                "diffthrust check --update adds them."
             )
         files = [f for f in {**expected.data, **self.data} if self._moved(expected, f)]
         moved = [f"the data ({', '.join(files)})"] * bool(files)
@@ -49,8 +49,8 @@ class Marks:
             moved.append(f"the library (it was {expected.library}; now {self.library})")
         if not moved:
             return (
-                "Data, spec and versions are those that it was stored with: the code of diffthrust "
-                "or the machine has moved it."
+                "Data, spec and versions are as stored: the code of diffthrust or the machine has "
+                "moved it."
             )
         same = [name for name in ("data", "spec", "library") if f"the {name}" not in "".join(moved)]
         unchanged = f"; {joined(same)} {'is' if len(same) == 1 else 'are'} the same" if same else ""

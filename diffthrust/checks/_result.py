@@ -111,14 +111,14 @@ class Checked(Result):
 
 
 def check_report(checked: Checked, everything: bool = False) -> Report:
-    """What moved, the largest first, with what to do about it, and a summary.
+    """The quantities that moved, the largest move first, their mends, and a summary.
 
     Args:
         checked: the outcome.
         everything: show every quantity in the order of the fits, also those that did not move.
     """
     rows = checked.rows if everything else by_size(row for row in checked.rows if not row.ok)
-    rows = [row.shown for row in rows]
+    rows = [row.in_display_unit for row in rows]
     passed = {run.fit: run.ok for run in checked.runs}
     changed = (f"{run.fit}: {run.since}" for run in checked.runs if run.since)
     table = moved_rows(rows, by_fit=everything)

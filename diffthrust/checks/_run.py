@@ -38,6 +38,8 @@ def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> 
 
     begin, new, since = time.perf_counter(), False, ""
     with warnings.catch_warnings(record=True) as caught:
+        # "always": Python otherwise issues a warning once per line of code, so that the second fit
+        # of a process would have none.
         warnings.simplefilter("always", CoarseStepWarning)
         try:
             rows, new, since = _rows(fit, file, update, trust)
@@ -100,6 +102,7 @@ def _write_over(path: Path, original: str, replacement: str) -> None:
             f"{path}: the file can no longer be read ({error.strerror or error}).",
             "Put it back, and run diffthrust check --update again.",
         ) from None
+    # A fit takes minutes, and people edit meanwhile: their text wins.
     if now != original.encode("utf-8"):
         beside = path.with_name(f"{path.name}.updated")
         write_whole(beside, replacement.encode("utf-8"))

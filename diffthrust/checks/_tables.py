@@ -1,4 +1,4 @@
-"""The rows and sentences of a check: what moved, by how much, and what to do."""
+"""The rows and sentences of a check: moved quantities, sizes of the moves, and mends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LISTED = 10
 
 
 def moved_rows(rows: Iterable[CheckRow], *, by_fit: bool) -> Rows:
-    """A row for each quantity; fits in blocks of their own where they are in order."""
+    """A row for each quantity; one block for each fit if ``by_fit``."""
     blocks: dict[str, list[tuple[str, ...]]] = {}
     for row in rows:
         blocks.setdefault(row.fit if by_fit else "", []).append(
@@ -74,7 +74,7 @@ def sentence(row: CheckRow) -> str:
         >>> sentence(CheckRow("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
         'alpha: expected 1.000, found 1.400 (+4.0 std errors)'
     """
-    row = row.shown
+    row = row.in_display_unit
     if row.expected is None:
         return row.quantity if row.found is None else f"{row.quantity}: {row.found}"
     by = f" ({by_how_much(row)})" if row.change is not None else ""
@@ -130,7 +130,7 @@ def _wordy(row: CheckRow) -> bool:
 
 
 def _cell(value: float | str | None, row: CheckRow) -> str:
-    """A number to the third digit of its standard error, so that a move of a hundredth is seen."""
+    """A number to the third digit of its standard error, so that a move of 1 % of it is visible."""
     if isinstance(value, str):
         return value
     if value is None:

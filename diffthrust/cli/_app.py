@@ -33,7 +33,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    # Typer loads pydantic, for a tenth of a second, to convert the None of a --help not given
+    # Without this default Typer imports pydantic (0.1 s) to convert the None of an absent --help.
     context_settings={"default_map": {"help": False}},
 )
 
@@ -43,12 +43,17 @@ def main() -> None:
     with ended_soon():
         try:
             app()
-        except OSError as error:  # of what is shown after the work
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the rest of it
+        # Only printing the result can fail here (a full disk, a closed pipe): `session` has
+        # reported all earlier errors.
+        except OSError as error:
+            # Python flushes standard output once more as it exits, and would fail a second time.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             why = error.strerror or error
-            typer.echo(f"Error: what was found cannot be shown ({why}).", err=True)
+            typer.echo(f"Error: the result cannot be printed ({why}).", err=True)
             typer.echo(
-                "Mend: Lead it to a place with room; files that were named are written.", err=True
+                "Mend: Redirect the output to a place with free space; the requested files are "
+                "written.",
+                err=True,
             )
             raise SystemExit(BAD_INPUT) from None
 

@@ -56,18 +56,22 @@ def campaign_command(
     ] = None,
     time_limit: Annotated[
         float | None,
-        typer.Option("--time-limit", metavar="S", help="Kill a task after so many seconds."),
+        typer.Option("--time-limit", metavar="S", help="Kill a task after S seconds."),
     ] = None,
     candidates: Annotated[
         str | None,
         typer.Option("--candidates", metavar="A,B,...", help="Effects that a diagnosis tries."),
     ] = None,
-    method: Annotated[
-        str | None, typer.Option("--method", help="Of sampling: emcee or nuts.")
+    method: Annotated[str | None, typer.Option("--method", help="Sampler: emcee or nuts.")] = None,
+    draws: Annotated[
+        int | None, typer.Option("--draws", metavar="N", help="Draws of a sampler.")
     ] = None,
-    draws: Annotated[int | None, typer.Option("--draws", metavar="N", help="Of sampling.")] = None,
-    warmup: Annotated[int | None, typer.Option("--warmup", metavar="N", help="Likewise.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Likewise.")] = None,
+    warmup: Annotated[
+        int | None, typer.Option("--warmup", metavar="N", help="Warmup steps.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Seed of a sampler.")
+    ] = None,
     report: Annotated[
         bool, typer.Option("--report", help="Write a page into the folder of each spec.")
     ] = False,
@@ -109,10 +113,10 @@ def _lines() -> Progress:
     """Progress as lines on standard error, for logs of batch systems."""
     last = time.monotonic()
 
-    def say(message: str, share: float) -> None:
+    def print_line(message: str, share: float) -> None:
         nonlocal last
         if time.monotonic() - last > _EVERY:
             last = time.monotonic()
             typer.echo(visible(message), err=True)
 
-    return say
+    return print_line

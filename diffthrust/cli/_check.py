@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from diffthrust.checks._result import Checked
 
 _ANNOTATIONS = 10
-"""Annotations of one kind that GitHub shows for a step."""
+"""GitHub shows at most this number of errors for a step."""
 
 
 def check_command(
@@ -89,6 +89,7 @@ def error_lines(checked: Checked) -> list[str]:
 
 
 def _escaped(text: str, more: str = "") -> str:
+    # % first: later replacements insert more of them.
     for char in f"%\r\n{more}":
         text = text.replace(char, f"%{ord(char):02X}")
     return text

@@ -45,6 +45,8 @@ def compare_command(
         comparisons = comparisons_of(fit or loaded.model, train, holdout)
         if json:
             parts = {name.split()[0]: c.to_json() for name, c in comparisons.items()}
+            # The two comparisons share model and effects: JSON states them once, and the errors per
+            # part.
             head = {k: next(iter(parts.values()))[k] for k in ("schema", "model", "effects")}
             short = {k: {n: v[n] for n in ("errors", "runs")} for k, v in parts.items()}
             short = {"train": short["training"], "holdout": short.get("unseen")}

@@ -1,4 +1,4 @@
-"""The command ``diffthrust datasets``: which public logs there are, and where they lie."""
+"""The command ``diffthrust datasets``: list public logs, or download a set."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from diffthrust.cli._session import session, show, write_figure, written
 
 def demo_command(
     output: Annotated[
-        Path, typer.Option("--output", metavar="DIR", help="Where to put what it writes.")
+        Path, typer.Option("--output", metavar="DIR", help="The folder for its files.")
     ] = Path("demo_output"),
     missing: Annotated[
         bool,
@@ -61,11 +61,12 @@ def _demo_folder() -> Path:
         InputError: neither place has it.
     """
     here = Path(__file__).resolve().parent
+    # The build of the wheel copies the logs into the package; a checkout has them in fits/.
     places = (here / "demo_log", here.parents[1] / "fits" / "jason_thruster")
     for place in places:
         if (place / "fit.toml").is_file():
             return place
     raise InputError(
-        f"The demo's log is missing; it is looked for in {places[0]} and {places[1]}.",
+        f"The demo's log is missing; expected it in {places[0]} or {places[1]}.",
         "Install the package again.",
     )

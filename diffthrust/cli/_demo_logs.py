@@ -50,7 +50,7 @@ def hidden_folder(folder: Path) -> Path:
     """Write three logs of a thruster with hidden effects, and a spec of the plain model.
 
     Args:
-        folder: where to; made if it is not there.
+        folder: created if it does not exist.
 
     Returns:
         The folder, as `load_spec` takes it.
@@ -63,6 +63,8 @@ def hidden_folder(folder: Path) -> Path:
     """
     folder_at(folder)
     spec = folder / "fit.toml"
+    # A second run may overwrite its own files, never a spec that somebody wrote: the demo's starts
+    # with its first comment.
     if spec.exists() and not spec.read_text(errors="replace").startswith(_SPEC.split(".")[0]):
         raise InputError(
             f"{spec}: expected an empty folder or that of an earlier demo, found another spec.",
@@ -84,7 +86,7 @@ def folder_at(folder: Path) -> Path:
 
 
 def _table(seed: int) -> str:
-    """One log as CSV: levels of the command held for a while, and sensors with noise."""
+    """One log as CSV: a staircase of random commands, and sensors with noise."""
     rng = np.random.default_rng(seed)
     time = _STEP * np.arange(_SAMPLES)
     command = np.repeat(rng.uniform(-4.0, 4.0, _SAMPLES // 30), 30)

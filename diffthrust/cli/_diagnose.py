@@ -27,7 +27,7 @@ def diagnose_command(
         typer.Option(
             "--candidates",
             metavar="A,B,...",
-            help="Effects to try, also script.py:Class, and constants that the model holds; "
+            help="Effects to try, also script.py:Class, and fixed constants of the model; "
             "'all', the default, is the catalogue and every constant.",
         ),
     ] = None,

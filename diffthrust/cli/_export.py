@@ -34,8 +34,8 @@ def export_command(
         ExportTarget,
         typer.Option(
             "--to",
-            help="A module of plain Python, a C99 header, a table of force and command in the "
-            "steady state, or the thruster as gz-sim, uuv_simulator or Stonefish describe it.",
+            help="A module of plain Python, a C99 header, a steady-state table of force and "
+            "command, or a thruster for gz-sim, uuv_simulator or Stonefish.",
         ),
     ],
     output: Annotated[
@@ -49,7 +49,7 @@ def export_command(
         typer.Option(
             "--limits",
             metavar="LOW HIGH",
-            help="Lowest and highest command, in the unit of the logs; by default theirs.",
+            help="Lowest and highest command, in the unit of the logs; as in the logs by default.",
         ),
     ] = None,
     trust: TrustOption = None,

@@ -51,8 +51,8 @@ def map_command(
         typer.Option(
             "--amplitudes",
             metavar="A,B,... or MIN:MAX:N",
-            help="Of the input, in the model's unit; N evenly in the logarithm. By default up to "
-            "the largest input in the logs.",
+            help="Of the input, in the model's unit; MIN:MAX:N gives N values, evenly spaced in "
+            "the logarithm. By default up to the largest input in the logs.",
         ),
     ] = None,
     frequencies: Annotated[
@@ -68,15 +68,13 @@ def map_command(
         ),
     ] = MapMethod.simulation,
     harmonics: Annotated[
-        int, typer.Option("--harmonics", metavar="N", min=1, help="Of the harmonic balance.")
+        int, typer.Option("--harmonics", metavar="N", min=1, help="Number in a harmonic balance.")
     ] = 15,
     input: Annotated[
         str, typer.Option("--input", metavar="NAME", help="The input that is a sinusoid.")
     ] = "command",
     output: Annotated[str, typer.Option("--output", metavar="NAME", help="The output.")] = "thrust",
-    bias: Annotated[
-        float, typer.Option("--bias", metavar="X", help="What the input swings about.")
-    ] = 0.0,
+    bias: Annotated[float, typer.Option("--bias", metavar="X", help="Mean of the input.")] = 0.0,
     no_fit: Annotated[
         bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
     ] = False,
@@ -86,7 +84,7 @@ def map_command(
             "--draws",
             metavar="N",
             min=20,
-            help="Give intervals of 95 %, by N draws from the covariance of the fit; 100 serve.",
+            help="Add intervals of 95 % from N draws of the fit's covariance; 100 suffice.",
         ),
     ] = None,
     json: JsonPath = None,
@@ -110,7 +108,7 @@ def map_command(
         if draws is not None and no_fit:
             raise InputError(
                 "--draws: expected a fit, whose covariance is drawn from, found --no-fit.",
-                "Leave one of the two out.",
+                "Leave out one of the two.",
             )
         grids = {"frequencies": grid_points("--frequencies", frequencies)}
         if amplitudes is not None:
@@ -140,7 +138,7 @@ def map_command(
 
 
 def grid_points(option: str, text: str) -> np.ndarray:
-    """The numbers in ``a,b,c``, or the N evenly in the logarithm in ``min:max:n``.
+    """The numbers of ``a,b,c``, or n numbers evenly spaced in the logarithm for ``min:max:n``.
 
     Raises:
         InputError: neither.
@@ -157,14 +155,14 @@ def grid_points(option: str, text: str) -> np.ndarray:
         return np.unique([float(piece) for piece in text.split(",") if piece.strip()])
     except ValueError:
         raise InputError(
-            f"{option}: expected numbers as 0.5,1,2 or as 0.1:10:24 (from, to, how many), found "
+            f"{option}: expected numbers as 0.5,1,2 or as 0.1:10:24 (from, to, count), found "
             f"{text!r}.",
             "Correct it; amplitudes and frequencies are positive.",
         ) from None
 
 
 def _within(model: Model, name: str, logs: Sequence[Log], bias: float) -> np.ndarray:
-    """Amplitudes up to the largest in the logs, where the model was identified."""
+    """Amplitudes up to the largest in the logs: the model was identified in this range."""
     import numpy as np
 
     from diffthrust.simulation._record import bind
@@ -174,6 +172,6 @@ def _within(model: Model, name: str, logs: Sequence[Log], bias: float) -> np.nda
     largest = max((float(np.nanmax(np.abs(series - bias))) for series in inputs), default=0.0)
     if not largest > 0:
         raise InputError(
-            f"The logs do not tell how far {name!r} swings.", "Give --amplitudes, as 0.1:10:24."
+            f"The logs do not show how far {name!r} swings.", "Give --amplitudes, as 0.1:10:24."
         )
     return np.geomspace(largest / _SPAN, largest, _POINTS)

@@ -13,7 +13,7 @@ from diffthrust.cli._session import session, show, written
 
 def new_command(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Of the fit, and of its folder.")
+        str | None, typer.Argument(metavar="NAME", help="Name of the fit and of its folder.")
     ] = None,
     model: Annotated[
         str, typer.Option("--model", metavar="MODEL", help="A model of the catalogue.")

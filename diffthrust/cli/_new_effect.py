@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
 
 def new_effect_command(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the effect, and of its files.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the effect and its files.")],
     formula: Annotated[
         str,
         typer.Option("--formula", metavar="TEXT", help='The law: "-a * speed * abs(speed)**p".'),
     ] = "",
     port: Annotated[
-        str, typer.Option("--port", metavar="PORT", help="Where it acts: diffthrust effects.")
+        str, typer.Option("--port", metavar="PORT", help="Where it acts; see diffthrust effects.")
     ] = "",
     learned: Annotated[
         Path | None,
         typer.Option(
             "--learned",
             metavar="DIAG.json",
-            help="Instead: the law that a diagnosis learned, diagnose --save DIAG.json.",
+            help="Instead of --formula: the law learned by diagnose --save DIAG.json.",
         ),
     ] = None,
     parameter: Annotated[
@@ -37,11 +37,11 @@ def new_effect_command(
         typer.Option(
             "--parameter",
             metavar="NAME=UNIT",
-            help="A parameter; with fields, 'p={ value = 1.5, bounds = [0.5, 3] }'.",
+            help="A parameter; with more fields, 'p={ value = 1.5, bounds = [0.5, 3] }'.",
         ),
     ] = None,
     doc: Annotated[
-        str, typer.Option("--doc", metavar="TEXT", help="What happens, in a sentence.")
+        str, typer.Option("--doc", metavar="TEXT", help="What the effect does, in a sentence.")
     ] = "",
     directory: Annotated[
         Path, typer.Option("--directory", metavar="DIR", help="Where the files go.")
@@ -56,7 +56,7 @@ def new_effect_command(
         if learned:
             if formula or port or parameter:
                 raise InputError(
-                    f"--learned {learned}: expected it alone, found another law beside it.",
+                    f"--learned {learned}: expected no other law, found one.",
                     "Leave out --formula, --port and --parameter.",
                 )
             law, provenance, model = _learned(learned)
@@ -68,7 +68,7 @@ def new_effect_command(
             effect = bound_to_model(Formula(port, formula, name=name, **requested))
         else:
             raise InputError(
-                "new-effect: expected a law and where it acts, found neither or one of them.",
+                "new-effect: expected a law and its port, found neither or only one of them.",
                 'Give --formula "-a * speed" --port shaft --parameter a=1/s, '
                 "or --learned DIAG.json.",
             )
@@ -96,8 +96,8 @@ def _learned(path: Path) -> tuple[Formula, str, Model]:
     named = [(law, law.form) for law in diag.laws if law.form]
     if not named:
         raise InputError(
-            f"{path}: expected a law that has a name, found "
-            f"{'one as yet without' if diag.laws else 'none that was learned'}.",
+            f"{path}: expected a learned law with a closed form, found "
+            f"{'one without' if diag.laws else 'no learned law'}.",
             "Write the law that you suspect: --formula TEXT --port PORT.",
         )
     law, form = named[0]

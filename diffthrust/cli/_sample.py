@@ -32,7 +32,7 @@ def sample_command(
     spec: SpecPath,
     method: Annotated[
         Sampler,
-        typer.Option("--method", help="emcee: an ensemble of walkers; nuts: along the gradient."),
+        typer.Option("--method", help="emcee: an ensemble of walkers; nuts: uses the gradient."),
     ] = Sampler.emcee,
     draws: Annotated[
         int, typer.Option("--draws", metavar="N", min=10, help="Draws of each walker or chain.")
@@ -71,7 +71,7 @@ def sample_command(
 ) -> None:
     """Draw from the posterior of each parameter, and check convergence."""
     with session() as progress:
-        from diffthrust._support.progress import part, teller
+        from diffthrust._support.progress import reporter, subtask
         from diffthrust.specs._spec import load_spec
         from diffthrust.uncertainty._sampling.arviz import write_posterior
         from diffthrust.uncertainty._sampling.page import write_posterior_page
@@ -82,8 +82,8 @@ def sample_command(
         check_sampling(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec, trust=trust or ())
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
-        notify = teller(progress)
-        fit = loaded.fit(progress=part(notify, 0.0, 0.2), train=train, holdout=unseen)
+        notify = reporter(progress)
+        fit = loaded.fit(progress=subtask(notify, 0.0, 0.2), train=train, holdout=unseen)
         post = sample(
             fit,
             train,
@@ -94,8 +94,10 @@ def sample_command(
             chains=chains,
             seed=seed,
             file=file,
-            progress=part(notify, 0.2, 1.0),
+            progress=subtask(notify, 0.2, 1.0),
         )
+        # Before the summary: its predictions take a while, and an interrupt must not lose the
+        # chain.
         if save:
             write_posterior(post, save)
         posterior = sampled(post, fit, train, unseen, seed=seed)

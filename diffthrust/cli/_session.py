@@ -1,4 +1,4 @@
-"""Shared by all commands: session, options, and output."""
+"""The session, the options and the output that all commands share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import typer
 from diffthrust._support.errors import InputError, refused
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.visible import visible
-from diffthrust.cli._interrupt import STOPPED, interrupted, say_stopped
+from diffthrust.cli._interrupt import STOPPED, interrupted, report_stopped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,16 +46,18 @@ def session() -> Iterator[Progress | None]:
             error, InputError | KeyboardInterrupt
         ):
             raise
-        raise typer.Exit(_told(error)) from None
+        raise typer.Exit(_report_error(error)) from None
 
 
-def _told(error: BaseException) -> int:
+def _report_error(error: BaseException) -> int:
     """Report the error that ended a command, and return its exit status."""
     if isinstance(error, KeyboardInterrupt) or interrupted():
-        # an interrupted import raises ImportError, an interrupted read looks like a damaged file
-        say_stopped(visible(str(error)) if isinstance(error, KeyboardInterrupt) else "")
+        # An interrupted import raises ImportError, an interrupted read looks like a damaged file.
+        report_stopped(visible(str(error)) if isinstance(error, KeyboardInterrupt) else "")
         return STOPPED
     if not isinstance(error, InputError):
+        # An exception whose traceback ends in a user's script is a mistake of the script, with a
+        # line to correct, not a defect of the library.
         from diffthrust.specs._scripts import error_in_script
 
         error = error_in_script(error) or error
@@ -76,6 +78,8 @@ def _told(error: BaseException) -> int:
 def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
     from diffthrust.simulation._step_size import CoarseStepWarning
 
+    # Other warnings (of NumPy, of JAX) name lines of the library, and the fit reports their
+    # consequences.
     if issubclass(category, CoarseStepWarning):
         over = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line of the bar
         typer.echo(f"{over}Warning: {visible(str(message))}", err=True)
@@ -166,7 +170,7 @@ def show(content: Result | Report | str) -> None:
     if sys.stdout.isatty():
         print_report(report)
         return
-    # files and pipes have no width of their own; 140 keeps most tables undivided
+    # Files and pipes have no width; 140 columns keep most tables undivided.
     columns = os.environ.get("COLUMNS", "")
     width = int(columns) if columns.isdecimal() and int(columns) else 140
     typer.echo(plain_text(report, width), nl=False)

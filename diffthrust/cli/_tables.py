@@ -1,4 +1,4 @@
-"""The effects and the data sets that there are, as rows of a report."""
+"""The catalogue of effects and the list of data sets, as rows of a report."""
 
 from __future__ import annotations
 

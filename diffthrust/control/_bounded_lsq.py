@@ -29,12 +29,15 @@ def least_squares_within(
     """
     hessian, slope_at_zero = jacobian.T @ jacobian, jacobian.T @ residual
     largest = jnp.max(jnp.diag(hessian)) + jnp.finfo(float).tiny
+    # the second term serves columns of zeros: an input without effect, such as a rudder at rest
     ridge = jnp.maximum(_RIDGE * jnp.diag(hessian), _RIDGE**2 * largest)
     hessian = hessian + jnp.diag(ridge)
+    # unit diagonal and unit residual: the box solver's tolerances are then those of any problem
     scale = jnp.sqrt(jnp.diag(hessian))
     size = jnp.linalg.norm(residual) + jnp.finfo(float).tiny
     left, right = (low - start) * scale / size, (high - start) * scale / size
     slope = (hessian @ start + slope_at_zero) / scale / size
     step = least_in_box(hessian / scale[:, None] / scale[None, :], slope, left, right)
     x = jnp.clip(start + step * size / scale, low, high)
+    # at a limit exactly, without the rounding of scale and back: limits of inputs always hold
     return jnp.where(step <= left, low, jnp.where(step >= right, high, x))

@@ -33,6 +33,7 @@ def delayed_sample(line: Array, value: Array, first: Array, samples: Array) -> t
         The delayed sample, and the line to remember.
     """
     line = jnp.where(first, value, jnp.concatenate([value[None], line[:-1]]))
+    # weights in the place of an index: no gather in the loop's body, and a derivative by the delay
     weights = jnp.maximum(1.0 - jnp.abs(samples - jnp.arange(line.shape[0], dtype=float)), 0.0)
     return jnp.sum(weights * line), line
 

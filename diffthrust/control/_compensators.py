@@ -107,6 +107,7 @@ class Lead(Compensator):
         """Yoerger et al. 1990, section V B."""
         lagged = kept["lagged"]
         ahead = thrust + (self.pole / self.zero - 1.0) * (thrust - lagged)
+        # exact over a held sample, so that any rate of the controller will do
         followed = lagged - (thrust - lagged) * jnp.expm1(-self.pole * period)
         return ahead / self.thrust_per_volt, {"lagged": followed}
 

@@ -167,6 +167,8 @@ class FaultNumbers:
             numbers = {"at": float(fault.at), "until": float(fault.until)}
             match fault:
                 case Change():
+                    # names are structure, instants and factors are leaves: a scan over sizes of a
+                    # fault compiles once
                     kinds.append(("change", *fault.factors))
                     numbers |= {name: float(value) for name, value in fault.factors.items()}
                 case Stuck():

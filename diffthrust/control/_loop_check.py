@@ -64,6 +64,7 @@ def seeded(seed: Any) -> np.random.Generator:
     Raises:
         InputError: a seed that is no whole number from 0.
     """
+    # True is an integer to Python, and never meant as a seed
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(
             f"seed: expected a whole number, 0 or more, found {seed!r}.", "Write seed=0."

@@ -131,6 +131,7 @@ class LoopRun(RunSignals):
         within = self.within("tracking", start, stop)
         error, size = self["error"][within], float(np.std(self["reference"][within]))
         rms = float(np.sqrt(np.mean(error**2)))
+        # a constant reference leaves a standard deviation of rounding
         relative = rms / size if size > 1e-12 * (1.0 + rms) else float("nan")
         return Tracking(rms, float(np.max(np.abs(error))), relative)
 

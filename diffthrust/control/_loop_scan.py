@@ -105,6 +105,7 @@ def loop_signals(
         return sound.bind({n: values[n] * f for n, f in factors.items()}) if factors else sound
 
     first = {name: jnp.asarray(value, float) for name, value in sound.start(start).items()}
+    # states of effects have a dot in their names; those of the models begin where they are given
     settling = [name for name in first if "." in name]
 
     def decays(instant: Array) -> dict[str, Array]:
@@ -135,9 +136,8 @@ def loop_signals(
         motor, path = parts.path(plant.thruster.effects, inputs, previous["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
         sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, previous)
-        if (
-            settling
-        ):  # a record of the loop that is simulated again begins settled at its first command
+        # a record of the loop that is simulated again begins settled at its first command
+        if settling:
             settled = plant.start(start, sent["motor_command"])
             state = {**state, **{n: jnp.where(x["first"], settled[n], state[n]) for n in settling}}
         row = {
@@ -226,6 +226,7 @@ def _read(plant: Plant, path: Mapping[str, Array], rows: Mapping[str, Array]) ->
 
 
 def _when(flag: Array, every: int, new: _Tree, old: _Tree) -> _Tree:
+    # every turn is one of its samples: no select is needed
     if every == 1:
         return new
     return jax.tree.map(lambda a, b: jnp.where(flag, a, b), new, old)

@@ -28,7 +28,7 @@ _LONGEST = 0.1
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MPC:
-    """A vessel's inputs over a horizon such that the model follows the path, anew at each sample.
+    """At each sample, the inputs over a horizon with which the model of a vessel follows the path.
 
     The sum of squares of the errors of position over ``position``, and of the inputs' rates of
     change over ``rates``, is minimized by Gauss-Newton steps between the limits, beginning with the
@@ -106,6 +106,7 @@ class MPC:
         limits = {n: limit_pair(n, self.limits.get(n), unit) for n, unit in units.items()}
         more = {name: limit_pair(name, pair, states[name], open_=True)
                 for name, pair in self.limits.items() if name in states}  # fmt: skip
+        # inputs first, then limited states: the step reads them in this order
         object.__setattr__(self, "limits", {**limits, **more})
         for what in ("slew", "rates"):
             check_names(what, getattr(self, what), tuple(units), "0.5")
@@ -223,6 +224,7 @@ class MPC:
     def _setting(self) -> Setting:
         low, high = self._range
         rates = [self.rates.get(n, b - a) for n, (a, b) in self.input_limits.items()]
+        # everything in shares of an input's range: a rudder in rad and a force in N weigh alike
         moves = jnp.asarray(rates, float) / self.rate
         fastest = jnp.asarray([self.slew.get(n, math.inf) for n in self.model.inputs]) / self.rate
         ends = [self.limits[name] for name in self._frame.limited]

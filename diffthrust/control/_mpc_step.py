@@ -126,6 +126,7 @@ def replan(
     )
     planned = jnp.clip(flat, 0.0, 1.0).reshape(ahead.shape)
     nearest = jnp.clip(previous, 0.0, 1.0)
+    # the interior point method fulfils rates to its tolerance; what is applied fulfils them exactly
     first = jnp.clip(planned[0], nearest - setting.reach, nearest + setting.reach)
     planned = planned.at[0].set(first)
     expected = ahead.after(state, planned[0])
@@ -235,6 +236,7 @@ class _Horizon:
     def improve(self, carry: tuple[Array, ...]) -> tuple[Array, ...]:
         """One damped Gauss-Newton step: inputs, steps so far, damping, and whether it ends."""
         flat, count, damping, _ = carry
+        # forward mode: the reverse mode of a scan leaves XLA's fused loop
         jacobian, slopes = jax.jacfwd(self.foreseen)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
         now, (residual, beyond) = self.cost(flat), self.foreseen(flat)
         sizes = jnp.linalg.norm(jacobian, axis=0)
@@ -245,11 +247,13 @@ class _Horizon:
             slopes,
             beyond,
         )
+        # all lengths in one batch: a line search that branches cannot be vectorized
         tried = jax.vmap(lambda length: flat + length * step)(_LENGTHS)
         costs = jax.vmap(self.cost)(tried)
         best = jnp.argmin(costs)
         better = costs[best] < now
         slope = residual @ jacobian
+        # an input pushed against its limit: its slope need not vanish at a minimum
         held = ((flat <= 0) & (slope >= 0)) | ((flat >= 1) & (slope <= 0))
         steep = jnp.abs(slope) / (sizes * jnp.linalg.norm(residual) + jnp.finfo(float).tiny)
         level = self.frame.bounded & (jnp.max(jnp.where(held, 0.0, steep)) < _SETTLED)
@@ -257,6 +261,8 @@ class _Horizon:
         # at a kink of the force law no slope is level, and yet no step helps, however small
         corner = (now - costs[best] <= _SETTLED**2 * now) & (damping >= 1.0)
         settled = jnp.isfinite(now) & (level | short | corner)
+        # Levenberg-Marquardt: no damping while Gauss-Newton helps, more where even its tenth does
+        # not
         damping = jnp.where(better, 0.1 * damping, jnp.maximum(10.0 * damping, 1e-3))
         return jnp.where(better, tried[best], flat), count + 1, damping, settled
 
@@ -273,6 +279,7 @@ def _estimate(
     """The unexplained accelerations, moved towards what the last sample missed."""
     heading = plan.state["heading"]
     cos, sin = jnp.cos(heading), jnp.sin(heading)
+    # an error of speed over the time in which it grew, taken in with the share 1 - exp(-t / lag)
     gain = -jnp.expm1(-since / lag) / since
     unexplained = {
         "north": missed["surge"] * cos - missed["sway"] * sin,

@@ -93,6 +93,7 @@ def one_sample(
     def given(instants: tuple[Array, Array]) -> dict[str, tuple[Array, ...]]:
         return {**{name: (value,) for name, value in held.items()}, "time": instants}
 
+    # inputs are held over the sample, so decays are constant and their exponentials are taken once
     slopes = rates(state, {**held, "time": time})
     decays = {name: k.decay for name, k in slopes.items() if isinstance(k, Relaxing)}
     weights = {n: exponential_weights(step, jnp.asarray(decay)) for n, decay in decays.items()}

@@ -121,6 +121,8 @@ class HarmonicPath(Path):
         slope = self.amplitude * wave * np.cos(wave * along)
         pace = np.hypot(1.0, slope)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(along))])
+        # arc length has no closed form (an elliptic integral): one wave is tabulated, whole waves
+        # repeat
         waves, remaining = np.divmod(self.speed * np.asarray(time, float), arc[-1])
         x = waves * self.wavelength + np.interp(remaining, arc, along)
         aside = self.amplitude * np.sin(wave * x)

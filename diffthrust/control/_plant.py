@@ -150,7 +150,8 @@ def _side(
     model: Model, state: Mapping[str, Array], signals: Mapping[str, Array], worked_out: str
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
     """Rates, outputs and readings of one of the two models."""
-    for effect in model.effects:  # as `_trajectory` does with recorded series
+    # each effect sees the inputs as earlier ones have left them, as in `_trajectory`
+    for effect in model.effects:
         outer = Ports((effect,), Signals(signals))
         signals = {n: v if n == worked_out else outer(n, v) for n, v in signals.items()}
     s = Signals({**{name: state[name] for name in model.all_states}, **signals})

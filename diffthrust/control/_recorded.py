@@ -85,6 +85,7 @@ def bounded(
         InputError: it ran away before a second sample.
     """
     with np.errstate(invalid="ignore"):
+        # NaN compares false: it counts as run away
         fine = np.all([np.abs(values) < RUN_AWAY for values in signals.values()], axis=0)
     diverged, kept = None, dict(signals)
     if not fine.all():

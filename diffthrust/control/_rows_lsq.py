@@ -35,12 +35,15 @@ def least_squares_below(
     Source: Mehrotra's predictor and corrector, Nocedal & Wright 2006, algorithm 16.4; a give is
     a slack of its own, eliminated.
     """
+    # a row of zeros below one is always fulfilled: shapes stay fixed whatever limits are infinite
     kept = jnp.isfinite(limits)
     rows = jnp.where(kept[:, None], rows, 0.0)
     limits = jnp.where(kept, limits, 1.0)
     hessian, slope = jacobian.T @ jacobian, jacobian.T @ residual
     size = jnp.max(jnp.diag(hessian)) + jnp.finfo(float).tiny
     hessian, slope = hessian / size + _RIDGE * jnp.eye(slope.size), slope / size
+    # eliminating the slack of a soft row leaves give^2 on the diagonal; ``size`` as the hessian is
+    # scaled
     soft = give**2 * size
     scale = 1.0 + jnp.max(jnp.abs(slope))
 
@@ -68,8 +71,10 @@ def least_squares_below(
         mean = jnp.mean(price * room)
         length = jnp.minimum(reach(price, dprice), reach(room, droom))
         ahead = jnp.mean((price + length * dprice) * (room + length * droom))
+        # Mehrotra's heuristic: the more the predictor gains, the less the next step is centred
         centre = (ahead / mean) ** 3 * mean
         dx, dprice, droom = newton(price * room + dprice * droom - centre)
+        # on the boundary itself a weight would be infinite
         length = 0.995 * jnp.minimum(reach(price, dprice), reach(room, droom))
         x, price, room = x + length * dx, price + length * dprice, room + length * droom
         uphill, open_ = missing(x, price, room)

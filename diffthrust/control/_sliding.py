@@ -136,7 +136,8 @@ class AdaptiveSliding(Sliding):
         command = jnp.clip(free, -self.limit, self.limit)
         error = memory["sliding_error"]
         outside = error - jnp.clip(error, -self.width, self.width)
-        # both estimates move the command against the error
+        # both estimates move the command against the error: where that is away from the limit that
+        # holds it, as at 30 V for a motor that takes 10, nothing is learned
         outside = jnp.where((free - command) * outside < 0, 0.0, outside)
         learned = {
             "load_estimate": load - period * self.load_rate * swept * outside,

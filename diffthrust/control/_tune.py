@@ -200,6 +200,7 @@ def tune(
         begin,
         jac=lambda y: evaluated(y)[1],  # pyright: ignore[reportArgumentType]
         bounds=(ends[:, 0], ends[:, 1]),
+        # gains differ in unit by powers of ten: steps are scaled by the columns of the Jacobian
         x_scale="jac",
         ftol=1e-6,
         xtol=1e-8,
@@ -270,6 +271,8 @@ def _linearized(
         r = r / math.sqrt(r.shape[0])
         return r, r
 
+    # one forward pass carries all gains (a thruster over 10 000 samples: 0.3 ms for three, where
+    # the reverse mode of the scan takes 24 ms)
     slopes, r = jax.jacfwd(residuals, has_aux=True)(gains)
     return r, jnp.stack([slopes[name] for name in names], axis=1)
 

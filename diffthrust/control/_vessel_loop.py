@@ -114,7 +114,7 @@ class VesselLoop(VesselAssembly):
                 records.append(dict.fromkeys(records[0], math.nan))
                 break
             ahead = wanted_at(path, now + mpc.ahead)
-            if plan is None:  # once for nothing: what it takes longer than again is compilation
+            if plan is None:  # this call compiles, so no timed one does; its plan is dropped
                 plan, begin_time = mpc.start(measured, inputs), perf_counter()
                 jax.block_until_ready(mpc.step(plan, measured, ahead))
                 compiling = perf_counter() - begin_time

@@ -65,6 +65,8 @@ def balanced_states(
     sine = np.zeros((1, harmonics + 1), complex)
     sine[0, 1] = amplitude
     c = np.concatenate([sine, answer * 1j**order])
+    # each signal is scaled by its own size: a command of 1 V beside a speed of 100 rad/s would
+    # leave Newton's matrix badly conditioned
     sizes = np.maximum(np.abs(c).max(axis=1), 1e-300)
     c = c / sizes[:, None]
     z = np.stack([c.real, c.imag], axis=1).reshape(-1)
@@ -84,7 +86,11 @@ def balanced_states(
             step = np.linalg.solve(slopes, -r)
         except np.linalg.LinAlgError:
             return None
+        # unknowns are shares of their sizes and the frequency a logarithm: a step beyond 0.3 leaves
+        # the neighbourhood in which the linearization says anything
         z = z + step * min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
+    # a balance may converge to another cycle, or to rest, which always solves it: only one near the
+    # describing function's counts
     cycle = CycleSeries(float(w), order, series[0], series[-1], series[1:-1])
     return cycle if worst < 1e-7 and cycle.near(amplitude, frequency) else None
 
@@ -103,6 +109,8 @@ def _missed(
 ) -> tuple[Array, Array, Array, Array]:
     """What is missed, its slopes, the coefficients of input, states and output, the frequency."""
     names, count = element.states, harmonics + 1
+    # eight samples per harmonic: a product such as speed |speed| has harmonics beyond those that
+    # are kept, which must not fold back onto them
     points = 8 * count
     angle = 2.0 * math.pi * jnp.arange(1.0 * points) / points
     order = jnp.arange(1.0 * count)
@@ -141,5 +149,6 @@ def _missed(
         flat = jnp.stack([missed.real, held], axis=1).reshape(-1)
         return flat, (flat, series, w)
 
+    # as many residuals as unknowns: forward mode stores no intermediate values
     slopes, (r, series, w) = jax.jacfwd(residual, has_aux=True)(z)
     return r, slopes, series, w

@@ -16,6 +16,7 @@ import numpy as np
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._oscillation import CycleSeries
 
+# an integral over one piece meets no jump: three Gauss points are exact to the fifth order there
 _PIECES = 180
 _POINTS = np.polynomial.legendre.leggauss(3)
 _ITERATIONS = 25
@@ -54,6 +55,7 @@ def balanced(
         ``None`` where Newton's method does not converge near the guess.
     """
     sine = CycleSeries(frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex))
+    # most loops converge with all harmonics at once, which is the least work
     cycle = _solved(transfer, element, sine, sine, harmonics)
     if cycle is None:
         cycle = sine
@@ -76,6 +78,8 @@ def _solved(
     harmonics: int,
 ) -> CycleSeries | None:
     """Newton's method at a number of harmonics; ``None`` where it ends far from the sine."""
+    # an odd element on a cycle without a mean makes odd harmonics only; even ones would be zero
+    # columns
     order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
     amplitude, frequency = float(sine.input[0].real), sine.frequency
     unknowns = _Unknowns(order, amplitude, frequency)
@@ -94,9 +98,11 @@ def _solved(
         step *= min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
         z, r, previous = _shortened(transfer, element, unknowns, z, r, step)
         now = np.abs(r).max()
+        # the third case is rounding: small already, and no longer falling
         if np.abs(step).max() < 1e-9 or now < 1e-10 or 1e-7 > now > 0.999 * previous:
             break
-        if now > 0.2 * previous:  # the slopes are kept while they serve
+        # slopes by differences are most of the work: they are kept while a step removes four fifths
+        if now > 0.2 * previous:
             jacobian = None
     e, w = unknowns.taken(z)
     if np.abs(r).max() > 1e-6:
@@ -156,6 +162,8 @@ def _shortened(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """A step as long as it helps."""
     previous = float(np.abs(r).max())
+    # the last trial is taken even if it is no better: at a switching instant the residual may rise
+    # before it falls, and the tests of convergence decide
     share, moved, new = 1.0, z + step, r
     for _ in range(6):
         moved = z + share * step
@@ -199,6 +207,8 @@ def output_of(element: PeriodElement, order: np.ndarray, e: np.ndarray) -> np.nd
     def slope(angle: np.ndarray) -> np.ndarray:
         return (_turns(angle, order) * (1j * order * e)).sum(axis=1).real
 
+    # six pieces for each turn of the highest harmonic, or a sign change could hide between two
+    # nodes
     pieces = max(_PIECES, 6 * int(order[-1]))
     grid = np.linspace(0.0, 2.0 * math.pi, pieces + 1)
     at, rising = value(grid), slope(grid)
@@ -212,6 +222,7 @@ def output_of(element: PeriodElement, order: np.ndarray, e: np.ndarray) -> np.nd
     turns = _turns(places, order)
     y = element.over((turns * e).sum(axis=1).real)
     weight = np.concatenate([0.0 * half, half * _POINTS[1]], axis=1).reshape(-1)
+    # 2/T times the integral for the harmonics; the mean takes half of that
     y_k = ((weight * y)[:, None] * turns.conj()).sum(axis=0) / math.pi
     return np.where(order == 0, 0.5 * y_k, y_k)
 
@@ -236,6 +247,8 @@ def _zeros(
     for _ in range(8):
         if not i.size:
             break
+        # regula falsi alone keeps one end for ever on a bent curve; halving its value (Illinois)
+        # makes it superlinear: Dowell & Jarratt 1971
         middle = right - g * (right - left) / np.where(g == f, 1.0, g - f)
         h = function(middle)
         turned = h * g < 0

@@ -73,6 +73,7 @@ class Relay(Static):
         """The output over a settled period."""
         if not self.hysteresis:
             return self.level * np.where(np.abs(e) > self.dead_zone, np.sign(e), 0.0)
+        # the first period sets the memory, the second is the settled output
         twice = np.concatenate([e, e])
         decided = np.abs(twice) > self.hysteresis
         last = np.maximum.accumulate(np.where(decided, np.arange(twice.size), 0))
@@ -90,6 +91,7 @@ class Relay(Static):
         """The output as the input goes straight from one value to another."""
         if not self.hysteresis:
             return super().passage(before, after, memory)
+        # it switches only when the input crosses the edge opposite to its present sign
         edge = math.copysign(self.hysteresis, -memory)
         if (after - edge) * memory >= 0:
             return memory, memory, memory
@@ -224,6 +226,7 @@ class Backlash(Static):
 
     def over(self, e: np.ndarray) -> np.ndarray:
         """The output over a settled period, piece by piece between the turns of the input."""
+        # at its highest input the play is taken up whatever came before: memory starts right
         start = int(np.argmax(e))
         twice = np.concatenate([e[start:], e, e[: start + 1]])
         # a turn ends the piece that it belongs to: there the output has moved farthest
@@ -256,4 +259,5 @@ class Backlash(Static):
 
 def _kept(share: np.ndarray) -> np.ndarray:
     """2/pi (asin x + x sqrt(1 - x^2)): what a saturation at x of the amplitude lets through."""
+    # rounding may take 1 - x^2 below zero at the corner
     return 2.0 / math.pi * (np.arcsin(share) + share * np.sqrt(np.maximum(0.0, 1.0 - share**2)))

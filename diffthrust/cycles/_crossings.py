@@ -1,4 +1,4 @@
-"""All solutions of 1 + N(A, w) G(jw) = 0 in a range, and what becomes of a small disturbance.
+"""All solutions of 1 + N(A, w) G(jw) = 0 in a range, and whether a small disturbance grows.
 
 The plane of amplitude and frequency is cut into cells; those in which both the real and the
 imaginary part change their sign are polished by Newton's method.
@@ -14,6 +14,8 @@ import numpy as np
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
 
+# two solutions closer than this in the logarithms are one; the stencil of the central differences
+# is as wide, where truncation (1e-8) and rounding balance
 _SAME = 1e-4
 _STENCIL = 1e-4
 
@@ -54,6 +56,8 @@ def grid_of(
     """The amplitudes and frequencies [rad/s] of the cells; a given pair is the ends of a range."""
     if frequencies is None:
         corners = transfer.corners
+        # two decades around the corners: beyond, the phase of a rational G is within a degree of
+        # its limit
         top = 100.0 * corners[-1]
         if transfer.delay:  # the first turn of the dead time; later ones are asked for by range
             top = min(top, 5.0 / transfer.delay)
@@ -95,6 +99,8 @@ def crossings(
     solutions: list[Crossing] = []
     for i, j, apart in _candidates(_turning(np.real(f)), _turning(np.imag(f))):
         cell = amplitudes[i : i + 2], frequencies[j : j + 2]
+        # Newton's method costs a describing function for each stencil, a simulation for a model:
+        # cells beside a solution are skipped
         if any(_cells_apart(cell, c) < apart for c in solutions):
             continue
         place = _polished(transfer, element, *cell)
@@ -124,6 +130,8 @@ def _stencil(
     transfer: Transfer, element: Nonlinearity, a: float, w: float
 ) -> tuple[complex, complex, complex]:
     """1 + N G and its derivatives by the logarithms of what lies above ``least``, and of w."""
+    # the describing function has a square root at the least amplitude (a relay's hysteresis): in
+    # the logarithm of what lies above it the slope stays bounded
     above = a - element.least
     step = np.array([0.0, _STENCIL, -_STENCIL, 0.0, 0.0])
     at = element.least + above * np.exp(step)
@@ -132,10 +140,11 @@ def _stencil(
 
 
 def _candidates(real: np.ndarray, imaginary: np.ndarray) -> Iterator[tuple[int, int, float]]:
-    """Cells to be polished, and how many cells away a known solution makes that needless.
+    """Cells to polish, and the distance in cells within which an earlier solution replaces them.
 
-    First those in which both parts change their sign. Then those in which one does and the other
-    does next door: a line that only bulges into a cell leaves its corners alike.
+    First the cells in which both parts change their sign. Then those in which one part does and
+    the other does in a neighbour: a line that only bulges into a cell does not change the sign of
+    its corners.
     """
     both = real & imaginary
     for i, j in zip(*np.nonzero(both), strict=True):
@@ -165,6 +174,7 @@ def _polished(
 ) -> tuple[float, float] | None:
     """Newton's method from the middle of a cell; ``None`` where it leads nowhere, or far away."""
     ends = np.log(amplitudes - element.least), np.log(frequencies)
+    # farther than four cells it would find the solution of another cell again, or none
     reach = [end.mean() + 4.0 * np.ptp(end) * np.array([-1.0, 1.0]) for end in ends]
     a, w = element.least + float(np.exp(ends[0].mean())), float(np.exp(ends[1].mean()))
     for _ in range(40):
@@ -175,6 +185,8 @@ def _polished(
         matrix = np.array([[by_a.real, by_w.real], [by_a.imag, by_w.imag]])
         if not (np.isfinite(f) and np.isfinite(matrix).all()):
             return None
+        # G and -1/N run parallel here: a whole line of solutions, or a touch, and no single
+        # crossing
         if abs(np.linalg.det(matrix)) <= 1e-14 * np.abs(matrix).max() ** 2:
             return None
         move = np.clip(-np.linalg.solve(matrix, [f.real, f.imag]), -0.3, 0.3)
@@ -197,11 +209,14 @@ def stability(transfer: Transfer, element: Nonlinearity, a: float, w: float) -> 
         Real part of the shift for dA = A [1/s], and the largest real part of other poles [1/s].
     """
     _, by_a, by_w = _stencil(transfer, element, a, w)
+    # from the logarithm of what lies above ``least`` to that of the amplitude itself
     by_a = by_a * a / (a - element.least)
     growth = float(np.real(-by_a / (by_w / (1j * w))))
     poles = loop_poles(transfer, element, a, w)
     if poles.size <= 2:
         return growth, -np.inf
+    # the oscillating pair is on the axis by construction: it says nothing of stability and is taken
+    # out
     pair = np.argsort(np.abs(np.abs(np.imag(poles)) - w) + np.abs(np.real(poles)))[:2]
     return growth, float(np.real(np.delete(poles, pair)).max())
 

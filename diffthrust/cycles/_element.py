@@ -82,6 +82,8 @@ class Nonlinearity(ABC):
         Returns:
             Coefficients of numerator and denominator, highest power first.
         """
+        # a real N needs no s; for a complex one N = re + im s / w is the lowest order that is real
+        # in s and equals N at s = jw
         if abs(n.imag) < 1e-12 * abs(n):
             return np.array([n.real]), np.ones(1)
         return np.array([n.imag / frequency, n.real]), np.ones(1)

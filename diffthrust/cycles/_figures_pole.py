@@ -77,6 +77,7 @@ def pole_path(
         if np.abs(np.log(w / previous)).max() < 1e-6:
             break
     most = max(row.size for row in rows)
+    # where a lag has no phase to give, the order falls and the row has fewer poles
     complete = [i for i, row in enumerate(rows) if most and row.size == most]
     if not complete:
         raise InputError(

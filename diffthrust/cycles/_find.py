@@ -101,6 +101,7 @@ def _falling_outwards(size: np.ndarray, i: int, j: int) -> bool:
     """Whether a smallest value at the edge of the grid would become smaller beyond it."""
     inward = []
     if i in (0, size.shape[0] - 1):
+        # three cells inwards: next to a solution at the very edge the neighbour may be as small
         inward.append(size[abs(i - min(3, size.shape[0] - 1)), j])
     if j in (0, size.shape[1] - 1):
         inward.append(size[i, abs(j - min(3, size.shape[1] - 1))])
@@ -199,6 +200,7 @@ def range_of(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | N
             "Raise the end of the range.",
         )
     if values[0] <= least:
+        # the logarithm of what lies above ``least`` must exist at the first amplitude
         start = least + 1e-6 * (values[-1] - least)
         values = np.concatenate([[start], values[values > start]])
     return values

@@ -60,5 +60,6 @@ class LimitCycle(Brief):
     @property
     def verdict(self) -> str:
         """``"stable"``, ``"unstable"`` or ``"undecided"``: the simulation's word before others."""
+        # the quasi-static criterion is first order in the deviation: a full simulation overrules it
         word = self.lasts if self.lasts is not None else self.stable
         return "undecided" if word is None else "stable" if word else "unstable"

@@ -151,6 +151,7 @@ class ModelElement(Nonlinearity):
         solver = Shooting(self._driven, len(self.model.all_states))
         n = np.full(a.size, np.nan + 0j)
         for steps in _STEPS:
+            # few points need the fine steps, which are twelve times the work
             unsettled = np.flatnonzero(np.isnan(n))
             if unsettled.size:
                 answers = respond(solver, self._cycle, some(lanes, unsettled), samples=steps)
@@ -166,6 +167,7 @@ class ModelElement(Nonlinearity):
         solver = HarmonicBalance(self._driven, len(self.model.all_states), harmonics)
         settled = respond(solver, self._cycle, lanes)
         x = np.where(settled.reason[0] == Reason.SETTLED, settled.x[0], np.nan)
+        # cosine and sine coefficients (a, b) are a - j b in the real part of c exp(j k w t)
         return np.concatenate([x[:, :1], x[:, 1::2] - 1j * x[:, 2::2]], axis=1)
 
     def balanced(
@@ -211,6 +213,7 @@ class ModelElement(Nonlinearity):
         self, n: complex, amplitude: float, frequency: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """A gain with a first-order lag, as in Yoerger et al. 1990, where the phase allows it."""
+        # a phase between 0 and -90 degrees is what a first-order lag can have
         if not (n.real > 0 > n.imag):
             return super().quasi_linear(n, amplitude, frequency)
         pole = frequency * n.real / -n.imag

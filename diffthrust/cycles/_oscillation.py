@@ -70,6 +70,8 @@ class CycleSeries(Brief):
     def near(self, amplitude: float, frequency: float) -> bool:
         """Whether it still is the oscillation that was guessed, and no other one."""
         size, pace = abs(self.fundamental) / amplitude, self.frequency / frequency
+        # harmonics move amplitude and frequency by parts of themselves; a factor of two or three is
+        # another cycle
         return 0.3 < size < 3.0 and 0.5 < pace < 2.0
 
     @property
@@ -118,6 +120,7 @@ def measured(time: np.ndarray, e: np.ndarray, turns: int = 4) -> Oscillation | N
     count = min(turns, starts.size - 1)
     frequency = 2.0 * math.pi * count / (last - first)
     inside = (time >= first) & (time <= last)
+    # whole turns on an even grid: the sum then is the Fourier integral without leakage
     fine = np.linspace(first, last, 256 * count, endpoint=False)
     values = np.interp(fine, time, e)
     mean = float(values.mean())
@@ -128,6 +131,7 @@ def measured(time: np.ndarray, e: np.ndarray, turns: int = 4) -> Oscillation | N
 def upward(time: np.ndarray, e: np.ndarray) -> np.ndarray:
     """Instants [s] at which the course rises through the middle of its last part."""
     late = e[e.size // 2 :]
+    # not zero: a course with an offset may never cross it
     level = 0.5 * (late.max() + late.min())
     rises = np.flatnonzero((e[:-1] < level) & (e[1:] >= level))
     share = (level - e[rises]) / (e[rises + 1] - e[rises])

@@ -82,6 +82,7 @@ class PropelledAxis(ModelElement):
         """Coefficients of the thruster's states, and of the velocity by its describing function."""
         thruster = self.thruster.answer(amplitude, frequency, harmonics)
         velocity = np.zeros((1, harmonics + 1), complex)
+        # the answers are to a sine, whose coefficient is -j
         velocity[0, 1] = -1j * amplitude * complex(self.describing(amplitude, frequency))
         return np.concatenate([thruster, velocity])
 

@@ -108,6 +108,7 @@ class LimitCycles(Result):
         """What should be known besides."""
         sentences = []
         poles = self.transfer.poles
+        # an integrator's pole comes out of the roots at some 1e-16: not to the right
         right = poles[np.real(poles) > 1e-9 * max(1e-300, np.abs(poles).max(initial=0.0))]
         if right.size:
             worst = complex(right[int(np.argmax(np.real(right)))])

@@ -72,6 +72,7 @@ def course_of(
     plain = transfer.rational()
     a, b, c, _ = plain.state_space()
     rows = np.vstack([a, c[None, :]])
+    # a state at rest (A z = 0) with this output; an integrator has one, others come nearest to it
     z = np.linalg.lstsq(rows, np.append(0.0 * b, output), rcond=None)[0]
     start = np.concatenate([z, np.zeros(len(element.states))])
     count = math.ceil(duration / period) * STEPS_A_PERIOD
@@ -96,6 +97,7 @@ def _courses(
 
 
 def _cut(time: np.ndarray, e: np.ndarray, y: np.ndarray, limit: float) -> LoopCourse:
+    # written so that NaN counts as outside
     outside = np.flatnonzero(~(np.abs(e) <= limit))
     end = int(outside[0]) if outside.size else e.size
     return LoopCourse(time[:end], e[:end], y[:end], bool(outside.size))
@@ -103,6 +105,7 @@ def _cut(time: np.ndarray, e: np.ndarray, y: np.ndarray, limit: float) -> LoopCo
 
 def _passes_at_once(element: ElementEquations) -> bool:
     """Whether a step at the model's input shows at once at its output."""
+    # no special values: at zero a slope may vanish by chance, as that of speed |speed| does
     states = {name: jnp.asarray(0.7 + 0.1 * i) for i, name in enumerate(element.states)}
 
     def output(command: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Public data sets on the user's machine: whose they are, where they lie, and their logs.
+"""Public data sets on the user's machine: owners, files and logs.
 
     runs = dft.datasets.blueboat()
     fit = dft.fit(dft.Vessel(drive="twin"), runs.train, holdout=runs.unseen)

@@ -33,7 +33,7 @@ EMPS = DataSet(
         "Position and speed are scaled: 1 stands for 0.125 m and 0.125 m/s.",
         "The input is the motor's voltage, not a force; 35.15 N/V is the authors' gain.",
         "The speed is an estimate from the position, not a second sensor.",
-        "The runs are in closed loop: the voltage answers to the position.",
+        "The runs are in closed loop: the voltage depends on the position.",
     ),
     address=("https://raw.githubusercontent.com/forgi86/sysid-neural-continuous/{commit}/{path}"),
 )
@@ -43,13 +43,13 @@ def emps(names: str | Sequence[str] | None = None) -> Runs:
     """Logs of the EMPS benchmark: a carriage that a motor drives along a rail, 24.8 s at 200 Hz.
 
     Input ``force`` [N] (the voltage times 35.15 N/V, linear between samples); measured
-    ``position`` [m] and ``velocity`` [m/s]. To train on: ``DATA_EMPS_SC``; unseen:
+    ``position`` [m] and ``velocity`` [m/s]. Training log: ``DATA_EMPS_SC``; unseen:
     ``DATA_EMPS_PULSES_SC``, disturbed by pulses of force that its voltage includes. Published
     parameters: mass 95.11 kg, viscous friction 203.5 N s/m, dry friction 20.39 N, offset -3.165 N.
 
     Known defects: position and speed are written in units of 0.125 m; the speed is an
     estimate from the position, so its errors are not independent of those of the position; the
-    runs are in closed loop, so the voltage answers to the position.
+    runs are in closed loop, so the voltage depends on the position.
 
     Source: Janot, Gautier & Brunot 2019 (nonlinearbenchmark.org), by way of
     github.com/forgi86/sysid-neural-continuous; no licence is given.

@@ -79,10 +79,10 @@ ESSO_OSAKA = DataSet(
     homepage="https://github.com/NAOE-5thLab/FRT-DS-ESSO",
     files=tuple(_FILES[name] for name in _NAMES),
     defects=(
-        "Their positive rudder angle pushes the stern to port; it is turned round here.",
-        "The true wind is reckoned from a sensor on board.",
+        "Their positive rudder angle pushes the stern to port; its sign is changed here.",
+        "The true wind is computed from a sensor on board.",
         "The speeds are smooth, and their errors last from sample to sample.",
-        "turn_cut_* are parts of longer runs, of which turn_14-Sep-2020_15_58_08 is one.",
+        "turn_cut_* are parts of longer runs, such as turn_14-Sep-2020_15_58_08.",
     ),
     address="https://raw.githubusercontent.com/NAOE-5thLab/FRT-DS-ESSO/{commit}/{path}",
 )
@@ -97,14 +97,14 @@ def esso_osaka(names: str | Sequence[str] | None = None, *, stop: float | None =
     0.489 m, draft 0.201 m, propeller 0.084 m, mass 244.6 kg, centre of gravity 0.094 m before
     midships, rudder area 0.0106 m^2, windage 0.135 m^2 ahead and 0.520 m^2 abeam.
 
-    To train on: the first five zigzags, both ``turn_cut_*`` and the first two turns of September;
-    unseen: the other two zigzags and the first four turns of October. The random and berthing
+    Training logs: the first five zigzags, both ``turn_cut_*``, the first two turns of September;
+    unseen: the remaining two zigzags and the first four turns of October. The random and berthing
     runs, in which the propeller is reversed, belong to neither. The repository has more runs.
 
     Known defects: their positive rudder angle pushes the stern to port, so the column is read with
-    ``scale=-1``; the wind is reckoned from a sensor on board; the speeds are smooth, and their
-    errors last from sample to sample (means over five samples tell as much); ``turn_cut_*`` are
-    parts of longer runs.
+    ``scale=-1``; the wind is computed from a sensor on board; the speeds are smooth, and their
+    errors last from sample to sample (means over five samples hold as much information);
+    ``turn_cut_*`` are parts of longer runs.
 
     Source: github.com/NAOE-5thLab/FRT-DS-ESSO, licence CC BY-NC-SA 4.0. Cite Miyauchi et al. 2022,
     doi 10.1007/s00773-022-00889-3, and Wakita et al. 2022, doi 10.1007/s00773-021-00867-1. The
@@ -135,6 +135,8 @@ def esso_osaka(names: str | Sequence[str] | None = None, *, stop: float | None =
                 "rudder_angle": Column("delta_rudder [rad]", unit="rad", scale=-1),
                 "wind_speed": Column("wind_velo_true [m/s]", unit="m/s"),
                 "wind_direction": Column("wind_dir_true [rad]", unit="rad"),
+                # An input here: the wind acts by its angle to the ship, and the measured heading is
+                # good to a degree.
                 "heading": Column("psi_hat [rad]", unit="rad"),
             },
             measured={

@@ -127,7 +127,7 @@ def _download(
     partial = Path(name)
     try:
         try:
-            # not as a stream, which would stay open if the connection breaks
+            # Not as a stream: that would leave the connection open when it breaks.
             pooch.HTTPDownloader(timeout=60, stream=False)(address, str(partial), None)
         except (OSError, ValueError) as error:  # exceptions of requests are OSErrors
             reason = " ".join(str(error).split())[:200]
@@ -148,8 +148,9 @@ def _download(
                 else "Do not trust it before you know why it changed.",
             )
         if file.sha256 is None and file.name not in recorded:
-            # read again: another process may have recorded other files meanwhile
+            # Read again: another process may have recorded checksums meanwhile.
             write_json(folder / _SUMS, {**_sums(folder), file.name: digest})
+        # mkstemp makes files that only their owner may read; caches are often shared.
         partial.chmod(0o644)
         os.replace(partial, path)
     finally:

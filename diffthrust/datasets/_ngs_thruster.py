@@ -40,7 +40,7 @@ NGS_THRUSTER = DataSet(
     ),
     local_only=(
         "read from a local folder only: the repository holds the two recorders' raw files, "
-        "without what aligns them"
+        "without their alignment"
     ),
 )
 
@@ -48,25 +48,25 @@ NGS_THRUSTER = DataSet(
 def ngs_thruster(names: str | Sequence[str] | None = None) -> Runs:
     """Bench runs of a small ROV thruster: a command drives it, speed and thrust are measured.
 
-    ``CL*``, 25 Hz, 10 s: input ``command`` [V], as sent to the motor controller; measured
-    ``speed`` [rad/s, no sign] and ``thrust`` [N]. `Sine`, `Ramp` and `Step` name the demanded
-    thrust, what stands before them the controller. ``open_loop_*``, 200 Hz: input ``speed``
-    [rad/s, signed by the file's name, linear between samples]; measured ``thrust`` [N]. The files
-    hold torque, demanded thrust and, in some, the flow besides.
+    ``CL*``, 25 Hz, 10 s: input ``command`` [V], as sent to the motor controller; measured ``speed``
+    [rad/s, no sign] and ``thrust`` [N]. `Sine`, `Ramp` and `Step` name the demanded thrust, the
+    word before them the controller. ``open_loop_*``, 200 Hz: input ``speed`` [rad/s, signed by the
+    file's name, linear between samples]; measured ``thrust`` [N]. The files hold torque, demanded
+    thrust and, in some, the flow besides.
 
-    To train on: every sine and ramp; unseen: every step. The open-loop runs belong to neither.
+    Training logs: every sine and ramp; unseen: every step. The open-loop runs belong to neither.
 
     Known defects: the tachometer gives no sign; thrust and speed come from two recorders and were
-    aligned by correlation, good to about 40 ms, so a delay shorter than that cannot be claimed;
-    the load cell's zero is off by up to 2 N and drifts (of the open-loop runs, the rest before the
-    start tells it); in the open-loop runs the command was not logged, and the voltage of their
-    names is switched on through a ramp of about 1.5 s inside the controller.
+    aligned by correlation, good to about 40 ms, so a delay shorter than that cannot be claimed; the
+    load cell's zero is off by up to 2 N and drifts (in the open-loop runs the samples at rest
+    before the start show it); in the open-loop runs the command was not logged, and the voltage of
+    their names is switched on through a ramp of about 1.5 s inside the controller.
 
     Source: J. Boehm, MSc thesis, University of Maryland, 2019; the recordings are in
-    github.com/NGS-Exploration-Technology/ROV-Thruster-Model, which gives no licence. They cannot
-    be downloaded here: the repository holds the load cell's file (1 kHz, without a header) and
-    the controller's (MATLAB) separately, and what aligns them stands in it for some runs only.
-    The aligned files are read from the folder that ``DIFFTHRUST_DATA`` names.
+    github.com/NGS-Exploration-Technology/ROV-Thruster-Model, which gives no licence. They cannot be
+    downloaded here: the repository holds the load cell's file (1 kHz, without a header) and the
+    controller's (MATLAB) separately, and their alignment for some runs only. The aligned files are
+    read from the folder that ``DIFFTHRUST_DATA`` names.
 
     Args:
         names: logs to read, such as ``"CL*Step"`` or ``"open_loop*"``; all where not given.

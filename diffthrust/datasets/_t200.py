@@ -40,7 +40,7 @@ T200 = DataSet(
     homepage="https://bluerobotics.com",
     files=(DataFile(_FILE),),
     defects=(
-        "A static map: nothing in it tells a time constant.",
+        "A static map: it does not contain a time constant.",
         "The speed has no sign.",
         "No uncertainty is given.",
         "At 12 V a column 'Force (N)' takes 1 kgf as 10 N; it is not read.",
@@ -61,12 +61,12 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
 
     With ``held`` each log is a record that `Thruster` takes: a staircase that begins settled at
     full astern, holds every point for that long and measures it at its end, so that a model that
-    settles faster goes through the map. Its inputs are ``command`` [V], the drive's share of the
+    settles faster passes through the map. Its inputs are ``command`` [V], the drive's share of the
     pulse width (-1 to 1 for 1100 to 1900 us) times 16 V, and ``supply_voltage``; ``speed`` has the
-    sign of the command, ``current`` and ``power`` are left out. How fast the thruster settles such
-    records do not tell: hold ``alpha`` fixed.
+    sign of the command, ``current`` and ``power`` are left out. Such records do not show how fast
+    the thruster settles: hold ``alpha`` fixed.
 
-    Known defects: nothing in it tells a time constant; the speed has no sign; no uncertainty is
+    Known defects: it does not contain a time constant; the speed has no sign; no uncertainty is
     given; around 1500 us lies a dead zone of 52 us at 20 V to 80 us at 10 V; the sheet of 12 V
     has a column 'Force (N)' that takes 1 kgf as 10 N (it is not read).
 
@@ -100,14 +100,17 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
 
 
 def _staircase(table: Log, held: float) -> Log:
-    """Every point of a table for a while; what it measures stands at its end."""
+    """A log that holds every point of a table for a while, and measures it at the end."""
     drive = (table.inputs["pulse_width"] - _STOP) / _FULL
     inputs = {"command": _NOMINAL * drive, "supply_voltage": table.inputs["supply_voltage"]}
     measured = {
+        # Rounded: 1500 us is 1500e-6 only up to the last bit, and a stop must have the sign zero.
         "speed": np.sign(np.round(drive, 9)) * table.measured["speed"],
         "thrust": table.measured["thrust"],
     }
     return Log(
+        # One sample more than points: each measurement stands at the end of its hold, the first
+        # point's also at time zero, as if settled.
         time=held * np.arange(len(table) + 1),
         inputs={name: np.append(values, values[-1]) for name, values in inputs.items()},
         measured={name: np.append(values[0], values) for name, values in measured.items()},

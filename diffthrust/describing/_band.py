@@ -148,6 +148,8 @@ def uncertainty(
         reason = responses.reason.reshape(shape)
         notes += notes_of(asked, drawn.fit or drawn.model, reason)
     share = np.mean(reason == Reason.SETTLED, axis=0)
+    # the phase is unwrapped draw by draw before quantiles: across -180 degrees they would mean
+    # nothing
     phase = np.stack([followed_phase(v) for v in values])
     ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
     units = asked.units
@@ -175,5 +177,6 @@ def _quantiles(values: np.ndarray, ends: list[float]) -> np.ndarray:
     """Over the draws that have an answer, where these are at least half."""
     finite = np.isfinite(values)
     enough = finite.mean(axis=0) >= 0.5
+    # zeros where no draw may count: numpy warns of columns of NaN only
     quantiles = np.nanquantile(np.where(enough, values, 0.0), ends, axis=0)
     return np.where(enough, quantiles, np.nan)

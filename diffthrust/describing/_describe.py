@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.words import joined
 from diffthrust.describing._formulas import FORMULAS, quasi_linear
 from diffthrust.describing._map import DescribingMap
@@ -46,8 +46,8 @@ def describing_function(
     - ``"simulation"``: the model and its effects are simulated to their periodic steady state,
       which shooting finds and one further period confirms.
     - ``"harmonic_balance"``: the states are Fourier series of ``harmonics`` terms that satisfy the
-      equations in the Galerkin sense. It does not tell whether the response is stable. What
-      it leaves out is judged by more harmonics and many more instants (``left_out``).
+      equations in the Galerkin sense. It does not show whether the response is stable. Its
+      truncation error is judged by more harmonics and many more instants (``left_out``).
     - ``"paper"``: the quasi-linear lag of Yoerger et al. as printed; the plain thruster only.
     - ``"consistent"``: the same with the amplitude of the thrust's fundamental throughout.
 
@@ -93,7 +93,7 @@ def describing_function(
         model, amplitudes, frequencies, input=input, output=output, method=method,
         harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
     )  # fmt: skip
-    return maps_of([asked], [model], teller(progress))[0]
+    return maps_of([asked], [model], reporter(progress))[0]
 
 
 def maps_of(
@@ -194,6 +194,7 @@ def periodic_values(
         others={name: spread(value, 0) for name, value in sorted(asked.others.items())},
         clock=spread(0.0, 0),
     )
+    # some instant away from zero, where a slope may vanish by chance and hide a state that matters
     signals = {asked.input: asked.bias + 0.5, **asked.others, "time": 0.5}
     states = states_behind(asked.model, asked.output, asked.states, signals)
     count = len(states)

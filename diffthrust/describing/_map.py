@@ -57,10 +57,12 @@ class DescribingMap(Result, DescribingValues):
                     "Make a map that covers it.",
                 )
             if grid.size == 1:
+                # the interpolator needs two points on each axis
                 values = np.repeat(values, 2, axis)
                 grid = grid[0] * np.array([1.0, 2.0])
             axes.append(np.log(grid))
             wanted.append(np.clip(np.log(np.clip(asked, grid[0], grid[-1])), *axes[-1][[0, -1]]))
+        # one NaN would spread over every cubic that touches it
         smooth = min(values.shape) >= 4 and bool(np.all(np.isfinite(values)))
         how = "pchip" if smooth else "linear"
         place = np.stack([w.reshape(-1) for w in wanted], axis=1)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.comparison._compare import Comparison, comparison_of
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._criteria import held_values
@@ -116,7 +116,7 @@ def diagnose(
     given = fit if isinstance(fit, Fit) else adopted(fit, train)
     model = given.model if isinstance(given, Fit) else given
     records, unseen_records = bind(model, train), bind(model, unseen)
-    say = teller(progress)
+    say = reporter(progress)
     context, state = start_search(given, records, unseen_records, candidates, seed, say)
     baseline = state.current.trial
     while not done(state):

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, ProgressOption, part, progressing, teller
+from diffthrust._support.progress import (
+    Progress,
+    ProgressOption,
+    progressing,
+    reporter,
+    subtask,
+)
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
@@ -156,10 +162,10 @@ def headroom(
         >>> left.worth
         False
     """
-    report = teller(progress)
+    report = reporter(progress)
     report("simulating", 0.0)
     learn, judge = compare(fit, logs), compare(fit, holdout) if holdout else None
-    return headroom_of(learn, judge, seed, part(report, 0.1, 1.0))
+    return headroom_of(learn, judge, seed, subtask(report, 0.1, 1.0))
 
 
 def headroom_of(
@@ -167,7 +173,7 @@ def headroom_of(
 ) -> Headroom:
     """`headroom` from comparisons with the logs to learn from, and with unseen ones."""
     model, runs, unseen = learn.model, learn.runs, judge.runs if judge else None
-    channels, report = {}, teller(progress)
+    channels, report = {}, reporter(progress)
     names = list(dict.fromkeys(n for run in (unseen or runs) for n in run.channels))
     for k, name in enumerate(names):
         report(f"what could be explained of {name}", k / len(names))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.words import joined, number, percent, spelt
+from diffthrust._support.words import humanize, joined, number, percent
 from diffthrust.comparison._outstanding import beside_others, outstanding
 from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
@@ -155,7 +155,7 @@ def _fall(passed: Callable[[np.ndarray], Pass], deviation: Deviation) -> float:
 
 
 def _error_words(channel: str, ratio: float) -> str:
-    return f"its {spelt(channel)} error is {number(ratio, 2)} times that of the median log"
+    return f"its {humanize(channel)} error is {number(ratio, 2)} times that of the median log"
 
 
 def _parameter_words(fitter: CandidateFitter, trial: TrialFit, deviation: Deviation) -> str:

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, part
+from diffthrust._support.progress import Progress, subtask
 from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
 from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._explained_share import Worth
@@ -247,7 +247,7 @@ def start_search(
     clock = Clock()
     options = fit.options if isinstance(fit, Fit) else {}
     refit = Refit(train, unseen, {"seed": seed, **options}, clock)
-    progress = part(say, 0.0, FITTED)
+    progress = subtask(say, 0.0, FITTED)
     first = fit if isinstance(fit, Fit) else refit(fit, progress=progress)
     guess = first.guess
     if first is fit and not _is_of_these_logs(first, train, unseen):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest, shortly
+from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.estimation._censored import Censored, are_censored
 from diffthrust.estimation._laws import Gaussian, Law, StudentT
 from diffthrust.estimation._noise import AR1, NoiseModel, White
@@ -153,12 +153,12 @@ def _check_whole_numbers(options: FitOptions) -> None:
             number = -1
         if number < least:
             raise InputError(
-                f"{what}: expected at least {least}, a whole number, found {shortly(value)}.",
+                f"{what}: expected at least {least}, a whole number, found {short_repr(value)}.",
                 "Correct it.",
             )
         if number > most:
             raise InputError(
-                f"{what}: expected at most {most}, found {shortly(value)}.", "Correct it."
+                f"{what}: expected at most {most}, found {short_repr(value)}.", "Correct it."
             )
 
 

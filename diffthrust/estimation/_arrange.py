@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust._support._running.batching import alone, padded_length
+from diffthrust._support._running.batching import is_unbatched, padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.estimation._censored import at_rails
@@ -72,7 +72,7 @@ def build(
             n for n in trusted(model) if segmented and any(_reads(record, n) for record in group)
         )
         uniform = all(record.even for record in group)
-        grids.append(Grid(hold, substeps, restarted, uniform, compact, padded=alone()))
+        grids.append(Grid(hold, substeps, restarted, uniform, compact, padded=is_unbatched()))
         batch = _batch(model, group, channels, starts, restarted, follow)
         if likelihood.law.censors:
             batch = at_rails(batch, group, channels)

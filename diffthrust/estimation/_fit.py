@@ -10,7 +10,13 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from diffthrust._support.progress import Progress, ProgressOption, part, progressing, teller
+from diffthrust._support.progress import (
+    Progress,
+    ProgressOption,
+    progressing,
+    reporter,
+    subtask,
+)
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import (
     FitOptions,
@@ -205,7 +211,7 @@ def fit_records(
         starts=options.starts,
         guesses=tuple(options.guesses),
         rng=np.random.default_rng(options.seed),
-        tell=teller(progress),
+        tell=reporter(progress),
     )
     # the first guess may need more steps than the optimum does
     optimum, notes = _pass(task, model, substeps or 1, (0.0, 0.9)), ()
@@ -323,7 +329,7 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     It is told as the progress from one of the ``shares`` to the other.
     """
     horizons, notes = task.horizons, ()
-    tell = part(task.tell, *shares)
+    tell = subtask(task.tell, *shares)
     tell("compiling", 0.0)
     model = alive(model)
     arrange = partial(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, part
+from diffthrust._support.progress import Progress, subtask
 from diffthrust.estimation._arrange import rearranged, restarts
 from diffthrust.estimation._multistart import Search, search
 from diffthrust.estimation._problem import Problem
@@ -150,7 +150,7 @@ def through(
     """
     stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
     share = 1.0 if len(horizons) == 1 else _FIRST
-    ended = search(stage, starts, rng, part(tell, 0.0, share), first, guesses)
+    ended = search(stage, starts, rng, subtask(tell, 0.0, share), first, guesses)
     for horizon in horizons[1:]:
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
         tell(f"segments of {horizon:g} s" if horizon else "whole runs", share)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diffthrust._support.progress import Progress, part, teller
+from diffthrust._support.progress import Progress, reporter, subtask
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved, solve
 
@@ -133,12 +133,12 @@ def search(
     was begun already. All ``guesses`` are carried on, whatever the others reach; where there are
     some, one start less has to agree: they were not drawn, but known to be good.
     """
-    tell, enough = teller(progress), _AGREED - bool(guesses)
+    tell, enough = reporter(progress), _AGREED - bool(guesses)
     begun: list[Solved] = []
     ended = [_close(problem, z) for z in guesses]
     total = 0
     for shares in _ROUNDS:
-        say = part(tell, *shares)
+        say = subtask(tell, *shares)
         drawn = draw(problem, starts + 1, rng)
         fresh = drawn[1:] if total else drawn[:starts]
         total += starts

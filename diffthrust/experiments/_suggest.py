@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.estimation._result import Fit
 from diffthrust.experiments._confront import outputs_of
 from diffthrust.experiments._designs import Design, design_key, grid
@@ -108,7 +108,7 @@ def suggest_experiment(
         correlation_time=correlation_time,
         seed=seed,
     )
-    space, report = request.space, teller(progress)
+    space, report = request.space, reporter(progress)
     tried: dict[tuple[object, ...], tuple[float, Design]] = {}
     report("trying commands", 0.0)
     _try(grid(space), request, tried)

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 
-from diffthrust._support.words import number, spelt
+from diffthrust._support.words import humanize, number
 from diffthrust.export._rendered import filled_in
 from diffthrust.export._rotor import Rotor, rotor_of
 from diffthrust.export._source import ExportSource
@@ -114,7 +114,7 @@ def _left_out(rotor: Rotor, target: str) -> list[str]:
     """A sentence on each effect that has no place."""
     mends = {False: "it is left out.", True: "do it to the command before you send it."}
     return [
-        f"{target} has no place for the effect '{effect.name}' ({spelt(effect.name)}): "
+        f"{target} has no place for the effect '{effect.name}' ({humanize(effect.name)}): "
         + mends["command" in effect.ports]
         for effect in rotor.left_out
     ]

@@ -63,6 +63,8 @@ class Column:
             >>> dft.Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
             'effort'
         """
+        # A width stays an effort only while its unit is a time: with unit="deg" and a scale it is a
+        # servo's angle, which has that unit.
         pulses = self.pwm is not None and self.unit in ("", "us", "ms", "s")
         return "effort" if pulses or self.effort else self.unit
 
@@ -120,6 +122,8 @@ class Column:
         note = None
         if isinstance(self.pwm, PWM):
             numbers, note = self.pwm.read(numbers, place)
+        # A wrong scale may overflow; `checked_fields` then reports the infinite number with its
+        # place.
         with np.errstate(all="ignore"):
             numbers = numbers * float(self.scale) + float(self.offset)
         if self.effort and self.unit not in ("", "effort"):
@@ -129,8 +133,8 @@ class Column:
         plain = (self.scale, self.offset) == (1.0, 0.0)
         if isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain:
             return numbers, Written(self.unit or "us", self.column, self.pwm), note
-        shown, scale = self.unit or self.kept_unit, float(self.scale)
-        return numbers, Written(shown, self.column, scale=scale), note
+        written = Written(self.unit or self.kept_unit, self.column, scale=float(self.scale))
+        return numbers, written, note
 
 
 def _check_effort(numbers: np.ndarray, place: Place) -> None:
@@ -139,6 +143,7 @@ def _check_effort(numbers: np.ndarray, place: Place) -> None:
     low, high = np.min(finite, initial=0.0), np.max(finite, initial=0.0)
     if max(-low, high) <= FURTHEST:
         return
+    # The widest pulses that servos and ESCs take [us]: numbers of this size are pulses by mistake.
     pulses = 700 <= high <= 2300
     raise InputError.at(
         place,
@@ -199,7 +204,7 @@ def each_column(
         if column.dates and key != "time":
             raise InputError.at(
                 place,
-                f"expected a format of dates at the time alone, found dates = {column.dates!r}.",
+                f"expected a format of dates for the time only, found dates = {column.dates!r}.",
                 "leave dates out, or give it with the time.",
             )
         columns[key] = column.checked(place)

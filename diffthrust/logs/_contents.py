@@ -1,4 +1,4 @@
-"""Everything that is in a file of a log, as far as it can be read: what `look` is built on."""
+"""Everything readable in the file of a log, for `look`."""
 
 from __future__ import annotations
 
@@ -80,6 +80,8 @@ def _columns(source: OpenTable, notes: list[str]) -> tuple[Field, ...]:
     skipped = {name: c.description for name, c in cells.items() if isinstance(c, Other)}
     fields = [_field(source, name, c) for name, c in cells.items() if not isinstance(c, Other)]
     sizes = Counter(field.values.size for field in fields)
+    # A .mat file mixes series with constants and settings: the table is made of the length that
+    # most columns share, and a single number is a column only in a file of single numbers.
     size = max(sizes, key=lambda n: (n > 1, sizes[n], n), default=0)
     skipped |= {f.name: f"{f.values.size} values" for f in fields if f.values.size != size}
     matrices = {name.split("(")[0] for name in cells if name.endswith(")")}  # listed by columns
@@ -112,6 +114,8 @@ def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) 
     while True:
         try:
             values, dates, _ = text_numbers(cells, missing, comma, is_time=not missing)
+        # Dates that do not begin with the year raise: this survey then reads them in the first
+        # format that fits all cells, and lists the alternatives (03.04. may be March or April).
         except OtherDate as bad:
             form = bad.formats[0]
             return Field(

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 _FEW = 150
 """Samples up to which each has a mark."""
 _GAP = 5.0
-"""A step of so many median ones is a gap."""
+"""A step longer than this multiple of the median step is a gap."""
 _MOST = 200
 """Gaps that are shaded."""
 _SPARSE = 0.6
-"""A channel with fewer samples is one of several rates: what lies between them is no gap."""
+"""A channel with a smaller share of valid samples has a slower rate: its points are connected."""
 _SHADE = "#E69F00"
 
 
@@ -57,13 +57,13 @@ def log_figure(
     hold: Mapping[str, str],
     written: Mapping[str, Written],
 ) -> Figure:
-    """The inputs of a log on top, what it measured below, in the units in which it was written."""
-    shown, panels = ShownUnits([written]), []
+    """The inputs of a log on top, measured channels below, in the units in which it was written."""
+    display, panels = ShownUnits([written]), []
     for channel, values in {**inputs, **measured}.items():
         driving = channel in inputs
         steps = driving and hold.get(channel) == "zero"
-        unit = shown.unit(channel, units[channel])
-        converted = shown.values(channel, values, units[channel])
+        unit = display.unit(channel, units[channel])
+        converted = display.values(channel, values, units[channel])
         panels.append(Panel(channel, unit, time, converted, driving, steps))
     return panels_figure(panels, name)
 
@@ -108,13 +108,16 @@ def _draw(axes: Axes, panel: Panel) -> bool:
     time, values = panel.time, panel.values
     if finite.mean() < _SPARSE:
         time, values = time[finite], values[finite]
-    elif not panel.steps:  # nothing was measured between
+    elif not panel.steps:
+        # A NaN after the last sample before a gap interrupts the line across it.
         time, values = np.insert(time, gaps + 1, time[gaps]), np.insert(values, gaps + 1, np.nan)
     style: dict[str, Any] = {"marker": "o", "markersize": 2.5} if finite.sum() <= _FEW else {}
     t, y = thinned(time, values)
+    # Thinned points are the extremes of stretches, and steps between those would show false levels.
     style["drawstyle"] = "steps-post" if panel.steps and t.size == time.size else "default"
     axes.plot(t, y, color="0.2" if panel.driving else BLUE, linewidth=1.0, **style)
     if np.ptp(values[np.isfinite(values)]) == 0:
+        # The axis of a constant would magnify its rounding errors.
         axes.margins(y=0.3)
     return bool(gaps.size)
 

@@ -29,6 +29,8 @@ def held_readings(values: np.ndarray) -> tuple[float, np.ndarray] | None:
         reading, ``(n,)``; ``None`` if the sensor is not held.
     """
     steps = np.diff(values)
+    # A hold of two samples, the shortest, repeats every second one; 0.4 leaves room for lost
+    # samples.
     if np.count_nonzero(steps == 0) < 0.4 * np.count_nonzero(np.isfinite(steps)):
         return None
     new = np.flatnonzero(np.isfinite(steps) & (steps != 0)) + 1
@@ -40,11 +42,15 @@ def held_readings(values: np.ndarray) -> tuple[float, np.ndarray] | None:
     usual = int(np.bincount(waits).argmax())
     if usual < 2:
         return None
+    # The mean of the waits about the most frequent one gives a hold that is no whole number of
+    # samples: 2, 3, 2, 3 is one reading in 2.5.
     near = (np.abs(waits - usual) <= 1) & (waits > 1)
     every = float(np.mean(waits[near]))
     holds = np.maximum(np.round(waits / every), 1.0)
     if np.mean(np.abs(waits - holds * every) < 1.0) < _REGULAR:
         return None
+    # A counter or a coarse encoder under constant speed changes as regularly as a held sensor does,
+    # but always by one step of its resolution.
     sizes = np.abs(steps[new - 1])
     if np.mean(np.abs(sizes - np.median(sizes)) <= 1e-6 * np.nanmax(np.abs(values))) > _COUNTED:
         return None
@@ -54,6 +60,8 @@ def held_readings(values: np.ndarray) -> tuple[float, np.ndarray] | None:
 def _due(new: np.ndarray, every: float, size: int) -> np.ndarray:
     """Mark the readings: each new value, and in between one at every hold (repeated readings)."""
     due = np.zeros(size, bool)
+    # Before the first change the value is a reading of unknown age: readings are due counting back
+    # from that change.
     first = new[0] - np.round(np.arange(every, new[0] + 0.5, every)).astype(int)
     due[first] = True
     for begin, end in zip(new, np.append(new[1:], size), strict=True):

@@ -74,8 +74,11 @@ def content_hash(log: _Recorded) -> str:
     digest = sha256()
 
     def add(words: object, samples: np.ndarray) -> None:
+        # NaN has many bit patterns (a sign, a payload), and which one appears depends on the
+        # processor.
         numbers = np.where(np.isnan(samples), np.nan, samples)
         digest.update(f"{words!r} {numbers.size}\n".encode())
+        # Little-endian on every machine.
         digest.update(np.ascontiguousarray(numbers, "<f8").tobytes())
 
     add("time", log.time)

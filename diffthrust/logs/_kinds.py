@@ -32,6 +32,8 @@ class Kind:
 TEXT = Kind("text", "a table of text")
 PARQUET = Kind("parquet", "a Parquet file", begins=(b"PAR1",), endings=(".parquet",))
 EXCEL = Kind("excel", "an Excel file", begins=(b"PK\x03\x04",), endings=(".xlsx", ".xlsm"))
+# MATLAB 7.3 puts a text header of 512 bytes in front of the signature of HDF5: `kind_of` looks
+# there.
 HDF5 = Kind("hdf5", "a MATLAB 7.3 or HDF5 file", begins=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3"))
 MAT = Kind("mat", "a MATLAB file", begins=(b"MATLAB 5.0",), endings=(".mat",))
 BAG = Kind("bag", "a ROS 2 bag", True, (b"SQLite format 3\0",), (".db3",))
@@ -95,6 +97,7 @@ def kind_of(path: Path) -> Kind:
             f"{path.name}: expected a header and samples, found an empty file.",
             "check that the recording was saved.",
         )
+    # .xlsx is a zip, and so are .ods, .npz and any archive: only Excel's has a folder xl/.
     if head.startswith(EXCEL.begins) and _is_other_archive(path):
         raise InputError(
             f"{path.name}: expected a log, found an archive (zip) that is no Excel file.",
@@ -104,6 +107,7 @@ def kind_of(path: Path) -> Kind:
         if head.startswith(kind.begins) or (kind is HDF5 and head[512:520] in kind.begins):
             return kind
     for begin, (what, mend) in _STRANGE.items():
+        # b"\xef\xbb\xbf" is the byte order mark that Windows programs put before UTF-8.
         if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(begin):
             raise InputError(f"{path.name}: expected a log, found {what}.", mend)
     ending = path.suffix.lower()

@@ -41,6 +41,7 @@ class MemoryBudget:
         """
         self._taken += size
         if self._taken > self._most:
+            # Rounded up: 512.3 MB against a limit of 512 would print as equal.
             needed = -(-self._taken // _MB)
             raise InputError(
                 f"{self._file}: expected a log of at most {self._most / _MB:g} MB in memory, found "

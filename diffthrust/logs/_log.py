@@ -212,7 +212,7 @@ class Log:
         return Log.of_checked({**kept, **fields, "units": units})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A MappingProxyType cannot be pickled, and worker processes need the log.
+        # Worker processes receive logs pickled, and a MappingProxyType cannot be pickled.
         fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
         plain = {k: dict(v) if isinstance(v, Mapping) else v for k, v in fields.items()}
         return Log.of_checked, (plain,)
@@ -250,6 +250,7 @@ class Log:
             True
         """
         steps = np.diff(self.time)
+        # Time stamps such as 0.1 k are rounded: exactly equal differences occur only by luck.
         return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * self.step
 
     @cached_property
@@ -303,7 +304,7 @@ class Log:
     def counted(self) -> "Log":
         """The log without repeats of held sensors and without samples at a rail.
 
-        A sensor at the end of its range says "at least", not "exactly". Fits, comparisons and
+        A sensor at the end of its range reports "at least", not "exactly". Fits, comparisons and
         diagnoses use this log, in which such samples are missing; a note names each channel.
 
         Example:
@@ -313,12 +314,12 @@ class Log:
         log, ends = self.unrepeated, self.railed
         if not ends:
             return log
-        measured, notes, shown = dict(log.measured), [*log.notes], ShownUnits([self.written])
+        measured, notes, display = dict(log.measured), [*log.notes], ShownUnits([self.written])
         for channel, at in ends.items():
             measured[channel] = np.where(at.side == 0, measured[channel], np.nan)
-            about = (shown, self.units[channel], channel in self.censored)
+            about = (display, self.units[channel], channel in self.censored)
             notes.append(railed_note(channel, at, *about))
-        # These channels have no samples at rails any more: do not detect new ones in what remains.
+        # Without its rails a channel has a new largest value, which would be detected in turn.
         rails = {**self.rails, **dict.fromkeys(ends, (-np.inf, np.inf))}
         return self.replaced(measured=measured, rails=rails, notes=tuple(notes))
 
@@ -459,6 +460,7 @@ class Log:
             if turn:
                 finite = np.isfinite(values)
                 values = values.copy()
+                # A heading that passes from 359 to 1 degree would average to 180.
                 values[finite] = np.unwrap(values[finite], period=turn)
             blocks = values[:used].reshape(-1, samples)
             finite = np.isfinite(blocks)
@@ -471,6 +473,8 @@ class Log:
             inputs={key: mean(key, value) for key, value in self.inputs.items()},
             measured={key: mean(key, value) for key, value in self.measured.items()},
             noise={key: value / samples**0.5 for key, value in self.noise.items()},
+            # A mean stands at the middle of its block; kept until the next one, an input would lag
+            # by half a block.
             hold=dict.fromkeys(self.hold, "linear"),
             notes=(*self.notes, f"{samples} samples each were averaged into one."),
         )
@@ -498,14 +502,14 @@ class Log:
         )
 
     def __repr__(self) -> str:
-        shown = ShownUnits([self.written])
+        display = ShownUnits([self.written])
 
         def described(channels: Mapping[str, np.ndarray]) -> str:
             texts = []
             for key, samples in channels.items():
                 about = [f"{n} missing"] if (n := int(np.isnan(samples).sum())) else []
                 about += ["unsigned"] if key in self.unsigned else []
-                unit = shown.unit(key, self.units[key])
+                unit = display.unit(key, self.units[key])
                 texts.append(
                     key
                     + (f" [{unit}]" if unit else "")
@@ -522,10 +526,10 @@ class Log:
         from diffthrust._support.notebook import notebook_html
         from diffthrust._support.words import number
 
-        shown, rows = ShownUnits([self.written]), []
+        display, rows = ShownUnits([self.written]), []
         for name, samples in {**self.inputs, **self.measured}.items():
-            unit = shown.unit(name, self.units[name])
-            valid = shown.values(name, samples[np.isfinite(samples)], self.units[name])
+            unit = display.unit(name, self.units[name])
+            valid = display.values(name, samples[np.isfinite(samples)], self.units[name])
             ends = [number(float(pick(valid)), 4) for pick in (np.min, np.mean, np.max)]
             kind = "input" if name in self.inputs else "measured"
             kind += ", unsigned" * (name in self.unsigned)

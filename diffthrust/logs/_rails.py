@@ -1,4 +1,4 @@
-"""Detect samples at the ends of a sensor's range, which say only "at least" or "at most"."""
+"""Detect samples at the ends of a sensor's range, where it reports only "at least" or "at most"."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEAST = 20
 _SHARE = 0.03
 """... and that share of the log."""
 _VISITS = 5
-"""This many separate stretches at an extreme are more than a sensor that stands still."""
+"""With this many separate stretches at its extreme, a sensor is not merely standing still."""
 _STRETCH = 3
 """Fewest samples in a row that count as a stretch."""
 _REST = 0.02
@@ -65,6 +65,8 @@ class Railed(NamedTuple):
 
 def railed_between(values: np.ndarray, low: float, high: float) -> Railed | None:
     """Samples at given rails; ``None`` if there are none."""
+    # Given rails pass through conversions of units, and the samples as well: 300 rpm in rad/s may
+    # differ in the last bit.
     slack = 1e-9 * np.array([abs(low), abs(high)])
     slack = np.where(np.isfinite(slack), slack, 0.0)
     side = np.zeros(values.size, np.int8)
@@ -74,7 +76,7 @@ def railed_between(values: np.ndarray, low: float, high: float) -> Railed | None
 
 
 def railed_note(
-    channel: str, at: Railed, shown: ShownUnits, unit: str, censored: bool = False
+    channel: str, at: Railed, display: ShownUnits, unit: str, censored: bool = False
 ) -> str:
     """A note: how many samples of a channel are at its rails, and how they are used."""
     from diffthrust._support.words import number
@@ -82,17 +84,16 @@ def railed_note(
     counts = []
     for side, end in ((-1, at.low), (1, at.high)):
         if count := int(np.count_nonzero(at.side == side)):
-            value = number(float(shown.values(channel, end, unit)))
-            counts.append(f"{count} at {value} {shown.unit(channel, unit)}".rstrip())
+            value = number(float(display.values(channel, end, unit)))
+            counts.append(f"{count} at {value} {display.unit(channel, unit)}".rstrip())
     return (
         f"measured {channel!r}: {' and '.join(counts)} of {at.side.size} samples stand where the "
         f"sensor's range ends; they {'are in no error' if censored else 'carry no weight'}."
     )
 
 
-@np.errstate(
-    over="ignore", invalid="ignore"
-)  # numbers in a wrong unit may overflow; they are reported elsewhere
+# Numbers in a wrong unit may overflow; the check of units reports them.
+@np.errstate(over="ignore", invalid="ignore")
 def railed(
     values: np.ndarray, inputs: Collection[np.ndarray], measured: Collection[np.ndarray]
 ) -> Railed | None:
@@ -111,15 +112,15 @@ def railed(
         measured: its other measured channels, ``(n,)`` each.
     """
     finite = np.isfinite(values)
-    here = values[finite]
-    if here.size < 3 * _LEAST or not np.ptp(here) > 0:
+    valid = values[finite]
+    if valid.size < 3 * _LEAST or not np.ptp(valid) > 0:
         return None
     drives, sensors = ([v[finite] for v in series] for series in (inputs, measured))
-    high = here.max() if _is_rail(here, drives, sensors) else np.inf
-    low = here.min() if _is_rail(-here, drives, sensors) else -np.inf
+    high = valid.max() if _is_rail(valid, drives, sensors) else np.inf
+    low = valid.min() if _is_rail(-valid, drives, sensors) else -np.inf
     if np.isinf(low) and np.isinf(high):
         return None
-    same = _SAME * np.ptp(here)
+    same = _SAME * np.ptp(valid)
     at_rails = railed_between(values, float(low) + same, float(high) - same)
     return at_rails and at_rails._replace(low=float(low), high=float(high))
 
@@ -133,10 +134,14 @@ def _is_rail(
     count, remaining = int(at.sum()), values[~at]
     if count < _FEWEST or remaining.size < _LEAST or abs(extreme) <= _REST * np.abs(values).max():
         return False
+    # A rail cuts a distribution off, so that values just inside it occur as well; a mark stands
+    # alone.
     if not extreme - remaining.max() <= _GAP * np.ptp(remaining):
         return False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(np.int8), [0]])))
     begins, lengths = edges[::2], edges[1::2] - edges[::2]
+    # Many visits suffice for a noisy sensor. One long stand needs the other channels as witnesses:
+    # a vessel at its top speed stands at an extreme, too.
     if begins.size >= _VISITS and _repeats_too_often(values, at):
         return True
     stands = count >= _LEAST and (
@@ -148,6 +153,7 @@ def _is_rail(
 def _repeats_too_often(values: np.ndarray, at: np.ndarray) -> bool:
     """Whether the extreme is repeated more often than the noise elsewhere allows."""
     apart = np.convolve(at, np.ones(4, int))[3 : at.size] == 0  # four samples off the extreme
+    # Third differences remove any slow signal (up to a parabola) and leave the noise.
     bends = np.diff(values, 3)
     both = apart[1:] & apart[:-1]
     if both.sum() < _LEAST:
@@ -182,6 +188,8 @@ def _is_clipped(values: np.ndarray, begins: np.ndarray, lengths: np.ndarray) -> 
     broad = _BROAD * np.ptp(values)
     if _resolution(values) > broad:
         return False
+    # How long the signal took from the last value well below the extreme to each stretch: a
+    # settling system creeps up, a clipped signal runs into the rail.
     far = np.flatnonzero(values < values.max() - broad)
     previous = np.searchsorted(far, begins) - 1
     ways = begins - np.where(previous >= 0, far[previous], -1) - 1
@@ -208,7 +216,6 @@ def _moved_beyond_noise(
         return False
     width = float(np.ptp(np.quantile(here, (0.1, 0.9))))
     least = share * float(np.ptp(np.quantile(finite, (0.02, 0.98))))
-    read = finite[
-        np.flatnonzero(np.diff(finite, prepend=np.nan))
-    ]  # readings of a held sensor count once
+    # Only changes: repeats of a held sensor would make its noise look like zero.
+    read = finite[np.flatnonzero(np.diff(finite, prepend=np.nan))]
     return width > max(least, clear * _noise(np.diff(read, 3))) > 0

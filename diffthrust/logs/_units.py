@@ -68,6 +68,8 @@ def _parse(unit: str) -> Any:
     """Parse one unit; raises InputError without a place, which the caller adds."""
     text = unit.strip() or "dimensionless"
     allowed = _ALLOWED.fullmatch(text) is not None
+    # A tower of powers, 9^9^9, would be computed digit by digit; 12 suffices for any physical
+    # power.
     for power, number, tower in _NUMBER.findall(text):
         small = float(number) <= 12 if power else float(number) == 1
         allowed = allowed and small and not tower
@@ -126,6 +128,7 @@ def unit_in(header: str) -> str:
     if match is None:
         return ""
     text = match[1] or match[2]
+    # "thrust (filtered twice)", "motor (2)": a remark or a number.
     if len(text) > 12 or text.isdigit():
         return ""
     for spelling in (_SPELT.get(text.lower(), text), text.lower()):
@@ -221,6 +224,7 @@ def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | s
         array([1.])
     """
     numbers = np.array(values, dtype=np.float64)
+    # A log in SI units is read without pint, whose import takes longer than the reading.
     if unit_from == unit_to and unit_from in _COMMON:
         return numbers
     _check_same(unit_from, unit_to, where)

@@ -46,6 +46,7 @@ def check_time(time: np.ndarray, at: PlaceOf) -> None:
             f"found {time[index]:.15g} s ({kind}){more_like_it(bad.size)}.",
             "remove the repeated or misplaced samples; if the clock was restarted, split the log.",
         )
+    # Stamps such as -1e308 and 1e308 are finite and increasing.
     if not np.isfinite(time[-1] - time[0]):
         raise InputError.at(
             at("time", None),

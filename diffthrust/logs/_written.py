@@ -1,4 +1,4 @@
-"""How the user wrote a channel: its unit, and pulse widths as an effort."""
+"""The user's notation of a channel: its unit, and pulse widths as an effort."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from diffthrust._support.names import listing, nearest
 from diffthrust.logs._units import convert, convert_scale
 
 FURTHEST = 3.0
-"""Numbers more than this many full commands from the stop are no effort, or use other widths."""
+"""Multiple of a full command: numbers beyond are no effort, or pulses with other widths."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,7 @@ class PWM:
         """The effort of each width: 1 at full ahead, -1 at full astern, 0 without a pulse."""
         beyond = np.asarray(widths, np.float64) - self.stop
         ahead = beyond * (self.full - self.stop) >= 0
+        # Thrusters are often trimmed unequally: 1500 to 1900 ahead, 1500 to 1100 or less astern.
         effort = beyond / np.where(ahead, self.full - self.stop, self.stop - self.astern)
         return np.where(np.asarray(widths) == 0, 0.0, effort)
 
@@ -159,7 +160,7 @@ class Written:
         return convert_scale(number, self._share(unit), self.unit, where=where)
 
     def _share(self, unit: str) -> str:
-        # before it was declared as an effort, the column held plain numbers or per cent
+        # Before it was declared as an effort, the column held plain numbers or per cent.
         return "dimensionless" if unit == "effort" else unit
 
 

@@ -19,7 +19,7 @@ from diffthrust.plans._thruster import checked_thruster, thruster_outputs
 _SLOWER, _FASTER = 3.0, 2.0
 """The band reaches below the slowest and above the fastest time constant by these factors."""
 _TO_A_HUNDREDTH = math.log(100.0)
-"""Time constants that a first-order lag takes to come within a hundredth."""
+"""Time constants until a first-order lag is within a hundredth of its final value."""
 _LONGEST = 14
 """Stages of the longest shift register: 16383 switches to a period."""
 
@@ -36,24 +36,24 @@ def black_box(
     """A periodic record whose band follows from the model's time constants.
 
     The band reaches from 1 / (3 slowest) to 2 / fastest time constant [rad/s]. Of a linear system
-    they are those of its poles; of a thruster, those that its steps from rest to half of the wider
-    limit and all the way settle with. Both signals stay within the limits:
+    they are those of its poles; of a thruster, those of its steps from rest to half of the wider
+    limit and to the limit itself. Both signals stay within the limits:
 
-    - ``"prbs"``: a maximum-length binary sequence between the limits. It switches every 2.8 / w
-      seconds at most, where its spectrum falls to half of its power at the band's end w, and its
-      period is that of the band's beginning at least. Two levels cannot show a curved map.
+    - ``"prbs"``: a maximum-length binary sequence between the limits. It switches at most every
+      2.8 / w seconds, so that its spectrum falls to half of its power at the band's end w; its
+      period is at least that of the band's beginning. Two levels cannot show a curved map.
     - ``"multisine"``: sines of equal size at all multiples of the band's beginning within the band,
-      with Schroeder's phases, which keep their sum flat.
+      with Schroeder's phases, which keep the peak of their sum low.
 
     Args:
         model: a thruster, or a linear system as `limit_cycles` takes it.
         limits: lowest and highest command, in the model's unit (V for a linear system).
         signal: see above.
-        periods: how many; the first holds the transient.
-        step: time between samples [s]; an eighth of the shortest switching, or of the shortest
-            sine's half period, where not given.
-        measure: channels to measure; speed and thrust of a thruster, "depth" of a linear system,
-            where not given.
+        periods: number of periods; the first contains the transient.
+        step: time between samples [s]; by default an eighth of the shortest switching interval, or
+            of the shortest sine's half period.
+        measure: channels to measure; by default speed and thrust of a thruster, "depth" of a
+            linear system.
 
     Raises:
         InputError: limits without a range, a linear system that is not stable, a step too long for
@@ -87,6 +87,7 @@ def black_box(
            f"seconds, above zero, up to {longest:.3g}")  # fmt: skip
     make = _binary if signal == "prbs" else _sines
     log = make(begin, end, step)
+    # One sample more than whole periods: the last one holds the end of the last interval.
     values = 0.5 * (low + high) + 0.5 * (high - low) * np.append(np.tile(log, count), log[0])
     unit = model.inputs["command"] if thruster else "V"
     run = Log(step * np.arange(values.size), {"command": values}, units={"command": unit})
@@ -102,7 +103,7 @@ def black_box(
 
 
 def _of_thruster(model: Model, largest: float) -> tuple[float, float]:
-    """Slowest and fastest time constant, from steps to half of the largest command and to it."""
+    """Slowest and fastest time constant, from steps to half of the largest command and to all."""
     times = [settling_time(model, thruster_outputs(model), {"command": share * largest})
              for share in (0.5, 1.0)]  # fmt: skip
     return max(times) / _TO_A_HUNDREDTH, min(times) / _TO_A_HUNDREDTH
@@ -122,6 +123,7 @@ def _binary(begin: float, end: float, step: float) -> np.ndarray:
     """One period of a maximum-length sequence of -1 and 1."""
     from scipy.signal import max_len_seq  # takes a while
 
+    # 1e-9: the longest step allowed is exactly 2.8 / end, and the quotient may round to below 1.
     held = max(1, math.floor(2.8 / end / step + 1e-9))
     switches = 2.0 * math.pi / (begin * held * step)
     stages = max(3, math.ceil(math.log2(switches + 1.0)))
@@ -140,7 +142,7 @@ def _sines(begin: float, end: float, step: float) -> np.ndarray:
     base = 2.0 * math.pi / (samples * step)
     order = np.arange(1, math.floor(end / base * (1.0 + 1e-9)) + 1)
     phase = -math.pi * order * (order - 1) / order.size
-    # one inverse transform for all lines
+    # One inverse transform, since a sum over thousands of sines takes minutes.
     lines = np.zeros(samples // 2 + 1, complex)
     lines[order] = np.exp(1j * phase)
     sines = np.fft.irfft(lines, samples)

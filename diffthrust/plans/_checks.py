@@ -1,4 +1,4 @@
-"""What a plan asks before it is made, and of what came back: limits, rest, and excitation."""
+"""Checks of a plan's limits and settling times, and of the excitation of recorded logs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._simulate import simulate
 
 _LEFT = 0.01
-"""Share of the change that may be left."""
+"""Share of the change within which a signal counts as settled."""
 _SAMPLES = 2000
 MAX_REST = 1e4
 """Seconds beyond which a model counts as one that never settles."""
@@ -40,7 +40,7 @@ def checked_limits(who: str, limits: Any, what: str = "command") -> tuple[float,
 def settling_time(
     model: Model, channels: Sequence[str], inputs: Mapping[str, float], first: float = 1.0
 ) -> float:
-    """When the last of some outputs has come within a hundredth of its change, from rest [s].
+    """Time from rest until the last of some outputs is within a hundredth of its change [s].
 
     Args:
         model: at its present parameters.
@@ -62,6 +62,8 @@ def settling_time(
         units = {name: {**model.inputs, **model.optional_inputs}[name] for name in rows}
         outputs = simulate(model, Log(time, rows, units=units))
         times = [settled(time, outputs[name]) for name in channels]
+        # Settled in the first half: the last value, from which the distance counts, is then the
+        # steady one.
         if max(times) < 0.5 * span:
             return max(times)
         span *= 2.0
@@ -73,7 +75,7 @@ def settling_time(
 
 
 def settled(time: np.ndarray, values: np.ndarray) -> float:
-    """When values have come within a hundredth of their largest change of the last one [s]."""
+    """Time from which values stay within a hundredth of their change about the last value [s]."""
     change = np.abs(values - values[-1])
     allowed = _LEFT * max(float(np.max(np.abs(values - values[0]))), 1e-12)
     beyond = np.flatnonzero(change > allowed)
@@ -83,7 +85,7 @@ def settled(time: np.ndarray, values: np.ndarray) -> float:
 def excited(
     log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """The widest part of a band in which a log's input has as good as the planned power.
+    """The widest part of a band in which a log's input has enough of the planned power.
 
     Args:
         log: recorded.
@@ -109,6 +111,7 @@ def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:
     """Mean square of a channel between frequencies; zero where the samples do not reach."""
     values, steps = log.values(channel, unit), np.diff(log.time)
     step = float(np.median(steps))
+    # The transform needs even steps: the input is held between samples, as the plan means it.
     even = np.arange(log.time[0], log.time[-1] + 0.5 * step, step)
     held = values[np.clip(np.searchsorted(log.time, even + 1e-9, side="right") - 1, 0, None)]
     lines = np.abs(np.fft.rfft(held - held.mean())) ** 2 / held.size**2

@@ -1,4 +1,4 @@
-"""A test plan: inputs over time for each run, as files, and a check of what came back."""
+"""A test plan: inputs over time for each run, as files, and a check of recorded logs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Level(NamedTuple):
         run: its name.
         start: when it begins [s].
         stop: when it ends [s].
-        inputs: what they are to be, in the model's units.
+        inputs: planned values, in the model's units.
 
     Example:
         >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5), levels=2, hold=1.0)
@@ -45,7 +45,7 @@ class Level(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What a check says of one level, or of one input of a moving run.
+    """The outcome of a check for one level, or for one input of a moving run.
 
     Args:
         run: its name.
@@ -68,7 +68,7 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class PlanCheck(Result):
-    """A plan held against what was recorded.
+    """A plan compared with recorded logs.
 
     Args:
         findings: by run and level, in the order of the plan.
@@ -89,7 +89,7 @@ class PlanCheck(Result):
 
     @property
     def missing(self) -> tuple[Finding, ...]:
-        """What is still to be run."""
+        """The findings that are not as planned: still to be run."""
         return tuple(finding for finding in self.findings if not finding.good)
 
     def _report(self) -> Report:
@@ -104,16 +104,16 @@ class PlanCheck(Result):
 
 @dataclass(frozen=True, repr=False)
 class Plan(Brief):
-    """Runs to make: one series of inputs each.
+    """The runs of a test: one series of inputs each.
 
     Args:
         name: of the test.
         source: the paper and its section.
         runs: name to a log with inputs and no measurements.
-        settle: how long the slowest answer takes to come to rest, by the model [s].
+        settle: settling time of the slowest response, by the model [s].
         measure: the channels that the method needs.
-        note: what to mind.
-        band: lowest and highest frequency that runs without levels are to excite [Hz].
+        note: advice for the test.
+        band: lowest and highest frequency that runs without levels must excite [Hz].
 
     Example:
         >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5), levels=2, hold=1.0)
@@ -133,12 +133,12 @@ class Plan(Brief):
 
     @property
     def duration(self) -> float:
-        """Of all runs together [s]."""
+        """Total duration of all runs [s]."""
         return sum(run.duration for run in self.runs.values())
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """The stretches over which inputs are held for longer than the answer takes to settle."""
+        """The stretches over which inputs are held for longer than the settling time."""
         return tuple(
             level for name, run in self.runs.items() for level in _levels(name, run, self.settle)
         )
@@ -166,12 +166,12 @@ class Plan(Brief):
         return written
 
     def check(self, logs: Log | Sequence[Log]) -> PlanCheck:
-        """Hold the plan against recorded logs, one or several, in any order and cut as they are.
+        """Compare the plan with recorded logs, in any order and cut in any way.
 
-        A level counts as run where its inputs were held for at least ``settle`` seconds, and the
-        channels that the method needs were measured meanwhile; a level that is planned twice has to
-        be held twice, or for so much longer. A run without levels counts where a log moves each
-        input over nine tenths of its planned range, and excites the plan's band.
+        A level counts as run where its inputs were held for at least ``settle`` seconds while the
+        channels that the method needs were measured; a level that is planned twice must be held
+        twice, or for twice the time. A run without levels counts where a log moves each input over
+        nine tenths of its planned range, and excites the plan's band.
 
         Raises:
             InputError: a log without an input of the plan.
@@ -209,7 +209,7 @@ class Plan(Brief):
                         yield _excites(name, channel, unit, run, logs, self.band)
 
     def _held(self, level: Level, logs: Sequence[Log]) -> list[_Held]:
-        """Where the inputs of a level were held, the longest first; one as long as two is two."""
+        """The stretches that held a level, the longest first; one of double length counts twice."""
         units = next(iter(self.runs.values())).units
         spans = {n: max(np.ptp(np.concatenate([r.inputs[n] for r in self.runs.values()])), 1e-12)
                  for n in level.inputs}  # fmt: skip
@@ -224,6 +224,7 @@ class Plan(Brief):
                 portion = slice(first, last + 1)
                 absent = tuple(n for n in self.measure if n not in log.measured
                                or not np.isfinite(log.measured[n][portion]).any())  # fmt: skip
+                # 0.05: a sample less than the planned time, as logs have it, still counts.
                 times = max(1, int(lasted / (level.stop - level.start) + 0.05))
                 stays += times * [_Held(lasted / times, absent)]
         return sorted(stays, key=lambda held: -held.lasted)
@@ -252,7 +253,7 @@ class _Held(NamedTuple):
 
 
 def _not_run(level: Level, units: Mapping[str, str], logs: Sequence[Log]) -> str:
-    """With the range of what was run instead, where the level lies outside it."""
+    """The words "not run", with the recorded range of an input where the level lies outside it."""
     for name, wanted in level.inputs.items():
         unit = units.get(name, "")
         values = [log.values(name, unit) for log in logs]

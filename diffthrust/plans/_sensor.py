@@ -24,20 +24,20 @@ def depth_calibration(
     hold: float = 5.0,
     step: float = 0.1,
 ) -> Plan:
-    """Depths held one after the other, several times, down and up again in turn.
+    """Depths held one after the other, several times, alternately downward and upward.
 
-    The way back separates a drift of the sensor, and what it remembers, from its line. At each
-    depth the reading comes to rest first: to a hundredth, in 4.6 time constants.
+    The way back separates drift and hysteresis of the sensor from its line. At each depth the
+    reading first settles to a hundredth, which takes 4.6 time constants.
 
     Args:
         limits: least and greatest depth [m].
-        sensor: as it is believed to be, to check the range of its readings; the datasheet's line
-            where not given.
+        sensor: the sensor as expected, to check the range of its readings; by default the
+            datasheet's line.
         readable: lowest and highest reading that the sensor and the converter can give [V].
-        levels: how many depths, evenly spaced, both limits among them.
-        readings: how many times.
-        time_constant: of the sensor's filter, or of whatever moves it [s].
-        hold: how long to measure at each [s].
+        levels: number of depths, evenly spaced, including both limits.
+        readings: number of passes.
+        time_constant: of the sensor's filter, or of the device that moves it [s].
+        hold: time to measure at each depth [s].
         step: time between samples [s].
 
     Raises:

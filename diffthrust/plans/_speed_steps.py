@@ -13,7 +13,7 @@ from diffthrust.plans._checks import MAX_REST, checked_limits, settled
 from diffthrust.plans._plan import Plan
 
 _REACHED = 0.01
-"""Share of the wanted speed that may be lacking."""
+"""Share by which a steady speed may differ from the wanted one."""
 
 
 def speed_steps(
@@ -27,17 +27,17 @@ def speed_steps(
 ) -> Plan:
     """Wanted speeds of a speed loop, each held until the loop has come to rest.
 
-    On each side of zero that the limits allow: up to the limit in a number of even steps, and from
-    there to zero in one. The loop is simulated from rest to the smallest and to the largest speed,
-    which tells how long it takes, and whether the motor reaches them.
+    On each side of zero that the limits allow: up to the limit in even steps, and from there to
+    zero in one step. The loop is simulated from rest to the smallest and to the largest speed, to
+    find how long it takes, and whether the motor reaches them.
 
     Args:
         loop: a thruster with its speed controller.
         limits: lowest and highest wanted speed [rad/s].
         levels: steps on each side.
-        hold: how long to measure at each [s].
+        hold: time to measure at each speed [s].
         step: time between samples [s].
-        settle: how long to wait at each [s]; by simulation where not given.
+        settle: time to wait at each speed [s]; by default from the simulation.
 
     Raises:
         InputError: a loop that does not control a speed, limits without a range, a speed that the
@@ -60,6 +60,8 @@ def speed_steps(
     count = int(finite("speed_steps, levels", levels, lambda x: x >= 1, "1 or more"))
     ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end]
     heights = [x for end in ends for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
+    # The smallest step is the slowest because of quadratic drag, the largest may saturate the
+    # motor.
     times = [_rests(loop, x) for end in ends for x in {end / count, end}]
     settle = max(times) if settle is None else settle
     time, wanted = staircase(heights, settle + hold, step)
@@ -69,12 +71,12 @@ def speed_steps(
         runs={"speed_steps": Log(time, {"reference": wanted}, units={"reference": "rad/s"})},
         settle=settle,
         measure=("speed",),
-        note="Record the command too: it tells whether the voltage was at its limit.",
+        note="Record the command too: it shows whether the voltage was at its limit.",
     )
 
 
 def _rests(loop: Loop, speed: float) -> float:
-    """When the loop has come to rest at a wanted speed [s]."""
+    """Settling time of the loop at a wanted speed [s]."""
     span = 1.0
     while span <= MAX_REST:
         run = loop.simulate(Step(speed), span)

@@ -31,10 +31,10 @@ def static_test(
     step: float = 0.05,
     settle: float | None = None,
 ) -> Plan:
-    """Levels held until speed and thrust have come to rest, and ``hold`` seconds more.
+    """Levels held until speed and thrust have settled, and ``hold`` seconds more.
 
-    On each side of zero that the limits allow, ``levels`` lie evenly up to the limit, the largest
-    last; zero is held behind them. The smallest level settles last, and sets the time.
+    On each side of zero that the limits allow, ``levels`` are evenly spaced up to the limit, the
+    largest last, followed by zero. The smallest level settles most slowly, and sets the time.
 
     Args:
         model: a thruster, as it is believed to be.
@@ -145,6 +145,8 @@ def steady_map(
     low, high = checked_limits("steady_map", limits)
     finite("steady_map, hold", hold, lambda x: x > 0, "seconds, above zero")
     count = int(finite("steady_map, levels", levels, lambda x: x >= 2, "2 or more"))
+    # Even steps of thrust, not of voltage: thrust grows with the square of the voltage, so even
+    # voltages would crowd the points where it is small.
     heights: list[float] = []
     for end in (max(high, 0.0), min(low, 0.0)):
         if end:
@@ -181,7 +183,8 @@ def _held(
     step: float,
     settle: float | None,
 ) -> Plan:
-    """A staircase of commands; the smallest settles last, and sets the time of each."""
+    """A staircase of commands; the smallest settles most slowly, and sets the time of each."""
+    # With quadratic drag the time constant grows as 1 / speed.
     if settle is None:
         smallest = min(abs(x) for x in heights if x)
         settle = settling_time(model, thruster_outputs(model), {"command": smallest})

@@ -29,9 +29,9 @@ def sequential(
     step: float = 0.1,
     settle: float | None = None,
 ) -> Plan:
-    """Straight runs from rest at some propeller speeds; circles at one of them, at some angles.
+    """Straight runs from rest at several propeller speeds; circles at one of them, by angle.
 
-    A circle begins with a straight stretch. Every run lasts until the speeds have come to rest, and
+    A circle begins with a straight stretch. Every run lasts until the speeds have settled, and
     ``hold`` seconds more.
 
     Args:
@@ -74,6 +74,8 @@ def sequential(
         )
     around = ahead[len(ahead) // 2] if circling is None else circling
     if settle is None:
+        # The slowest of each kind: the lowest speed straight ahead, and the tightest circle, whose
+        # sway and yaw settle with each other.
         widest = max(abs(a) for a in turned)
         settle = max(
             settling_time(model, ("surge",), {"propeller_speed": ahead[0], "rudder_angle": 0.0}),

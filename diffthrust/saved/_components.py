@@ -42,6 +42,8 @@ def restore_component(
     """Restore a model without effects, or an effect, from the output of `Component.as_plain`."""
     name, what = plain["name"], base.__name__.lower()
     cls = _class_of(base, plain, classes)
+    # Arguments shape a class (its options, its formula), parameters have their saved values: both
+    # are needed to restore it.
     component = cls(**{key: _restored(value) for key, value in plain["arguments"].items()})
     saved = {
         key: decoder.decoded(Parameter, described) for key, described in plain["parameters"].items()
@@ -68,6 +70,8 @@ def _class_of(base: type, plain: dict[str, Any], classes: Sequence[type]) -> Any
             "Load it with the version that it was saved with; the file names that.",
         )
     for cls in candidates:
+        # A class that the user passes counts by its name alone: scripts are loaded under a module
+        # name with a hash of their text, which differs from that of the saving process.
         named = issubclass(cls, base) and cls.__qualname__ == origin["class"]
         if named and (cls in classes or cls.__module__ == origin["module"]):
             return cls

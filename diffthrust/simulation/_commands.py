@@ -31,6 +31,8 @@ def adopted(model: Model, logs: Sequence[Log]) -> Model:
     Raises:
         InputError: two logs have it in different units, or a fixed number is given per another.
     """
+    # Checked before `bind`: with the command in two units, one of the logs would be converted
+    # silently.
     kinds = {
         command_kind(model, log.units[name]): log.name
         for log in logs

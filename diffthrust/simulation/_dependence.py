@@ -34,6 +34,8 @@ def states_behind(
         series = Signals({n: jax.numpy.broadcast_to(v, (1,)) for n, v in s.items()})
         return (*(rates[n] for n in states), read_out(model, series)[output])
 
+    # By the traced operations, not by derivatives: a slope may vanish at the point that is tried
+    # (drag at rest), and a dead band has none.
     closed = jax.make_jaxpr(right_hand_side)(numbers)
     felt = dependence(closed.jaxpr)
     sizes = [

@@ -108,6 +108,8 @@ def errors(
 
 def _channel(measured: np.ndarray, residual: np.ndarray) -> ChannelError:
     if not np.all(np.isfinite(residual)):
+        # Infinite, not NaN: comparisons with NaN are false both ways, so that a failed run could
+        # win.
         return ChannelError(np.inf, np.inf, -np.inf, measured.size)
     rmse = float(np.sqrt(np.mean(residual**2)))
     std = float(np.std(measured))

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from diffthrust._support._running.batching import alone, padded_length, run_program
+from diffthrust._support._running.batching import is_unbatched, padded_length, run_program
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -53,6 +53,8 @@ def simulate_fixed(
     start = {**record.start, **checked_initial(model, initial)}
     values = {name: p.value for name, p in model.parameters.items()}
     key = Key(model)
+    # id, not the content: hashing a long log costs more than its simulation. `remembered` keeps the
+    # record alive, so that its id is not reused.
     request = (key, *values.values(), id(record), *sorted(start.items()), substeps)
     return remembered(request, record, lambda: simulated_from(key, values, record, start, substeps))
 
@@ -68,7 +70,7 @@ def simulated_from(
     inputs = record.inputs_for(key.model)
     outputs, states = _run(
         key,
-        Grid(record.holds(inputs), substeps, uniform=record.even, padded=alone()),
+        Grid(record.holds(inputs), substeps, uniform=record.even, padded=is_unbatched()),
         {name: np.asarray(value, float) for name, value in values.items()},
         record.time,
         inputs,

@@ -25,6 +25,7 @@ def bridged(log: Log) -> tuple[Log, np.ndarray]:
         return log, np.arange(len(log))
     steps = np.diff(log.time)
     usual = log.step if steps.size else 1.0
+    # 1e-6: a gap of ten steps that rounding makes 10.0000001 gets nine samples, not ten.
     missing = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6) - 1.0, 0.0)
     if not missing.any():
         return log, np.arange(len(log))

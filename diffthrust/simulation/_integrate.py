@@ -119,6 +119,8 @@ def _until_the_end(
 
     rows = jax.tree.map(jnp.asarray, rows)
     after = {name: jnp.broadcast_to(value, steps.shape) for name, value in first.items()}
+    # The last step that has a length, not the number of such steps: two samples at one time stamp
+    # leave a step of no length inside a log.
     count = jnp.max(jnp.where(steps != 0.0, jnp.arange(1, steps.size + 1), 0))
     return jax.lax.fori_loop(0, count, one, (first, after))[1]
 

@@ -60,6 +60,7 @@ def _signals(model: Model, record: Record) -> dict[str, np.ndarray]:
     series = {"time": record.log.time, **inputs}
     series |= {n: record.recorded[n] for n in model.states if n in record.recorded}
     if any(name not in series for name in model.all_states):
+        # One step per sample: the size of a signal is wanted, to a few per cent.
         modelled = simulate_fixed(model, record, None, 1)
         series = {n: v for n, v in modelled.items() if n in model.all_states} | series
     return {**record.recorded, **port_readings(model, series), **series}

@@ -48,6 +48,8 @@ def slopes_at(model: Model, record: Record) -> tuple[dict[str, Any], dict[str, A
     series = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
     # away from zero, where a slope may vanish by symmetry (the drag of a vessel at rest)
     inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in series.items()}
+    # Random values, for at equal ones differences of states cancel, and a slope that exists looks
+    # like zero.
     at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
 
     def both(x: dict[str, Any], push: dict[str, Any], fed: dict[str, Any]) -> Any:

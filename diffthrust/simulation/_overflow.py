@@ -29,6 +29,8 @@ def overflow(model: Model, record: Record, modelled: Mapping[str, np.ndarray]) -
     """
     units = {**model.all_states, **model.outputs}
     first = {n: int(np.argmin(np.isfinite(modelled[n]))) for n in units if n in modelled}
+    # argmin of booleans is 0 both where the first sample fails and where none does: the sample
+    # itself decides.
     lost = {n: k for n, k in first.items() if not np.isfinite(modelled[n][k])}
     if not lost:
         return ""

@@ -147,6 +147,7 @@ def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np
     By differences, for a derivative of the simulation would be another program to compile.
     """
     first = np.array([*begin.values()], float)
+    # The size of a state is what it reaches in the run: its initial value is often zero.
     sizes = [np.max(np.abs(simulate(first)[n])) for n in begin]
     size = np.array([s if np.isfinite(s) and s > 0 else 1.0 for s in sizes])
 
@@ -159,6 +160,8 @@ def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np
         slopes = np.array([(residuals(y + d) - current) / _NUDGE for d in _NUDGE * np.eye(y.size)])
         square, gradient, fell = slopes @ slopes.T, slopes @ current, 0.0
         while not fell and damping < _STUCK and np.isfinite(square).all():
+            # Damped in proportion to the curvature (Marquardt): states in different units need no
+            # scaling.
             step = np.linalg.solve(square + damping * np.diag(np.diag(square)), gradient)
             trial = residuals(y - step)
             fell = max(0.0, 1.0 - float(trial @ trial) / float(current @ current))

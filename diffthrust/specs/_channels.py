@@ -22,7 +22,7 @@ def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, s
     """
     needs = [name for effect in model.effects for name in effect.needs]
     inputs = {*model.inputs, *model.optional_inputs, *model.states, *needs}
-    # if the model's inputs are absent, states that may be prescribed are inputs
+    # A thruster without a command: its speed becomes an input, and only the thrust is fitted.
     undriven = bool(model.inputs) and not set(model.inputs) & set(file.channels)
     roles = {}
     for name, channel in file.channels.items():
@@ -63,8 +63,8 @@ def _check_keys(
             opposite = "measured channel" if role == "input" else "input"
             kind = "an input" if role == "input" else "a measured channel"
             raise InputError(
-                f"{line_of(text, path, (*loc, key))}: this channel is {kind}, and {key!r} says "
-                f"something of {'an' if opposite == 'input' else 'a'} {opposite}.",
+                f"{line_of(text, path, (*loc, key))}: this channel is {kind}; {key!r} belongs to "
+                f"{'an' if opposite == 'input' else 'a'} {opposite}.",
                 f'Remove {key}, or give role = "{opposite.split()[0]}".',
             )
 

@@ -55,6 +55,8 @@ def _made_of(table: Mapping[str, Any]) -> Effect:
         )
     arguments[cls.main] = table[words[0]]
     try:
+        # Bound before the call, so that a TypeError raised inside the class is not taken for a
+        # wrong key.
         inspect.signature(cls).bind(**arguments)
     except TypeError as error:
         raise InputError(f"{words[0]}: {error}.", f"Write {_EXAMPLE}.") from None

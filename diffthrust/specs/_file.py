@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
-from diffthrust._support.names import listing, nearest, shortly
+from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.specs._lines import line_of
 from diffthrust.specs._parts import ExpectedNumber, ParameterPart, SpecFile
@@ -32,6 +32,7 @@ def read_spec_text(path: Path) -> str:
         raise InputError(
             f"{path}: expected a spec file (TOML), found {what}.", "Name the file of a spec."
         )
+    # "diffthrust fit run1.csv": a common first call, answered by the way to a spec.
     if path.is_file() and is_log(path) and not _is_toml(path):
         raise InputError(
             f"{path}: expected a spec file (TOML), found a log ({kind_of(path).article}).",
@@ -90,6 +91,7 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
         raise too_deep(text, file) from None
     except tomllib.TOMLDecodeError as error:
         message = str(error)
+        # tomllib states the place only within its message (attributes came with Python 3.14).
         at = re.search(r"\(at (?:line (\d+), column (\d+)|end of document)\)", message)
         line = at[1] if at and at[1] else str(len(text.splitlines()))
         column = f", column {at[2]}" if at and at[2] else ""
@@ -134,6 +136,8 @@ def _dotted(data: dict[str, Any]) -> None:
             continue
         fields = {*ParameterPart.model_fields, *ExpectedNumber.model_fields}
         for name, table in list(tables.items()):
+            # actuator_lag.time_constant = 0.2 parses as a table: a table without any key of a
+            # parameter is the name of an effect.
             nested = isinstance(table, dict) and table and not fields & set(table)
             if nested and (name in names or all(isinstance(v, dict) for v in table.values())):
                 del tables[name]
@@ -143,6 +147,7 @@ def _dotted(data: dict[str, Any]) -> None:
 def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int) -> InputError:
     members = ("str", "bool", "int", "float", "TimePart")  # members of a union, not keys
     loc = tuple(p for p in problem["loc"] if not str(p).startswith("function-"))
+    # Below the second level, since a channel or a parameter may itself be called "float".
     loc = tuple(p for k, p in enumerate(loc) if k < 2 or p not in members)
     where = line_of(text, file, loc)
     parent, key = loc[:-1], str(loc[-1]) if loc else ""
@@ -166,7 +171,7 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     message = re.sub(r" or instance of \w+$", "", message)
     return InputError(
         f"{where}: expected {message[:1].lower()}{message[1:]}, found "
-        f"{shortly(problem['input'])}.{also}",
+        f"{short_repr(problem['input'])}.{also}",
         f"Correct {'.'.join(map(str, loc))}.",
     )
 
@@ -178,6 +183,7 @@ def _keys(loc: Sequence[Any]) -> list[str]:
         if isinstance(here, type) and issubclass(here, BaseModel):
             here = here.model_fields[str(name)].annotation
         else:
+            # The type of the values of dict[str, ...], behind the user's own name.
             here = get_args(here)[-1]
         while get_origin(here) in (Annotated, Union, UnionType):
             here = next(a for a in get_args(here) if a is not type(None))
@@ -186,14 +192,14 @@ def _keys(loc: Sequence[Any]) -> list[str]:
 
 _DEEPEST = 50
 _BITS = 64
-"""Size of an integer that every TOML parser must support."""
+"""TOML promises integers of 64 bits; Python converts much longer ones in quadratic time."""
 _LONG = re.compile(r"[0-9a-fA-F_]{17,}")
 
 _DOTTED = re.compile(r"(?:\.[ \t]{0,9}[\w\"'-]{1,99}[ \t]{0,9}){50}")
 
 
 def check_keys(text: str, file: Path | str) -> None:
-    """Refuse a key of many dots, which Python takes minutes to parse.
+    """Refuse a key of many dots, which takes tomllib minutes (quadratic in their number).
 
     Raises:
         InputError: there is such a key.
@@ -209,6 +215,7 @@ def check_extent(tables: Mapping[str, Any], text: str, file: Path | str) -> None
         InputError: they are nested too deep, or an integer is too long.
     """
     level: list[Any] = [tables]
+    # By levels, not by recursion, which the depth that is checked here would exhaust.
     for _ in range(_DEEPEST):
         level = [inner for each in level for inner in _inside(each)]
         if any(isinstance(each, int) and each.bit_length() > _BITS for each in level):

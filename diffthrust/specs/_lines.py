@@ -26,7 +26,7 @@ def line_of(text: str, file: Path | str, loc: Iterable[Any]) -> str:
         joined, shared = ".".join(here), ".".join(path)
         if (shared == joined or shared.startswith(f"{joined}.")) and len(here) > best:
             line, best = number, len(here)
-    # a missing key gets the line of its table
+    # A missing key gets the line of its table, the longest part of its path that was found.
     at = f", line {line}" if line else ""
     return f"{file}{at}, {'.'.join(path)}" if path else f"{file}"
 

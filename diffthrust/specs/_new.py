@@ -102,6 +102,7 @@ def workflow_place(directory: Path | str) -> tuple[Path, str]:
             directory.
     """
     fits = Path(directory).resolve()
+    # .git is a file in worktrees and submodules: `exists`, not `is_dir`.
     root = next((place for place in (fits, *fits.parents) if (place / ".git").exists()), Path.cwd())
     if not fits.is_relative_to(root):
         raise InputError(
@@ -163,7 +164,7 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 _OTHER = 1.15
-"""Parameters of the simulated system, relative to those at which the search begins."""
+"""Parameters of the simulated system, relative to the initial guess: the fit has work to do."""
 _NOISE = 0.02
 """Noise of a channel, as a share of its spread."""
 

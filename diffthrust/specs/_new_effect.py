@@ -95,6 +95,8 @@ def bound_to_model(formula: Formula) -> Formula:
         InputError: models have the port, but none has the signals.
     """
     error = None
+    # The twin drive has ports of its own, and a model of the catalogue is made with its default
+    # options.
     for model in (*(cls() for cls in MODELS.values()), Vessel(drive="twin")):
         if formula.port in (*model.ports, *model.channel_units):
             try:

@@ -93,6 +93,7 @@ def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> No
     script = script_file(word, folder)
     if script is None:
         return
+    # Links are followed first: one beside the spec may lead anywhere.
     real = script.resolve()
     if not any(real.is_relative_to(Path(place).resolve()) for place in (folder, *trust)):
         raise InputError(
@@ -158,11 +159,13 @@ def _script(path: Path) -> ModuleType:
 
 @lru_cache(maxsize=64)
 def _executed(path: Path, source: bytes) -> ModuleType:
-    """Execute a script's text, not cached bytecode beside it, which may be older.
+    """Execute a script's text, not the cached bytecode in its folder, which may be older.
 
     Anything the script raises becomes an InputError, even SystemExit: a script that calls
     ``sys.exit(0)`` would end a command with the status of success.
     """
+    # The hash of the text makes an edited script a new module: classes of the old one stay valid in
+    # results that hold them.
     module = ModuleType(f"{_USERS}{path.stem}_{sha256(source).hexdigest()[:12]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look up their module there

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.progress import ProgressOption, part, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter, subtask
 from diffthrust._support.results import Brief
 from diffthrust.logs._columns import Column
 from diffthrust.logs._kinds import is_bag, kind_of
@@ -87,6 +87,7 @@ class Spec(Brief):
 
         Comments, spaces and the order of keys do not count.
         """
+        # Parsed, so that an edited comment does not make stored fits look outdated.
         tables = parse_toml(self.text, self.path)
         tables.pop("expected", None)
         scripts = [script_file(word, self.path.parent) for word in self.file.words]
@@ -104,6 +105,7 @@ class Spec(Brief):
     def _read(self, path: Path) -> Log:
         logs = self.file.logs
         files = [*self.train, *self.holdout]
+        # Folders day1/ and day2/ often hold a log.csv each: reports must keep them apart.
         unique = sum(file.name == path.name for file in files) == 1
         try:
             read, more = self._reader(path)
@@ -195,6 +197,7 @@ class Spec(Brief):
 
         unseen = self.holdout_logs() if holdout is None else holdout
         train = self.train_logs() if train is None else train
+        # Only keys that the spec states: the defaults stay those of `fit`.
         options, mark = self.file.fit.model_dump(exclude_unset=True), self.sha256
         result = fit(self.model, train, holdout=unseen or None, progress=progress, **options)
         assert result.origin is not None
@@ -230,15 +233,16 @@ class Spec(Brief):
         train, unseen = self.train_logs(), self.holdout_logs()
         model = adopted(self.model, train)
         records = bind(model, (*train, *unseen))
-        candidates_of(model, records, wanted)  # report a wrong name before the fit
-        report = teller(progress)
-        fit = self.fit(progress=part(report, 0.0, 0.15), train=train, holdout=unseen)
+        # Before the fit, which takes minutes: a wrong name of an effect is reported at once.
+        candidates_of(model, records, wanted)
+        report = reporter(progress)
+        fit = self.fit(progress=subtask(report, 0.0, 0.15), train=train, holdout=unseen)
         return diagnose(
             fit,
             train,
             holdout=unseen or None,
             candidates=wanted,
-            progress=part(report, 0.15, 1.0),
+            progress=subtask(report, 0.15, 1.0),
         )
 
 
@@ -274,6 +278,7 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     roles = roles_of(model, file, text, path)
     train = _files(file.logs.train, "train", text, path)
     holdout = _files(file.logs.holdout, "holdout", text, path)
+    # Resolved: the same file by another path, or through a link, is the same log.
     both = [a.name for a in train if a.resolve() in {b.resolve() for b in holdout}]
     if both:
         raise InputError(
@@ -305,6 +310,7 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
         cls = model_class(file.model, path.parent)
         loc = ("options", *list(file.options)[:1])
         options = dict(file.options)
+        # Channels for two thrusters leave no choice of the drive.
         if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
             options.setdefault("drive", "twin")
         model = model_with(cls, options)
@@ -342,7 +348,8 @@ def _fields(settings: ParameterPart) -> dict[str, Any]:
 def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
     files: list[Path] = []
     for pattern in patterns:
-        if _exists(path.parent / pattern):  # even if its name looks like a pattern
+        # A file may be called run[1].csv.
+        if _exists(path.parent / pattern):
             matches = [pattern]
         elif has_magic(pattern):
             matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))

@@ -55,7 +55,7 @@ class Choice:
         time: the time column; None in a static table, and if messages have time stamps.
         step: step of the rows [s] if their time stamps are too coarse.
         doubts: open questions for the user, one sentence each.
-        held: parameters that such a log cannot determine.
+        held: parameters that this log cannot determine; the draft fixes them.
     """
 
     contents: Contents
@@ -94,6 +94,8 @@ class Pool:
                 self.by.setdefault(meaning.quantity, []).append((column, meaning))
         for pairs in self.by.values():
             pairs.sort(
+                # A constant column is a setting or a dead sensor, and "relative" a copy of a time
+                # stamp or a position counted from its first value.
                 key=lambda p: (not varies(p[0].values), "relative" in p[0].name, _RANK[p[1].sure])
             )
 

@@ -118,14 +118,15 @@ def _logs(
     if used and not choice.contents.messages:
         finite = np.array([np.isfinite(p.field.values) for p in used])
         driving = np.array([p.role == "input" for p in used])
-        if (
-            finite.any(axis=0) & ~finite[driving].all(axis=0)
-        ).any():  # rows without any number are dropped anyway
+        # Rows without any number are dropped when the log is read, and need no interpolation.
+        if (finite.any(axis=0) & ~finite[driving].all(axis=0)).any():
             yield "interpolate_inputs = true # an input has missing samples"
 
 
 def _as_seen(path: Path, folder: Path) -> str:
     """A path relative to a folder; absolute if they share only the root."""
+    # From the root up, "../../../../data/run.csv" is longer and more fragile than the absolute
+    # path.
     apart = Path(commonpath((path, folder))) == Path(path.anchor)
     return path.as_posix() if apart else Path(relpath(path, folder)).as_posix()
 

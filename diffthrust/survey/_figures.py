@@ -16,17 +16,17 @@ _MOST = 16
 
 
 def look_figure(choice: Choice, name: str) -> Figure:
-    """The chosen channels below each other, inputs on top; all that has numbers where none is."""
+    """The chosen channels below each other, inputs on top; without any, all numeric columns."""
     clock = choice.seconds
     picks = sorted(choice.channels.items(), key=lambda pair: pair[1].role != "input")
     panels = [_panel(_label(key, pick.field.name), pick, clock) for key, pick in picks]
     if not panels:
-        shown = [
+        numeric = [
             Pick(field, meaning, "measured")
             for field, meaning in zip(choice.contents.fields, choice.meanings, strict=True)
             if np.isfinite(field.values).any() and meaning.quantity != "time"
         ]
-        panels = [_panel(pick.field.name, pick, clock) for pick in shown[:_MOST]]
+        panels = [_panel(pick.field.name, pick, clock) for pick in numeric[:_MOST]]
     return panels_figure(panels, name, *(["sample"] if choice.static else []))
 
 

@@ -55,6 +55,8 @@ class Files:
             return tuple(suited), (), (*apart, *self.refused)
         unseen = [path for path in suited if _UNSEEN.search(path.stem.lower())]
         if not 0 < len(unseen) < len(suited):
+            # Logs are named by date or number: the last is the latest, and a fit that predicts it
+            # is of use.
             unseen = suited[-1:]
         train = [path for path in suited if path not in unseen]
         return tuple(train), tuple(unseen), (*apart, *self.refused)
@@ -93,6 +95,7 @@ def files_at(paths: Sequence[Path]) -> Files:
 
 def _read(file: Path) -> Contents:
     content = contents(file)
+    # A text file with a few numbers (a README) parses as a table as well.
     if sum(np.isfinite(field.values).any() for field in content.fields) < 2:
         raise InputError(
             f"{file}: expected a log, found fewer than two columns of numbers.",

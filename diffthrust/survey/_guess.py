@@ -85,7 +85,7 @@ def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
         fields: all fields of a file.
         ros: axes follow ROS: y to port, and turns to port are positive.
     """
-    # u, v and r together are the velocities of a vessel; u alone is a drive
+    # u, v and r together are the velocities of a vessel; u without v is a control signal.
     names = {bare_of(field.name) for field in fields}
     unsaid = {bare_of(f.name) for f in fields if not named_units(f.name, f.unit)}
     moving = {bare_of(field.name) for field in fields if _moves(field)}
@@ -117,7 +117,7 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
     words, bare, side = words_of(field.name), bare_of(field.name), side_of(field.name)
     if field.dates:
         formats = field.date_formats[1:]
-        doubts = [f"Day and month cannot be told apart: the dates may be {o!r}." for o in formats]
+        doubts = [f"Day and month are ambiguous: the dates may be {o!r}." for o in formats]
         return Meaning("time", "s", sure=SURE, why="dates", doubts=tuple(doubts))
     if not numbers_of(field.values).size:
         return Meaning("", why="no numbers")
@@ -132,6 +132,7 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
         if takes_any_unit(quantity):
             unit = units[0] if units else "rpm" if "rpm" in words.split() else ""
             return Meaning(quantity, unit, side=side, sure=LIKELY)
+        # "t" may be a thrust or a temperature: a time increases.
         if quantity == "time" and field.time is None and not increases(field.values):
             continue
         if quantity == "command":
@@ -141,6 +142,8 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
         if quantity == "rudder_angle" and units in ((), ("us",)) and is_pwm(field.values):
             return replace(_servo(field.values), side=side)
         fitting = [unit for unit in units if same_quantity(unit, UNIT_OF[quantity])]
+        # A name such as "v" fits several quantities: the stated unit decides (volts, or metres a
+        # second).
         if units and not fitting:
             continue
         meaning = _named(quantity, field, fitting, short=len(bare) < 2)
@@ -183,6 +186,8 @@ def _speed_unit(words: Sequence[str], largest: float) -> tuple[str, list[str]]:
     if "rpm" in words or "rpms" in words:
         return "rpm", []
     counted = words[0] == "n"  # n stands for revolutions
+    # Thrusters turn at up to some 100 rev/s, 700 rad/s or 6000 rpm: what lies beyond one unit is
+    # the next.
     unit = "rps" if counted and largest < 150 else "rpm" if counted or largest > 700 else "rad/s"
     alternatives = " or ".join(
         candidate for candidate in ("rad/s", "rpm", "rps") if candidate != unit
@@ -199,19 +204,21 @@ def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
         return pulse_command(pulses(values))
     if named and named != "us":
         return Meaning("command", named, sure=SURE, why="name and unit")
+    # Arduino's analogWrite takes a duty of 0 to 255, and its users call it PWM.
     if named_pwm(words) and not pulsed and largest > 1.05 and largest <= 255:
         doubt = "Called a pulse width, with numbers that are none: taken as counts to 255."
         return Meaning("command", "effort", why="numbers", doubts=(doubt,), scale=1 / 255)
     if largest <= 1.05:
         doubt = "Nothing beyond 1: taken for a share of full drive; it may be volts."
         return Meaning("command", "effort", sure=LIKELY, why="numbers", doubts=(doubt,))
+    # Up to 60 V are common supplies of thrusters; "thr" and "duty" are shares wherever they occur.
     if largest <= 60 and "thr" not in words and "duty" not in words:
         doubt = "No unit is named: taken for volts; it may be percent."
         return Meaning("command", "V", why="numbers", doubts=(doubt,))
     if largest <= 105:
         doubt = "No unit is named: taken for percent of full drive."
         return Meaning("command", "percent", why="numbers", doubts=(doubt,))
-    doubt = f"No unit is named, and numbers up to {largest:.4g} tell none."
+    doubt = f"No unit is named, and numbers up to {largest:.4g} suggest none."
     return Meaning("command", "", why="name", doubts=(doubt,))
 
 

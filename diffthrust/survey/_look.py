@@ -114,8 +114,8 @@ class Look(Result):
             data = self._drafted(target.parent).encode()
         except UnicodeEncodeError as error:
             raise InputError(
-                f"{target}: expected logs whose names are text, which a spec file can hold, found "
-                f"{error.object[error.start]} in one, which is no UTF-8.",
+                f"{target}: expected logs whose names are text, since a spec file is text; found "
+                f"{error.object[error.start]} in a name, which is no UTF-8.",
                 "Rename the log.",
             ) from None
         write_whole(target, data)
@@ -160,17 +160,17 @@ class Look(Result):
         }
 
 
-def look_report(seen: Look, *, all: bool = False) -> Report:
-    """What is in a file: a line on it, a row for each column, the model, and the doubts."""
-    listed, remaining = split_rows(seen.columns, all)
+def look_report(survey: Look, *, all: bool = False) -> Report:
+    """The content of a file: a line on it, a row for each column, the model, and the doubts."""
+    listed, remaining = split_rows(survey.columns, all)
     hidden = f"{len(remaining)} more fields (--all shows them): {grouped(remaining)}"
     return Report(
-        Section("", first_line(seen.path.name, seen.choice, seen.columns)),
-        Section("", column_rows(listed, seen.choice.contents.messages)),
+        Section("", first_line(survey.path.name, survey.choice, survey.columns)),
+        Section("", column_rows(listed, survey.choice.contents.messages)),
         Section("", Bullets(remarks(listed))),
         Section("", hidden if remaining else ""),
-        Section("", model_line(seen.choice, seen.train, seen.holdout)),
-        Section("", *(["In doubt:", Bullets(seen.doubts)] if seen.doubts else [])),
+        Section("", model_line(survey.choice, survey.train, survey.holdout)),
+        Section("", *(["In doubt:", Bullets(survey.doubts)] if survey.doubts else [])),
     )
 
 

@@ -31,6 +31,8 @@ def correlated(first: Field, second: Field, *, zero: float = 0.0, sizes: bool = 
 
 def strongest(first: np.ndarray, second: np.ndarray) -> float:
     """The correlation of largest magnitude of two series, ``(n,)`` each, the second lagging."""
+    # A response lags its command by its time constant; a twentieth of a log covers it, and more
+    # lags would find chance correlations in slow signals.
     reach = int(_SHARE * first.size)
     best = 0.0
     for lag in sorted({int(reach * k / _LAGS) for k in range(_LAGS + 1)}):
@@ -85,7 +87,8 @@ def turning(heading: Field, clock: np.ndarray, turn: float, rate: Field) -> tupl
     valid = np.isfinite(rate.values) & np.isfinite(rate_clock)
     if valid.sum() < 20:
         return 0.0, np.nan
-    # Compare steps of the heading with the integral of the rate: differentiating would add noise.
+    # Compare steps of the heading with the integral of the rate over the same time: the derivative
+    # of a heading is mostly noise.
     path = np.concatenate(
         ([0.0], np.cumsum(np.diff(rate_clock[valid]) * _middles(rate.values[valid])))
     )

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
-# Spellings at the end of a name or in brackets. A spelling may stand for several units; the one of
-# the right quantity is taken later.
+# Spellings at the end of a name or in brackets. A spelling may stand for several units ("ms" is m/s
+# in speed_ms, a millisecond in time_ms): the quantity decides in `_guess`.
 _SPELLINGS: dict[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "rad s", "rads", "radps", "rad per s", "rad s 1", "rad sec"),
     "deg/s": ("deg/s", "deg s", "degps", "dps", "deg per s", "deg sec"),
@@ -64,6 +64,7 @@ def words_of(name: str) -> str:
     bracket = _BRACKETS.search(name)
     if bracket and bracket.start():
         name = name[: bracket.start()]
+    # Words begin at a capital (leftThrust) and where letters meet digits (servo1_raw).
     name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])", " ", name)
     return " ".join(re.findall(r"[^\W_]+|%|°", name.lower()))
 
@@ -103,6 +104,8 @@ def bare_of(name: str) -> str:
 
 def _ending(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
     """The number of last words that spell a unit, and the possible units."""
+    # Longest first: "rad per s" before "s". A name of one letter, t or v, is a quantity, not a
+    # unit.
     for count in (3, 2, 1):
         if len(words) > count or (len(words) == count == 1 and len(words[0]) > 1):
             units = _UNITS.get(" ".join(words[-count:]))

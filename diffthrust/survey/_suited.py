@@ -29,6 +29,7 @@ def choice_of(contents: Contents) -> Choice:
     guesses = meanings(fields, ros=contents.kind.startswith("ROS"))
     pool = Pool(fields, guesses)
     plain = _coarse(Choice(contents, guesses, time=_clock(contents, pool), doubts=contents.notes))
+    # From the richest to the plainest: a vessel's log also has what a thruster needs.
     for model in (vessel_choice, thruster_choice, _axis_vehicle, _linear_sensor):
         chosen = model(pool, plain)
         if chosen is not None:
@@ -64,6 +65,7 @@ def _coarse(plain: Choice) -> Choice:
     if later.size < 2 or later.size > 0.5 * stamps.size:
         return plain
     first, last = later[0] + 1, later[-1] + 1
+    # From the first change of the stamp to the last: the ticks before and after are incomplete.
     step = float(f"{(stamps[last] - stamps[first]) / (last - first):.3g}")
     name = plain.time.field.name
     word = f"The stamps of '{name}' are coarser than the rows, which are taken as evenly spaced."
@@ -115,7 +117,7 @@ def _untimed(chosen: Choice) -> Choice:
     held = "alpha" if chosen.model == "thruster" else "time_constant"
     word += (
         "time is their step [s]. Taken for a static table, whose rows are held for half a second "
-        f"each; it tells nothing of how fast the thruster settles: {held} is not fitted."
+        f"each; it does not show how fast the thruster settles: {held} is not fitted."
     )
     return replace(chosen, doubts=(*chosen.doubts, word), held=(held,))
 
@@ -127,7 +129,7 @@ def _no_model(pool: Pool) -> str:
             pool.all(q, moving=True) for q in ("speed", "thrust", *MOTION, *POSE)
         ),
     }
-    absent = [name for name, present in needs.items() if not present()]
+    absent = [name for name, in_file in needs.items() if not in_file()]
     what = (
         f": {' and '.join(absent)} {'are' if len(absent) > 1 else 'is'} missing" if absent else ""
     )

@@ -1,4 +1,4 @@
-"""The rows and sentences of a look at a file."""
+"""The rows and sentences of the survey of a file."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from diffthrust._support.report import Rows, Styled
-from diffthrust._support.words import number, percent, spelt
+from diffthrust._support.words import humanize, number, percent
 from diffthrust.survey._choice import Choice
 from diffthrust.survey._rows import ColumnRow
 from diffthrust.survey._rules import NO_CHANNEL, UNIT_OF
 
 _WIDE = 40
-"""Fields from which on only those are shown that a model may use."""
+"""With more fields than this, only those that a model may use are listed."""
 _NAME = 30
 """Characters up to which names of columns are never folded."""
 _ROLES = {
@@ -26,7 +26,7 @@ _ROLES = {
 
 
 def split_rows(columns: Sequence[ColumnRow], all: bool) -> tuple[list[ColumnRow], list[ColumnRow]]:
-    """The columns by what they are taken for, and those that are only counted."""
+    """The columns to list, ordered by role, and those that are only counted."""
     order = list(_ROLES)
     listed, remaining = sorted(columns, key=lambda row: order.index(row.role)), []
     if len(columns) > _WIDE and not all:
@@ -52,7 +52,7 @@ def column_rows(columns: Sequence[ColumnRow], messages: bool) -> Rows:
 
 
 def remarks(rows: Sequence[ColumnRow]) -> list[str]:
-    """What is odd, and of which columns."""
+    """The oddities, each with the columns that show it."""
     columns: dict[str, list[str]] = {}
     for row in rows:
         missing = [f"{percent(row.missing)} missing"] if 0 < row.missing < 1 else []
@@ -64,15 +64,15 @@ def remarks(rows: Sequence[ColumnRow]) -> list[str]:
 def _meaning(row: ColumnRow) -> str:
     if row.channel or row.quantity == "derived":
         return row.channel or "-"
-    return f"{spelt(row.quantity)}{'?' if row.sure == 'perhaps' else ''}" or "?"
+    return f"{humanize(row.quantity)}{'?' if row.sure == 'perhaps' else ''}" or "?"
 
 
 def first_line(name: str, choice: Choice, columns: Sequence[ColumnRow]) -> str:
-    """What the file is, its size, and its sampling.
+    """The kind of file, its size, and its sampling.
 
     Args:
         name: of the file.
-        choice: what was read of it.
+        choice: its contents and channels.
         columns: its columns.
     """
     contents, clock = choice.contents, choice.seconds

@@ -31,6 +31,8 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
     if any(meaning.effort for _, meaning in commands):
         volts = [p for p in commands if not p[1].effort]
         commands = [p for p in commands if p[1].effort]
+        # A log with an effort and a voltage: the voltage is that of the battery, not a second
+        # command.
         if volts and "supply_voltage" not in spare:
             column, meaning = volts[0]
             spare["supply_voltage"] = Pick(
@@ -73,6 +75,8 @@ def _driven(
     for command in commands:
         for answer in pool.all(lead, moving=True):
             tied = _follows(command, answer)
+            # The margin keeps the first pair of equal ones (four thrusters under one command), in
+            # the file's order.
             if best is None or tied > best[0] + 0.01:
                 best = (tied, command, {lead: answer})
     assert best is not None
@@ -131,6 +135,8 @@ def _holds_speed(chosen: Mapping[str, Pick]) -> bool:
         if follower.time is not None and command.field.time is not None:
             ways = np.interp(follower.time, command.field.time, drive)
         follower = replace(follower, values=np.abs(follower.values) * np.sign(ways))
+    # In the steady state a torque u gives speed^2 ~ u and thrust ~ u, a speed loop speed ~ u and
+    # thrust ~ u^2: the power that fits better decides.
     held, torque = (
         abs(correlated(_power(command.field, drive, power), follower))
         for power in ((1.0, 0.5) if "speed" in chosen else (2.0, 1.0))

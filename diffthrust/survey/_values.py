@@ -49,7 +49,7 @@ def is_pwm(values: np.ndarray) -> bool:
     if not pulses.size:
         return False
     low, high = float(pulses.min()), float(pulses.max())
-    # Unlike a shaft speed, pulse widths stay around 1500.
+    # A shaft speed in rpm may have the same size, but does not stay around 1500.
     return _PWM[0] <= low and high <= _PWM[1] and low <= 1600 and high >= 1400
 
 
@@ -64,8 +64,10 @@ def pulses(values: np.ndarray) -> PWM:
     first = float(numbers[0])
     rests = abs(first - 1500) <= 40 and np.mean(np.abs(numbers - first) < 1) >= 0.05
     stop = round(first) if rests else 1500.0
+    # Captured pulses jitter by a microsecond or two.
     stop = 1500.0 if abs(stop - 1500) < 3 else stop
     span = float(max(numbers.max() - 1500, 1500 - numbers.min(), 0.0))
+    # The usual ranges, 1100 to 1900 and 1000 to 2000, with the same jitter.
     reach = 400.0 if span <= 410 else 500.0 if span <= 510 else 100 * math.ceil(span / 100)
     return PWM(stop, 1500 + reach, None if stop == 1500 else 1500 - reach)
 
@@ -83,10 +85,14 @@ def time_unit(values: np.ndarray) -> tuple[str, str, bool]:
     first, steps = abs(float(numbers[0])), np.diff(numbers)
     step = float(np.median(steps)) or float(np.mean(steps))  # a clock may be coarser than the rows
     for unit, least in _EPOCHS:
+        # 1e9 s is September 2001: seconds since 1970 in any log exceed it, and a short clock does
+        # not reach it.
         if first > least and (unit != "s" or first > 1e9):
             return unit, "its stamps count from 1970", False
     for unit, least in _STEPS:
         if step >= least:
+            # Steps of 0.2 ms to 0.5 s in one of the units; in between (2 s or 2 ms?) the unit is a
+            # guess.
             sure = 2e-4 <= step <= 0.5 or 5 <= step <= 500 or 5e3 <= step <= 5e5
             return unit, f"its step is {step:.4g}", not sure
     return "s", f"its step is {step:.4g}", True

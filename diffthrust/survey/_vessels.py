@@ -59,6 +59,8 @@ def _turning(
 def _unit_from_heading(rate: Pick, together: float, times: float) -> Pick:
     """Take the unit of the yaw rate from the heading if its name gives none."""
     for unit, factor in (("rad/s", 1.0), ("deg/s", np.pi / 180)):
+        # The two units differ by a factor of 57: 0.7 to 1.4 leaves room for noise and a slow
+        # sensor.
         if abs(together) > FIRMLY and 0.7 < abs(times) / factor < 1.4 and rate.meaning.doubts:
             meaning = replace(rate.meaning, unit=unit, sure=SURE, why="heading", doubts=())
             return replace(rate, meaning=meaning, doubts=())
@@ -79,6 +81,7 @@ def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
             return None
         port, starboard = (Pick(f, m, "input", doubts=m.doubts) for f, m in moving)
         word = "Which is left is guessed from the yaw rate: exchange the two columns if it is not."
+        # More thrust to port turns a vessel to starboard, which counts positive.
         if _turning_sense(port, starboard, rate) < 0:
             port, starboard = starboard, port
         return {"left_force": port.doubted(word), "right_force": starboard}, motion
@@ -86,6 +89,7 @@ def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
     if rate is None or _turning_sense(port, starboard, rate) > -FIRMLY:
         return {"left_force": port, "right_force": starboard}, motion
     against = "The vessel turns to port where left exceeds right: "
+    # Heading and yaw rate agree, so the rate's sign is right, and the columns must be exchanged.
     if turns > FIRMLY:
         word = f"{against}exchanged here, as the heading turns at the yaw rate."
         return {"left_force": starboard.doubted(word), "right_force": port.doubted(word)}, motion

@@ -162,6 +162,7 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     quadratic = solve(problem, z, budget=1).quadratic
     gradient, information = np.asarray(quadratic.gradient), np.asarray(quadratic.information)
     low, high = problem.limits()
+    # at a bound and pushed against it: the curvature there says nothing of an interval
     held = ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
     k = len(problem.own)
     inside = np.flatnonzero(~held[:k])
@@ -169,7 +170,7 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     length = np.sqrt(np.diagonal(information))
     length = np.where(length > 0, length, 1.0)
     scaled = information / np.outer(length, length)
-    # Rank must not depend on units: judge it with all coordinates scaled to unit information.
+    # rank must not depend on units: it is judged with all coordinates scaled to unit information
     _, projected = marginal_spread(gradient / length, scaled, inside, beside)
     nothing = RANK_LIMIT * max(np.linalg.eigvalsh(projected).max(initial=0.0), 1e-300)
     names, slopes = [problem.own[i] for i in inside], problem.slopes(z)[inside]
@@ -179,6 +180,7 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
         * slopes
         / length
     )
+    # a value near zero has no relative change: the standard error then is the unit
     size = np.maximum(np.abs([values[n] for n in names]), error)
     size = np.where(size > 0, size, slopes)
     unit = size / slopes  # coordinates in a relative change of one
@@ -188,9 +190,10 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     wide = inflation(problem, samples, inside.size + beside.size)
     ranked = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
-        # The same limit of rank, transformed to the scaled direction.
+        # the same limit of rank, transformed to the scaled direction
         determined = value > nothing * float(np.sum((vector * length) ** 2))
         error = math.sqrt(wide / value) if determined else math.inf
+        # an eigenvector has no sign of its own: the largest part goes up, on every machine
         sign = 1.0 if vector[np.argmax(np.abs(vector))] > 0 else -1.0
         step = sign * vector * (error if determined else 0.01)
         ranked.append(

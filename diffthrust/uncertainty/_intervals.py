@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import check_mark, problem_of
 from diffthrust.estimation._result import Fit
@@ -73,7 +73,7 @@ def intervals(
     problem, z = problem_of(fit, logs)
     measured = sample_scores(problem, z)
     robust = sandwich_of(fit, problem, z, measured)
-    profiles = profiles_of(fit, problem, z, problem.own, None, {}, level, teller(progress))
+    profiles = profiles_of(fit, problem, z, problem.own, None, {}, level, reporter(progress))
     lag = measured.lag_one()
     reach = _reach(problem, z, level)
     rows = [
@@ -97,6 +97,8 @@ def intervals(
 
 def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
     """Half-width of the covariance's interval in standard errors."""
+    # the same quantile as the profile's, or intervals would differ where the likelihood is
+    # quadratic
     if problem.layout.likelihood.noise.lasts:
         return math.sqrt(threshold_of(problem, z, level))
     degrees = float(np.sum(problem.numbers.counts)) - z.size
@@ -130,6 +132,8 @@ def _row(
     if drawn is not None:
         by_method["posterior"] = drawn
     unwhite = lag > _WHITE or _wider(robust, name)
+    # white residuals: the profile, which is exact to a transform and knows bounds; else the
+    # sandwich, the only one of the four that does not take the residuals as white
     recommended = "sandwich" if unwhite and wide is not None else "profile"
     evidence = Evidence(
         fit=fit,

@@ -10,7 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -91,7 +91,7 @@ def profile(
             "Write quantities=lambda p: {'gain': p['beta'] / p['alpha']}.",
         )
     problem, z = problem_of(fit, logs)
-    report = teller(progress)
+    report = reporter(progress)
     return profiles_of(fit, problem, z, wanted, quantities, units or {}, level, report)
 
 
@@ -126,6 +126,7 @@ def profiles_of(
                 profiles.append(_profile(fit, problem, name, line, threshold, level))
             profiles += _quantities(fit, problem, best, quantities, units, threshold, level)
             break
+        # all profiles belong to one optimum: they start again from the deeper one
         except DeeperError as deeper:
             best = optimum_at(problem, deeper.point.z)
     else:
@@ -184,6 +185,8 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
     degrees = samples - z.size
     if degrees < 1:
         return plain
+    # with the level profiled out, twice the drop is n log(1 + t^2 / degrees), exactly so for a
+    # linear model (Bates & Watts 1988, section 6.1)
     return samples * math.log1p(quantile(confidence, degrees) ** 2 / degrees)
 
 

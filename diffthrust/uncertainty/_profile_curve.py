@@ -96,7 +96,7 @@ class Profile(Brief):
     @property
     def _sentence(self) -> str:
         unit, percent = f" {self.unit}".rstrip(), f"{100 * self.level:g} %"
-        low, high = (self._told(end) for end in (self.low, self.high))
+        low, high = (self._end_text(end) for end in (self.low, self.high))
         if self.low is not None and self.high is not None:
             words = f"{self.name} lies between {low} and {high}{unit} ({percent})"
             ratio = self.lopsided
@@ -113,7 +113,7 @@ class Profile(Brief):
             f"upwards {self.open_high}."
         )
 
-    def _told(self, end: float | None) -> str:
+    def _end_text(self, end: float | None) -> str:
         if end is None:
             return "-"
         return with_error(end, 0.5 * abs(end - self.value))[0]

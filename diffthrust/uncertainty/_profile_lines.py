@@ -53,7 +53,7 @@ def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ParameterLine:
-    """A free parameter, in its coordinate; equal limits fix it, so nothing is compiled anew."""
+    """A free parameter, in its coordinate; equal limits fix it without another compilation."""
 
     problem: Problem
     name: str
@@ -96,6 +96,8 @@ class ParameterLine:
         information = np.asarray(near.quadratic.information).copy()
         inside = (near.z > low + 1e-9) & (near.z < high - 1e-9)
         inside[i] = False
+        # the implicit function theorem: dz/dx = -H^-1 h along the valley, which saves most of the
+        # refit
         gram = information[np.ix_(inside, inside)]
         length = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         slope = np.linalg.lstsq(
@@ -107,6 +109,7 @@ class ParameterLine:
         straight[inside] -= slope / length * (x - near.x)
         tried = [solve(self.problem, straight, limits=(low, high))]
         if not (tried[0].done and np.isfinite(tried[0].quadratic.cost)):
+            # a curved valley leaves its tangent: the neighbour itself is the safer start
             tried.append(solve(self.problem, near.z, limits=(low, high)))
         best = min(tried, key=lambda s: float(s.quadratic.cost))
         return ProfilePoint(x, float(best.quadratic.cost), best.z, best.quadratic, x)
@@ -159,9 +162,8 @@ class QuantityLine:
         """The least cost at a value close to ``x``."""
         low, high = self.problem.limits()
         width = _STIFF * self.scale
-        drawn = x + _STIFF**2 * (
-            x - self._slope[0]
-        )  # compensates the pull of a quadratic cost towards the optimum
+        # the term compensates the pull of a quadratic cost towards the optimum
+        drawn = x + _STIFF**2 * (x - self._slope[0])
         z, quadratic, value, pull, _ = _solve_pulled(
             self.problem.layout,
             self.function,
@@ -220,6 +222,7 @@ def _solve_pulled(
         q = evaluate(layout, args[0], y)
         residual, slope = of(y, args[0]), jax.jacfwd(of)(y, args[0])
         cost = q.cost + 0.5 * residual**2
+        # a failed simulation is refused by the solver as infinitely costly; NaN would compare false
         cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
         q = q._replace(
             cost=cost,

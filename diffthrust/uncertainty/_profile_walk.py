@@ -76,9 +76,8 @@ def walk(line: Line, sign: float, reach: float) -> Side:
             continue
         _check_deeper(point, start)
         moved = sign * (point.x - last.x)
-        if moved < 0.05 * abs(
-            aim - last.x
-        ):  # bounds of the parameters keep the quantity from moving
+        # bounds of the parameters keep the quantity from moving
+        if moved < 0.05 * abs(aim - last.x):
             stuck, step = stuck + 1, 4 * step
             if stuck > 3:
                 return Side(points, None, "stuck")
@@ -89,6 +88,7 @@ def walk(line: Line, sign: float, reach: float) -> Side:
             return Side(_point_outside(line, points, sign, limit, end), end, None)
         rise = root(point, start) - root(last, start)
         wanted = _STEP * reach * moved / rise if rise > 0 else np.inf
+        # a flat stretch says little of what follows: steps grow fourfold at most
         step = float(np.clip(wanted, 0.25 * moved, 4 * moved))
     return Side(points, None, "flat")
 
@@ -119,13 +119,14 @@ def _bracketed_end(
             break  # no number lies between
         point = line.reach(x, inner)
         if not np.isfinite(point.cost):
+            # from inside the refit may run into values at which the simulation fails: from the
+            # other end
             point = line.reach(x, outer)
         _check_deeper(point, start)
         tried.append(point)
         nearest, miss = point, root(point, start) - reach
-        if (
-            miss >= 0
-        ):  # Illinois: halve the value of an end kept twice, or it would be kept for ever
+        # Illinois: halve the value of an end kept twice, or it would be kept for ever
+        if miss >= 0:
             outer, outside, inside = point, miss, inside * (0.5 if kept == 1 else 1.0)
         else:
             inner, inside, outside = point, miss, outside * (0.5 if kept == -1 else 1.0)

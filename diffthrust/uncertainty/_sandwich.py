@@ -158,6 +158,7 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, measured: Scores) -> 
     pairs = zip(measured.places, measured.values, strict=True)
     runs = [weights[:, place] @ values for place, values in pairs]
     scatter, block, memory, degrees = summed(runs)
+    # residuals of a fit are smaller than the errors by the parameters that were fitted (HC1)
     used = measured.samples / max(measured.samples - inside.size, 1)
     scatter = used * scatter + weights @ measured.prior @ weights.T
     slopes = problem.slopes(z)[inside]
@@ -213,8 +214,11 @@ def _influence(problem: Problem, z: np.ndarray, measured: Scores) -> tuple[np.nd
     cross, noise = scaled[np.ix_(inside, beside)], scaled[np.ix_(beside, beside)]
     weights = np.zeros((inside.size, z.size))
     weights[:, inside] = inverse
+    # partitioned inverse: what a score of the noise moves in the parameters, with the noise
+    # refitted
     weights[:, beside] = -inverse @ cross @ np.linalg.pinv(noise, rcond=1e-10, hermitian=True)
     weights /= length[inside][:, None] * length[None, :]
+    # a parameter with a part in a null direction has no error; others keep theirs
     weights[np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)] = np.nan
     own = inside < k
     return inside[own], weights[own]

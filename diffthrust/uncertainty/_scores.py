@@ -148,7 +148,7 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
     """
     size = runs[0].shape[1]
     together = [np.zeros((size, run.shape[2])) for run in runs]
-    # A row is NaN throughout for a parameter that the logs do not determine.
+    # a row is NaN throughout for a parameter that the logs do not determine
     measured = [np.any(np.isfinite(run), axis=1) for run in runs]
     kept = [np.any(at, axis=0) for at in measured]
     weight, memory, doubt = np.zeros(size), np.zeros(size), np.zeros(size)
@@ -165,8 +165,8 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
             new = _new(channel_run, lasting) * colour[:, None]
             out[:, at] += new
             energy += (new**2).sum(axis=1)
-        # Relative variance of the long-run variance from the estimated coefficient a:
-        # 4 var(a) / (1 - a)^2 with var(a) = (1 - a^2) / samples.
+        # relative variance of the long-run variance from the estimated coefficient a:
+        # 4 var(a) / (1 - a)^2 with var(a) = (1 - a^2) / samples
         doubt += energy**2 * 4 * (1 + lasting) / (1 - lasting) / samples
         memory += energy * (1 + lasting) / (1 - lasting)
         weight += energy
@@ -179,8 +179,9 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
         scatter += out @ out.T
         for lag in range(1, min(math.ceil(block), out.shape[1])):
             product = out[:, lag:] @ out[:, :-lag].T
+            # Bartlett's weights: the estimate stays positive definite, as equal weights would not
             scatter += (1 - lag / block) * (product + product.T)
-    # Relative variance from the blocks (Priestley 1981, table 6.1: 4/3 block over samples).
+    # relative variance from the blocks (Priestley 1981, table 6.1: 4/3 block over samples)
     relative = 4 / 3 * block / count + doubt / weight**2
     return scatter, block, np.maximum(memory / weight, 1.0), np.maximum(2 / relative, _LEAST)
 
@@ -188,18 +189,17 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
 def _lasting(series: Sequence[np.ndarray], samples: int) -> np.ndarray:
     """Lag-one correlation by which the series of a channel are prewhitened, ``(k,)``."""
     measured = _lag_one_by_row(series)
-    # Scores of a fit sum to zero, which biases their lag-one correlation downwards by
-    # (1 + 3 a) / samples (Kendall 1954, Biometrika 41, 403).
+    # scores of a fit sum to zero, which biases their lag-one correlation downwards by
+    # (1 + 3 a) / samples (Kendall 1954, Biometrika 41, 403)
     longer = (samples * measured + 1) / max(samples - 3, 1)
-    # A memory beyond a quarter of the samples cannot be observed.
+    # a memory beyond a quarter of the samples cannot be observed
     limit = min(_LASTING, max(samples - 4, 0) / (samples + 4))
     return np.clip(np.where(measured > 0, longer, 0.0), 0.0, limit)
 
 
 def _new(run: np.ndarray, lasting: np.ndarray) -> np.ndarray:
-    first = (
-        run[:, :1] * np.sqrt(1 - lasting**2)[:, None]
-    )  # scaled to the variance of the innovations that follow
+    # the first sample is scaled to the variance of the innovations that follow
+    first = run[:, :1] * np.sqrt(1 - lasting**2)[:, None]
     return np.concatenate([first, run[:, 1:] - lasting[:, None] * run[:, :-1]], axis=1)
 
 

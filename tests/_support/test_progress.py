@@ -14,9 +14,9 @@ from places import ROOT
 import diffthrust as dft
 from diffthrust._support.progress import (  # private: shared by all work
     bar,
-    part,
     progressing,
-    teller,
+    reporter,
+    subtask,
 )
 
 LOOK = """
@@ -113,16 +113,16 @@ def test_profiles_and_maps_tell_how_far_they_are():
 
 def test_what_is_told_never_falls():
     told = []
-    tell = teller(lambda *word: told.append(word))
+    tell = reporter(lambda *word: told.append(word))
     for share in (0.2, 0.5, 0.3, 1.2, 0.9):
         tell("working", share)
     assert [share for _, share in told] == [0.2, 0.5, 0.5, 1.0, 1.0]
-    assert teller(None)("working", 0.5) is None
+    assert reporter(None)("working", 0.5) is None
 
 
 def test_a_part_goes_from_its_share_to_the_next():
     told = []
-    part(lambda *word: told.append(word), 0.2, 0.6)("half", 0.5)
+    subtask(lambda *word: told.append(word), 0.2, 0.6)("half", 0.5)
     assert told == [("half", pytest.approx(0.4))]
 
 

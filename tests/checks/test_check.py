@@ -396,7 +396,7 @@ def altered_library(path: Path) -> None:
 @pytest.mark.parametrize(
     ("alterations", "words"),
     [
-        ((), "Data, spec and versions are those that it was stored with"),
+        ((), "Data, spec and versions are as stored"),
         ((altered_data,), "the data (train.csv) changed; spec and library are the same."),
         ((altered_spec,), "the spec changed; data and library are the same."),
         ((altered_library,), "the library (it was diffthrust 0.0.7, "),

@@ -79,7 +79,7 @@ def test_formulas_and_amplitudes_from_the_logs(tmp_path):
         (("--output", "trust"), "nearest is 'thrust'"),
         (("--input", "speeed", "--amplitudes", "1"), "nearest is 'speed'"),
         (("--draws", "50"), "found --no-fit"),
-        (("--input", "inflow"), "do not tell how far 'inflow' swings"),
+        (("--input", "inflow"), "do not show how far 'inflow' swings"),
     ],
 )
 def test_bad_words_end_with_status_2(words, match):

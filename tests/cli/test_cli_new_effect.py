@@ -34,7 +34,7 @@ def test_a_class_is_written_and_taken_by_a_spec(tmp_path, monkeypatch):
 
 def test_a_law_is_asked_for_or_was_learned(tmp_path):
     told = run("drag", "--port", "shaft", "--directory", tmp_path, status=2)
-    assert "expected a law and where it acts" in told.replace("\n", " ")
+    assert "expected a law and its port" in told.replace("\n", " ")
     depth = np.linspace(0.0, 4.0, 40)
     log = dft.Log(np.arange(40), {"depth": depth}, {"reading": 0.16 * depth + 1.6})
     saved = tmp_path / "fit.json"

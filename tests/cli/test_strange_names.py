@@ -64,7 +64,7 @@ def test_a_look(folder, name):
     assert SHOWN[name].split("\\n")[0] in told
     assert json.loads((folder / "look.json").read_text("utf-8"))["path"] == str(log)
     if name == BYTES:
-        assert "\\xff in one, which is no UTF-8" in run("look", log, "--spec", spec, status=2)
+        assert "\\xff in a name, which is no UTF-8" in run("look", log, "--spec", spec, status=2)
         assert not spec.exists()
     else:
         run("look", log, "--spec", spec)

@@ -171,16 +171,25 @@ def test_a_curve_follows_its_coefficients():
 
 
 def test_an_amplitude_is_tried_where_it_makes_a_tenth_of_what_passes_the_port():
-    def size(law, unit, levels):
-        return Formula("shaft", law, a=unit).scaled(lambda: levels)._parameters["a"].size
+    def formula(law, unit):
+        return Formula("shaft", law, a=unit)
 
-    law, speeds = "-a * speed * abs(speed) + 0 * time", 20.0 * np.linspace(0, 1, 10_001)
-    tenth = 0.1 * 50.0 / np.quantile(speeds**2, 0.9)
-    levels = {"shaft": 50.0, "speed": 20.0, "time": 30.0}
-    assert size(law, "1/rad", levels) == pytest.approx(tenth, rel=0.1)
+    def size(law, unit, levels):
+        return formula(law, unit).scaled(lambda: levels)._parameters["a"].size
+
+    def drawn(law, unit, levels):  # 256 points within the levels, of the generator's first seed
+        rng = np.random.default_rng(0)
+        names = ("value", *formula(law, unit).reads)
+        return {n: levels.get(n, 50.0) * rng.uniform(-1, 1, 256) for n in names}
+
+    law, levels = "-a * speed * abs(speed) + 0 * time", {"shaft": 50.0, "speed": 20.0, "time": 30.0}
+    added = np.quantile(drawn(law, "1/rad", levels)["speed"] ** 2, 0.9)
+    assert size(law, "1/rad", levels) == pytest.approx(0.1 * 50.0 / added, rel=1e-12)
     assert size(law, "1/rad", {"shaft": 50.0, "speed": 20.0}) is None
-    late = size("a * time", "rad/s^3", {"shaft": 50.0, "time": 30.0})
-    assert late == pytest.approx(0.1 * 50.0 / 27.0, rel=0.1)
+    levels = {"shaft": 50.0, "time": 30.0}
+    added = np.quantile(np.abs(drawn("a * time", "rad/s^3", levels)["time"]), 0.9)
+    assert added == pytest.approx(0.9 * 30.0, rel=0.1)  # what a uniform law would give
+    assert size("a * time", "rad/s^3", levels) == pytest.approx(0.1 * 50.0 / added, rel=1e-12)
 
 
 def test_sizes_are_taken_only_where_there_are_none():

@@ -105,7 +105,7 @@ def test_a_format_that_does_not_fit(tmp_path):
         with pytest.raises(InputError, match=r"expected a date as in") as caught:
             read(path, Column("t", dates=wrong))
         assert wrong in caught.value.mend
-    with pytest.raises(InputError, match="at the time alone"):
+    with pytest.raises(InputError, match="for the time only"):
         read_log(path, time=time, measured={"speed": Column("rpm", dates="%d")})
 
 

@@ -203,7 +203,7 @@ def test_a_campaign_that_is_stopped_goes_on_where_it_was(fits, how):
     _, err = running.communicate(timeout=60)
     if how == signal.SIGINT:
         assert running.returncode == 130
-        assert "goes on from there" in err
+        assert "continues from there" in err
     end = time.monotonic() + 20
     while any(map(alive, helpers)):
         assert time.monotonic() < end, "a process outlived the campaign"

@@ -244,7 +244,7 @@ def test_what_is_no_fleet_is_told(source, options, told):
 
 
 def test_a_list_of_fits_does_not_tell_whose_they_are(fits):
-    with pytest.raises(InputError, match="does not tell whose they are"):
+    with pytest.raises(InputError, match="expected the vehicle of each fit"):
         dft.many.fleet(list(fits))
 
 

@@ -12,7 +12,10 @@ from places import ROOT
 from problems import Quadratic
 
 import diffthrust as dft
-from diffthrust._support._running.batching import SharedRuns, run_stacked  # private: runs alone
+from diffthrust._support._running.batching import (  # private: runs is_unbatched
+    SharedRuns,
+    run_stacked,
+)
 from diffthrust._support._running.programs import program  # private: what is asked for
 from diffthrust.effects import ActuatorLag
 from diffthrust.estimation._multistart import distinct  # private: optima by hand

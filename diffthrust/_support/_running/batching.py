@@ -2,9 +2,9 @@
 
 A program that several members ask for at once, with numbers of equal shapes, is run for
 some of them together: their numbers are stacked, and every member gets its own row of the result.
-On a processor a few rows fill its vector units, and more only leave its cache; an accelerator takes
-hundreds. Whatever a member does in between (its checks, its next start) goes on by itself, so that
-nobody waits for the slowest, and what fails in one is lost to that one alone.
+On a processor a few rows fill its vector units, and more rows fall out of its cache; an accelerator
+takes hundreds. Between programs (its checks, its next start) every member works independently, so
+that none waits for the slowest, and a failure ends only the member in which it occurs.
 
 Members take turns in one thread, as greenlets: each goes on until it asks for a program. Threads
 would pass Python's lock to and fro at every operation of NumPy, which takes longer than the work.
@@ -35,7 +35,7 @@ from diffthrust._support.warned import silence
 _present: ContextVar[SharedRuns | None] = ContextVar("shared_runs", default=None)
 _ladder: ContextVar[Sequence[int]] = ContextVar("ladder", default=())
 _SHORT = 16
-"""No shorter series are worth a program of their own."""
+"""Samples: shorter series are padded to this length; they do not deserve separate programs."""
 
 
 def shared_runs() -> SharedRuns | None:
@@ -53,16 +53,16 @@ def padded_to(lengths: Sequence[int]) -> Iterator[None]:
         _ladder.reset(token)
 
 
-def alone() -> bool:
+def is_unbatched() -> bool:
     """Whether programs run for one log at a time, so that what is padded can be left out."""
     return shared_runs() is None
 
 
 def padded_length(samples: int) -> int:
-    """How long a log of so many samples is made: the least of a few lengths that it fits in.
+    """The length to which a log is padded: the shortest of a few lengths that holds it.
 
-    They are those of `padded_to`, and beyond these two to each doubling. Each length is a program
-    of its own, which is never given back.
+    The lengths are those of `padded_to`, or, without these, two to each doubling. Each length needs
+    a separate compiled program.
     """
     lengths = _ladder.get()
     at = int(np.searchsorted(lengths, samples))
@@ -70,6 +70,9 @@ def padded_length(samples: int) -> int:
         return int(lengths[at])
     if len(lengths):
         return samples
+    # Two lengths to a doubling: at most 41 % padding, and some 20 programs between 16 and 16 000
+    # samples. The 1e-9 keeps a length that is one of the ladder, such as 4096, from being rounded
+    # up.
     halves = math.ceil(2 * math.log2(max(samples, _SHORT)))
     return max(samples, math.ceil(2 ** (halves / 2) - 1e-9))
 
@@ -146,7 +149,9 @@ class SharedRuns:
         """
         self._driver = getcurrent()
         waiting, members = iter(works), set[greenlet]()
-        most = self._width * self._devices * (self._runs + 1)  # some are under way, others gather
+        # One group's worth of members for each run in progress, and one more that fills the next
+        # group: further members would only hold memory.
+        most = self._width * self._devices * (self._runs + 1)
         try:
             while True:
                 if self._ready:
@@ -154,7 +159,9 @@ class SharedRuns:
                 elif len(members) < most and (work := next(waiting, None)) is not None:
                     member = greenlet(partial(self._within, work))
                     members.add(member)
-                elif self._waiting and len(self._under_way) < self._runs:  # rather than be idle
+                # A thread is free and no member can go on: a group that is not full runs now, since
+                # waiting for more members would wait for ever.
+                elif self._waiting and len(self._under_way) < self._runs:
                     self._begin(max(self._waiting, key=lambda program: len(self._waiting[program])))
                     continue
                 elif self._under_way:
@@ -172,11 +179,11 @@ class SharedRuns:
             self._closed = True
             for member in members:
                 if not member.dead:
-                    member.throw()  # its work ends where it waits
+                    member.throw()  # GreenletExit at the switch in `ask`, so that `finally` runs
             self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _within(self, work: Callable[[], Any]) -> None:
-        _present.set(self)  # a greenlet has a context of its own
+        _present.set(self)  # a greenlet has a separate context
         silence()
         work()
 
@@ -185,6 +192,8 @@ class SharedRuns:
 
         A program that works on several ``rows`` by itself is run for fewer members at a time.
         """
+        # A `finally` of a member that was given up may ask for one more program; nobody would run
+        # it.
         if self._closed:
             raise GreenletExit
         leaves, tree = jax.tree.flatten(numbers)
@@ -200,7 +209,7 @@ class SharedRuns:
         return request.row
 
     def _begin(self, program: _Program) -> None:
-        """Run what waits for a program, beside all else; what it gives is collected later."""
+        """Run the requests that wait for a program in a thread; `_collect` takes the results."""
         if len(self._under_way) >= self._runs:
             self._collect()
         group = self._waiting.pop(program)
@@ -208,7 +217,9 @@ class SharedRuns:
 
     def _run(self, program: _Program, group: list[_Request]) -> list[Any]:
         """What a program gives to each of a group."""
-        spare = [group[0]] * (program.width - len(group))  # one shape, one compilation
+        # An incomplete group is filled up with copies of its first member: every number of rows is
+        # a shape of its own, and compiling one takes far longer than the superfluous rows.
+        spare = [group[0]] * (program.width - len(group))
         columns = zip(*(request.leaves for request in [*group, *spare]), strict=True)
         rows = jax.tree.unflatten(program.tree, [np.stack(column) for column in columns])
         if self._sharding is not None:

@@ -18,7 +18,8 @@ def enable_compilation_cache() -> Path | None:
     Returns:
         The folder, or ``None`` where there is no cache.
     """
-    # Code that can raise from inside is never cached; NaN does as well where status is checked.
+    # Equinox raises errors from compiled code by a host callback, and JAX does not cache programs
+    # with callbacks. NaN serves as well: the status of every fit checks for it.
     os.environ.setdefault("EQX_ON_ERROR", "nan")
     named = os.environ.get("DIFFTHRUST_CACHE")
     if named is not None and named.strip().lower() in ("", "off"):
@@ -31,6 +32,8 @@ def enable_compilation_cache() -> Path | None:
     import jax
 
     jax.config.update("jax_compilation_cache_dir", str(folder))
+    # By default JAX keeps only what took a second to compile; a fit is made of dozens of programs
+    # that take less, and together they are most of the time of a first run.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     jax.config.update("jax_raise_persistent_cache_errors", False)

@@ -1,4 +1,4 @@
-"""Many tasks on several processes, each of which stays with tasks that are alike."""
+"""Many tasks on several processes; each process stays with tasks that share compiled code."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TypeVar
 from diffthrust._support._running.process import LineProcess
 
 _TICK = 1.0
-"""Seconds after which the caller hears that nothing has come."""
+"""Seconds after which the caller regains control although no result has come."""
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -55,7 +55,7 @@ def on_processes(
             while (taken := groups.next(key)) is not None:
                 key, i = taken
                 outcomes.put((i, work(process, tasks[i])))
-        except BaseException as error:  # the thread that waits is to raise it
+        except BaseException as error:  # raised in the caller's thread, which waits for outcomes
             outcomes.put(error)
         finally:
             process.close()
@@ -77,10 +77,12 @@ def on_processes(
             yield outcome
     finally:
         groups.clear()
+        # Stop before join: a thread that waits for its process ends only when the process is
+        # killed.
         for process in processes:
             process.stop()
         for thread in threads:
-            if thread.ident is not None:  # it was started
+            if thread.ident is not None:  # joining a thread that was never started raises
                 thread.join()
 
 

@@ -1,6 +1,6 @@
-"""A Python process of its own that answers questions, one line of JSON each.
+"""A separate Python process that answers questions, one line of JSON each.
 
-JAX and a fork do not agree, so that it is a fresh interpreter. It is started with the environment
+JAX does not survive a fork, so the process is a fresh interpreter. It starts with the environment
 that it needs, which the start methods of ``multiprocessing`` do not allow: the number of threads is
 read when NumPy and XLA are imported. Nothing is imported from the caller's script.
 
@@ -23,9 +23,10 @@ from contextlib import suppress
 from typing import Any
 
 _START_LIMIT = 300.0
-"""Seconds that a process may take to import the library, on a machine with much to do."""
+"""Seconds that a process may take to import the library, on a busy machine."""
 _DEATH_LIMIT = 5.0
-"""Seconds that a process may take to end when it has closed its pipe, so that it says how."""
+"""Seconds that a process may take to end after it has closed its pipe, before it is killed: its
+exit status names the cause (such as signal 9, out of memory), a kill of ours would hide it."""
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NPROC"), "1"
 )
@@ -52,8 +53,8 @@ class LineProcess:
 
     Args:
         answer: the function that answers, as ``"module:function"``: plain data in, plain data out.
-        quiet: keep what it says on standard error off the terminal; its last line is told when it
-            dies.
+        quiet: keep its standard error off the terminal; the last line of it is part of the message
+            when the process dies.
     """
 
     def __init__(self, answer: str, quiet: bool = False) -> None:
@@ -83,7 +84,9 @@ class LineProcess:
         """
         process = self._started()
         assert process.stdin is not None
-        with suppress(OSError):  # of a process that is dead: there is no line to read either
+        # Writing to a process that has died fails; `_line` then finds its pipe closed as well, and
+        # reports how it ended.
+        with suppress(OSError):
             process.stdin.write(f"{json.dumps(question)}\n")
             process.stdin.flush()
         return json.loads(self._line(process, limit))
@@ -110,6 +113,8 @@ class LineProcess:
         if self._quiet:
             self._said = tempfile.TemporaryFile()  # noqa: SIM115  (closed with the process)
         process = self._process = subprocess.Popen(
+            # -P: the working directory is not put before the library: a user's `queue.py` or
+            # `json.py` there would be imported in place of the standard module.
             [sys.executable, "-P", "-m", "diffthrust._support._running.server", self._answer],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -117,9 +122,9 @@ class LineProcess:
             text=True,
             encoding="utf-8",
             env=_environment(),
-            start_new_session=True,  # Ctrl-C is for the owner, which ends its processes
+            start_new_session=True,  # Ctrl-C reaches the owner only, which ends its processes
         )
-        if self._stopped:  # while it was being started
+        if self._stopped:  # `stop` ran in another thread before `_process` was set
             process.kill()
         try:
             self._line(process, _START_LIMIT)
@@ -136,6 +141,8 @@ class LineProcess:
             late.set()
             process.kill()
 
+        # A pipe's readline has no timeout on Windows; killing the process ends the wait on every
+        # system.
         timer = threading.Timer(limit, expire) if limit is not None else None
         if timer:
             timer.start()
@@ -152,7 +159,7 @@ class LineProcess:
         raise ProcessLate(how) if late.is_set() else ProcessDied(how)
 
     def _end(self, patience: float = 0.0) -> str:
-        """Kill the process if it lives after so many seconds, and say how it ended."""
+        """Kill the process if it still runs after ``patience`` seconds; report how it ended."""
         process, errors = self._process, self._said
         self._process = self._said = None
         if process is None:
@@ -163,7 +170,7 @@ class LineProcess:
         code = process.wait()
         for pipe in (process.stdin, process.stdout):
             if pipe:
-                with suppress(OSError):  # of what was not yet sent
+                with suppress(OSError):  # closing flushes, and nobody reads any more
                     pipe.close()
         how = [f"exit status {code}" if code >= 0 else f"signal {_signal(-code)}"]
         if errors is not None:

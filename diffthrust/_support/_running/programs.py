@@ -1,8 +1,8 @@
-"""Compiled programs, of which those last used are kept.
+"""Compiled programs; those used most recently are kept.
 
 JAX keeps what it has compiled for as long as the function lives. In a process that works on one
-model after another, programs would fill its memory and at last its table of memory maps, of which
-Linux allows 65 530; then it ends with a segmentation fault.
+model after another, programs would fill its memory and finally its table of memory maps: Linux
+allows 65 530, and beyond them the process ends with a segmentation fault.
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ def _kept(
         program.traces += 1
         return program.function(*static, *numbers)
 
+    # A new function for each program: dropping it from the cache frees what JAX compiled for it,
+    # which a shared jitted function would keep for all shapes.
     return jax.jit(traced)
 
 

@@ -22,6 +22,7 @@ def serve(name: str) -> None:
     Args:
         name: of the function that answers, as ``module:function``.
     """
+    # File descriptors, not sys.stdout: C++ code of XLA prints to descriptor 1 directly.
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     questions: queue.Queue[str] = queue.Queue()
@@ -29,7 +30,7 @@ def serve(name: str) -> None:
     def listen() -> None:
         for line in sys.stdin:
             questions.put(line)
-        os._exit(0)
+        os._exit(0)  # the owner is gone: a fit that runs in the main thread is not waited for
 
     threading.Thread(target=listen, daemon=True).start()
 

@@ -12,6 +12,7 @@ from diffthrust.describing._periodic.respond import PeriodicResponses, Reason, S
 
 _SWEEPS = 12
 """Solutions spread by at most this many points of the map."""
+# where Newton's method led astray; other marks are answers of their own
 _LOST = (Reason.NOT_CLOSED, Reason.DIVERGES)
 
 

@@ -97,6 +97,8 @@ def balance(
     if not sloped:
         return Balance(residual, jnp.zeros((0, 0)), harmonics)
     along = jnp.broadcast_to(jnp.eye(len(names))[:, :, None], (len(names), *path.shape))
+    # a derivative by each of n states in place of n (2 h + 1) coefficients: a tenth of the passes
+    # and less
     slopes = jax.vmap(lambda v: jax.jvp(rates, (path,), (v,))[1])(along)  # by state, (n, n, dense)
     pushed = jnp.einsum("as,jis,sb->iajb", down, slopes, up)
     inertia = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
@@ -129,6 +131,7 @@ def balancing_step(
     fine = np.asarray(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual = residual.copy()
     held_fast(slope, residual, drifting(slope) & fine[:, None])
+    # rows have the units of different states
     size = np.abs(slope).max(axis=2) + TINY
     slope, residual = slope / size[:, :, None], residual / size
     step = np.full(residual.shape, np.nan)

@@ -6,10 +6,10 @@ blocks of a few; how many there are is a number and not a shape, so that maps of
 one compilation.
 
 Effects with memory act on a whole series. They are given several periods, in the first half of
-which the amplitude grows from nothing. The last one counts, and it is told how much it differs from
-the one before, and from that after a sudden start: what has settled has forgotten how it began. A
-rate limit that acts all the time hardly forgets at all: then the value is sought from which its
-series repeats (`repeating_start`).
+which the amplitude grows from nothing. The last one counts. Its difference from the one before, and
+from the last after a sudden start, is reported: what has settled has forgotten how it began. A rate
+limit that acts all the time hardly forgets: then the search is for a start from which its series
+repeats (`repeating_start`).
 """
 
 from __future__ import annotations
@@ -143,6 +143,8 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> PeriodSeries:
         last = {name: value[-dense - 1 :] for name, value in series.items()}
         repeats = repeats & (_change(series, dense, cycle.periods) <= STARTS_APART)
         return PeriodSeries(time[-dense - 1 :], last, jnp.where(repeats, 0.0, 1.0))
+    # two ways to begin, slowly and at once: only what has forgotten its beginning ends alike in
+    # both
     growing = jnp.minimum(count.astype(float) / (0.5 * dense * cycle.periods), 1.0)
     series, sudden = reaching(growing * whole), reaching(whole)
     last = {name: value[-dense - 1 :] for name, value in series.items()}
@@ -194,6 +196,7 @@ def harmonics_of(
     ahead = 2.0 * jnp.mean(y * jnp.cos(turn))
     mean = jnp.mean(y)
     first = 0.5 * (in_phase**2 + ahead**2)
+    # Parseval: the power of all harmonics less that of the first; rounding may make it negative
     higher = jnp.maximum(jnp.mean((y - mean) ** 2) - first, 0.0)
     distortion = jnp.where(first > 0, jnp.sqrt(higher / jnp.maximum(first, TINY)), 0.0)
     swing = jnp.max(y) - jnp.min(y)
@@ -225,6 +228,7 @@ def in_blocks(function: Callable[[Any], Any], count: int | Array, lanes: Any) ->
             lambda o, f: jax.lax.dynamic_update_slice_in_dim(o, f, i * LANE_BLOCK, 0), out, block
         )
 
+    # the number of blocks is traced: maps of all sizes run the same program
     return jax.lax.fori_loop(0, (count + LANE_BLOCK - 1) // LANE_BLOCK, body, begin)
 
 
@@ -247,6 +251,7 @@ def idle(
         more = (residual <= least) & ~which
         if not more.any():
             return which
+        # once some are idle, those that only they depend on may be idle too
         which |= more
 
 

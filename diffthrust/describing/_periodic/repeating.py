@@ -54,6 +54,8 @@ def repeating_start(
 
         return jax.lax.fori_loop(0, _HALVINGS, halve, (-amplitude, amplitude))[0]
 
+    # bisection, since the rise is flat over the range of starts that repeat and has no slope to
+    # follow
     low, high = jax.vmap(edge)(jnp.asarray([_STILL, -_STILL]))
     begin = 0.5 * (low + high)
     return begin, high - low <= STARTS_APART * jnp.ptp(reached(begin)[-period:])

@@ -18,7 +18,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from diffthrust._support.progress import Progress, teller
+from diffthrust._support.progress import Progress, reporter
 from diffthrust.describing._periodic.period import LANE_BLOCK, Cycle, Harmonics, Lane
 
 _FINE = 2e-4
@@ -166,7 +166,7 @@ def respond(
         guess: where to start from, instead of the model's own initial states.
         progress: called with a message and the share done.
     """
-    tell, size = teller(progress), lanes.amplitude.size
+    tell, size = reporter(progress), lanes.amplitude.size
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
     last_steps = samples or solver.finest
     stage = np.zeros(size, int)
@@ -185,16 +185,19 @@ def respond(
             first[who] = first_harmonic(h, lanes.amplitude[who])
             mean[who], distortion[who] = h.mean, h.distortion
             bad = orbits.reason != Reason.SETTLED
+            # a failed search has left its point anywhere: the finer steps begin at the origin again
             x[who] = np.where(_like(bad, x), np.asarray(origin)[who], orbits.x)
             failed[who] += orbits.reason == Reason.NOT_CLOSED
-            # all stages first, then finer steps
-            # an output that does not move may still wait for the end of a delay
+            # all stages first, then finer steps; an output that does not move may still wait for
+            # the end of a delay
             still = (at.periods > 1) & (h.swing <= _STILL * np.abs(h.mean))
             restless = ~bad & (~(h.unsettled <= _REPEATED) | still & (at.periods < _LONGEST))
             later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LONGEST_SERIES]
             stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
             change = np.abs(first[who] - previous[who])
+            # for a first-order error the change from n to g n steps is (g - 1) times the error that
+            # is left
             near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
             near = near | still | (samples is not None)
             reason[who[~bad & ~restless & near]] = Reason.SETTLED
@@ -266,6 +269,7 @@ def over(
         guesses = () if x is None else (_padded(x[lanes_at], solver.capacity),)
         return act(cycle, lanes_at.size, some(lanes, _padded(lanes_at, solver.capacity)), *guesses)
 
+    # threads, for XLA computes without the interpreter's lock
     parts = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
     order = np.argsort(np.concatenate(portions), kind="stable")
     first = parts[0]

@@ -100,6 +100,7 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Float[Array, " n"]
             model, cycle, lane, series, _still(constant_states, 2 * cycle.samples + 1)
         )
         return Orbit(empty, empty, jnp.zeros((0, 0)), empty, harmonics)
+    # few states: their tangents ride along with the integration
     along, path = jax.jacfwd(end_of, has_aux=True)(start)
     swing = jnp.stack([jnp.max(path[n]) - jnp.min(path[n]) for n in names])
     end = jnp.stack([path[n][-1] for n in names])
@@ -156,6 +157,8 @@ def closing_step(orbit: Orbit) -> Float[np.ndarray, "lanes n"]:
         step[held, 0] = residual[held, 0] / matrix[held, 0, 0]
     elif fine.any():
         u, s, vh = np.linalg.svd(matrix[fine])
+        # the shortest step: nothing along directions that the model does not hold, as a vehicle's
+        # position
         inverse = np.where(s > _FREE, 1.0 / np.maximum(s, _FREE), 0.0)
         along = inverse * np.einsum("lji,lj->li", u, residual[fine])
         step[fine] = np.einsum("lij,li->lj", vh, along)

@@ -61,11 +61,14 @@ class Shooting:
             broken = ~np.isfinite(far) & ~np.isfinite(best[active])
             reason[active[closed]] = Reason.SETTLED
             reason[active[broken]] = Reason.DIVERGES
+            # a Newton step that leads farther away is dropped; the period after the last good point
+            # takes its place, as waiting for the transient would
             worse = ~(far < best[active])
             scale = shooting.scale_of(orbit)
             with np.errstate(invalid="ignore"):
                 onward = np.asarray(orbit.start) + scale * step
             onward = np.where(worse[:, None], after[active], onward)
+            # after a plain period any Newton step is tried again
             best[active] = np.where(worse, np.inf, far)
             after[active] = np.where(worse[:, None], after[active], np.asarray(orbit.end))
             go = ~closed & ~broken
@@ -138,6 +141,8 @@ class HarmonicBalance:
                 bar = hb.balancing_step(old, missed.rest) / unit[:, :, None]
                 with np.errstate(invalid="ignore"):
                     keep &= np.abs(bar).max(axis=(1, 2)) <= length[active]
+                # halved ten times without a gain: the step is taken as it is, for a corner may lie
+                # in between
                 keep |= share[active] <= hb.SHORTEST_SHARE
             new = active[keep]
             kept = _merged(kept, missed, new, count, keep)

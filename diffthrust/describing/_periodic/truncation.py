@@ -2,9 +2,9 @@
 
 From the coefficients that were found, one step of Newton's method is taken with at least twice as
 many harmonics, and with the equations seen at far more instants. A corner of the equations (a dead
-band, a saturation, dry friction) has harmonics without end, and nothing but those beyond the ones
-kept tells what they are worth. Where that step is not short, the balance is solved again first. The
-change is enlarged by what would still be to come if it fell with the first power of the number of
+band, a saturation, dry friction) has harmonics without end, and only harmonics beyond those kept
+show the size of what was dropped. Where that step is not short, the balance is solved again first.
+The change is enlarged by the remainder of a series that falls with the first power of the number of
 harmonics; as a rule it falls faster.
 
 Source: Krack & Gross 2019, Harmonic Balance for Nonlinear Vibration Problems, chapter 2.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, thinned, unboxed
-from diffthrust._support.words import number, percent, spelt
+from diffthrust._support.words import humanize, number, percent
 from diffthrust.comparison._figures_runs import draw_drive, drives_of
 from diffthrust.diagnosis._findings import Findings, Missing, Stage, TriedEffect
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
@@ -143,7 +143,7 @@ def _falling(panel: Axes, diag: Findings) -> None:
                 markerfacecolor=colour if unseen else "white",
                 linestyle="-" if unseen else "--",
                 linewidth=1.6 if unseen else 1.1,
-                label=f"{spelt(name)}, {'unseen' if unseen else 'training'}",
+                label=f"{humanize(name)}, {'unseen' if unseen else 'training'}",
             )
     panel.set_ylim(0.0, 1.12 * top if top > 0 else 1.0)
     panel.set_xlim(-0.4, len(where) - 0.6)
@@ -180,7 +180,7 @@ def _traces(panel: Axes, baseline: Run, updated: Run | None, name: str) -> None:
         panel.plot(
             *thinned(updated.time, last.modelled), color=BLUE, linewidth=1.1, label="last stage"
         )
-    panel.set_ylabel(spelt(name) + (f" [{first.unit}]" if first.unit else ""), fontsize=9)
+    panel.set_ylabel(humanize(name) + (f" [{first.unit}]" if first.unit else ""), fontsize=9)
     panel.margins(x=0.01)
     unboxed(panel)
 
@@ -259,7 +259,7 @@ def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
     for y, ratio in zip(where, ratios, strict=True):
         text = f" {ratio:.0f}" if ratio >= 10 else f" {ratio:.1f}"
         panel.annotate(text, (ratio, y), va="center", fontsize=8)
-    panel.set_yticks(where, [spelt(c.effect) for c in tried])
+    panel.set_yticks(where, [humanize(c.effect) for c in tried])
     panel.invert_yaxis()
     panel.set_xlim(0.0, 1.2 * max(ratios) or 1.0)
     panel.set_xlabel("likelihood ratio [-]", fontsize=9)

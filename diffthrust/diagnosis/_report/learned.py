@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 
-from diffthrust._support.words import capitalised, joined, number, percent, spelt
+from diffthrust._support.words import capitalised, humanize, joined, number, percent
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
@@ -64,7 +64,7 @@ def learned_words(diag: Findings) -> list[str]:
             for rival in law.alike
         ]
         if law.superfluous:
-            names = joined(spelt(name) for name in law.superfluous)
+            names = joined(humanize(name) for name in law.superfluous)
             sentences.append(
                 f"{capitalised(names)} only imitated it, or change"
                 f"{'s' if len(law.superfluous) == 1 else ''} nothing beside it."

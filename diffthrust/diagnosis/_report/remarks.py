@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from diffthrust._support.words import an, capitalised, joined, number, percent, probability, spelt
+from diffthrust._support.words import (
+    an,
+    capitalised,
+    humanize,
+    joined,
+    number,
+    percent,
+    probability,
+)
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._findings import Findings, Missing
 from diffthrust.diagnosis._ports import place_words
@@ -22,7 +30,7 @@ def dropped_words(diag: Findings) -> str:
         return ""
     several = len(diag.dropped) > 1
     return (
-        f"{capitalised(joined(an(spelt(name)) for name in diag.dropped))} "
+        f"{capitalised(joined(an(humanize(name)) for name in diag.dropped))} "
         f"{'were' if several else 'was'} added and later removed: a later effect made "
         f"{'them' if several else 'it'} superfluous."
     )
@@ -75,7 +83,7 @@ def missing_sentences(missing: Sequence[Missing], diag: Findings) -> list[str]:
 def refused_words(diag: Findings) -> list[str]:
     """Effects that were not added although they fit the training logs better, and why."""
     return [
-        f"{capitalised(an(spelt(name)))} was not added: it {why}."
+        f"{capitalised(an(humanize(name)))} was not added: it {why}."
         for name, why in diag.refused.items()
     ]
 
@@ -90,22 +98,22 @@ def bound_words(diag: Findings) -> list[str]:
         if e.at_bound
     }
     return [
-        f"{capitalised(spelt(name))} of {an(spelt(effect))} {beyond_bound(measured(e))}"
+        f"{capitalised(humanize(name))} of {an(humanize(effect))} {beyond_bound(measured(e))}"
         for (effect, name), e in stopped.items()
     ]
 
 
 def silent_words(diag: Findings) -> str:
     """The effects that were tried, and promised nothing."""
-    names = joined(an(spelt(name)) for name in diag.silent)
+    names = joined(an(humanize(name)) for name in diag.silent)
     return f"No improvement: {names}." if names else ""
 
 
 def group_words(diag: Findings) -> list[str]:
     """For each added effect that has rivals: what these logs cannot tell it from."""
     return [
-        f"These logs cannot tell {an(spelt(added))} from "
-        f"{joined((an(spelt(name)) for name in group if name != added), 'or')}."
+        f"These logs cannot tell {an(humanize(added))} from "
+        f"{joined((an(humanize(name)) for name in group if name != added), 'or')}."
         for added, group in zip(diag.added, diag.groups, strict=True)
         if len(group) > 1
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from diffthrust._support.report import Rows
-from diffthrust._support.words import number, percent, spelt, with_error
+from diffthrust._support.words import humanize, number, percent, with_error
 from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.learned import share_cells
 from diffthrust.diagnosis._report.remarks import effects_by_name, first_line
@@ -24,7 +24,7 @@ def headroom_rows(diag: Findings) -> Rows:
     rows = [
         (
             "as given" if k == 0 else "last stage",
-            spelt(name),
+            humanize(name),
             f"{c.physics:.3g}",
             f"{c.corrected:.3g}",
             percent(max(c.share, 0.0)),
@@ -47,7 +47,7 @@ def worth_rows(diag: Findings) -> Rows:
     }
     worth = {**diag.worth, **diag.possible}
     rows = tuple(
-        (spelt(name), kind, *share_cells(worth[name]))
+        (humanize(name), kind, *share_cells(worth[name]))
         for kind, names in kinds.items()
         for name in names
         if name in worth
@@ -88,7 +88,7 @@ def log_rows(diag: Findings) -> Rows:
             shown = [baseline.errors, updated.errors] if several else [baseline.errors]
             rows = [
                 (
-                    spelt(name),
+                    humanize(name),
                     *(number(_rmse(e, name), 3) for e in shown),
                     baseline.errors.channels[name].shown.unit,
                     *(number(_nrmse(e, name), 2) for e in shown),
@@ -112,12 +112,12 @@ def ranking_rows(diag: Findings) -> Rows:
         tried = [c for c in diag.ranking if c.stage == stage]
         rows = []
         for c in [c for c in tried[:_LISTED] if c.likelihood_ratio >= _LEAST_RATIO] or tried[:1]:
-            shown = {spelt(name): e.shown for name, e in c.parameters.items()}
+            shown = {humanize(name): e.shown for name, e in c.parameters.items()}
             estimates = [f"{name} {number(v, 3)} {u}".rstrip() for name, (v, _, u) in shown.items()]
             rows.append(
                 (
                     str(c.stage),
-                    spelt(c.effect),
+                    humanize(c.effect),
                     f"{c.delta_bic:.1f}",
                     f"{c.likelihood_ratio:.1f}",
                     "<\u00a00.001" if c.p_value < 0.001 else number(c.p_value, 2),
@@ -158,7 +158,7 @@ def meaning_rows(diag: Findings) -> Rows:
     effects = effects_by_name(diag)
     named = [*diag.added, *(name for group in diag.groups for name in group)]
     named += [c.effect for c in diag.ranking]
-    lines = [(spelt(name), first_line(name, effects)) for name in dict.fromkeys(named)]
+    lines = [(humanize(name), first_line(name, effects)) for name in dict.fromkeys(named)]
     return Rows(("Effect", "What it does"), (tuple(row for row in lines if row[1]),))
 
 
@@ -182,7 +182,7 @@ def form_rows(diag: Findings) -> list[Rows]:
 
 def untestable_rows(diag: Findings) -> Rows:
     """Effects that the logs cannot test, and why."""
-    rows = tuple((spelt(name), reason) for name, reason in diag.untestable.items())
+    rows = tuple((humanize(name), reason) for name, reason in diag.untestable.items())
     return Rows(("Effect", "Reason"), (rows,))
 
 
@@ -202,7 +202,7 @@ def _channels(index: str, words: str, stage: Stage) -> Iterator[tuple[str, ...]]
     for name in names:
         sizes = [number(_rmse(e, name), 3) for e in (train, unseen)]
         shares = [number(_nrmse(e, name), 2) for e in (train, unseen)]
-        yield index, words, spelt(name), *sizes, unit[name], *shares
+        yield index, words, humanize(name), *sizes, unit[name], *shares
         index = words = ""
     if len(names) > 1:
         yield (

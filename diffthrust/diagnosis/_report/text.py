@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 from diffthrust._support.words import (
     an,
-    apart,
     capitalised,
+    distinct_numbers,
+    humanize,
     joined,
     number,
     percent,
-    spelt,
     with_error,
 )
 from diffthrust.diagnosis._explained_share import Worth
@@ -79,7 +79,7 @@ def _adequate_words(diag: Findings, model: str) -> str:
         )
         return f"{untried}: these logs cannot show whether the {model} lacks an effect."
     errors = judged_errors(diag)[1].channels
-    blind = [spelt(name) for name, e in errors.items() if e.nrmse >= 1.0]
+    blind = [humanize(name) for name, e in errors.items() if e.nrmse >= 1.0]
     if blind:
         return (
             f"These logs show no effect that the {model} lacks, and yet it follows "
@@ -105,8 +105,8 @@ def verdict_words(diag: Findings) -> str:
 
 def model_words(model: Model) -> str:
     """The model in words: "basic thruster", "thruster with command dead band"."""
-    effects = joined(spelt(effect.name) for effect in model.effects)
-    return f"{spelt(model.name)} with {effects}" if effects else f"basic {spelt(model.name)}"
+    effects = joined(humanize(effect.name) for effect in model.effects)
+    return f"{humanize(model.name)} with {effects}" if effects else f"basic {humanize(model.name)}"
 
 
 # -- effects ---------------------------------------------------------------------------------------
@@ -125,12 +125,12 @@ def sized_words(name: str, fit: Fit) -> str:
         if full.startswith(f"{name}.") and not e.fixed
     }
     form = next((effect.form for effect in fit.model.effects if effect.name == name), {})
-    formed = "".join(f", {spelt(key)} {value:g}" for key, value in form.items())
+    formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
     values = {key: measured(e) for key, e in estimates.items()}
     if len(values) == 1:
-        return f"{an(spelt(name))} of {next(iter(values.values()))}{formed}"
-    listed = ", ".join(f"{spelt(key)} {value}" for key, value in values.items())
-    return f"{an(spelt(name))} ({listed}{formed})" if listed else an(spelt(name))
+        return f"{an(humanize(name))} of {next(iter(values.values()))}{formed}"
+    listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())
+    return f"{an(humanize(name))} ({listed}{formed})" if listed else an(humanize(name))
 
 
 def measured(estimate: Estimate) -> str:
@@ -152,8 +152,8 @@ def stage_words(diag: Findings, index: int) -> str:
         return "as given"
     current, previous = diag.stages[index].effects, diag.stages[index - 1].effects
     added = [name for name in current if name not in previous]
-    changes = [f"{name} freed" if name in diag.held else f"+ {spelt(name)}" for name in added]
-    changes += [f"- {spelt(name)}" for name in previous if name not in current]
+    changes = [f"{name} freed" if name in diag.held else f"+ {humanize(name)}" for name in added]
+    changes += [f"- {humanize(name)}" for name in previous if name not in current]
     return ", ".join(changes)
 
 
@@ -161,7 +161,7 @@ def _lacking(diag: Findings) -> list[str]:
     """The added effects with their values, and what each cannot be told from."""
     words, groups = [], dict(zip(diag.added, diag.groups, strict=True))
     for name in leading(diag):
-        rivals = joined((an(spelt(rival)) for rival in groups[name] if rival != name), "or")
+        rivals = joined((an(humanize(rival)) for rival in groups[name] if rival != name), "or")
         untold = f" (these logs cannot tell it from {rivals})" if rivals else ""
         words.append(sized_words(name, diag.fit) + untold)
     return words
@@ -193,15 +193,15 @@ def gain_words(diag: Findings) -> str:
     phrases = []
     for name in (name for name in first.channels if name in worst):
         baseline, updated = first.channels[name], last.channels[name]
-        start, end = apart(baseline.shown.value, updated.shown.value)
-        low, high = apart(baseline.nrmse, updated.nrmse)
+        start, end = distinct_numbers(baseline.shown.value, updated.shown.value)
+        low, high = distinct_numbers(baseline.nrmse, updated.nrmse)
         verb = "falls" if updated.rmse < baseline.rmse else "rises"
         change = f"stays at {start}" if start == end else f"{verb} from {start} to {end}"
         where = "" if phrases else f" on {logs}"
-        size = f"the {spelt(name)} error{where} {change} {baseline.shown.unit}".rstrip()
+        size = f"the {humanize(name)} error{where} {change} {baseline.shown.unit}".rstrip()
         phrases.append(f"{size} (NRMSE {low} to {high})")
     if len(first.channels) > _NAMED:
-        low, high = apart(first.nrmse, last.nrmse)
+        low, high = distinct_numbers(first.nrmse, last.nrmse)
         phrases.append(
             f"the NRMSE over all {len(first.channels)} channels goes from {low} to {high}"
         )
@@ -212,7 +212,7 @@ def level_words(diag: Findings) -> str:
     """How large the error of each channel is at the last stage."""
     logs, errors = judged_errors(diag)
     return joined(
-        f"the {spelt(name)} error{'' if i else f' on {logs}'} is {_sized(*e.shown)} "
+        f"the {humanize(name)} error{'' if i else f' on {logs}'} is {_sized(*e.shown)} "
         f"(NRMSE {number(e.nrmse, 2)})"
         for i, (name, e) in enumerate(errors.channels.items())
     )
@@ -223,13 +223,13 @@ def worth_words(diag: Findings) -> list[str]:
     logs = errors_of(diag)[0]
     sentences, judged = [], [name for name in leading(diag) if name in diag.worth]
     if len(judged) > 1:
-        shares = joined(f"{spelt(name)} {share_words(diag.worth[name])}" for name in judged)
+        shares = joined(f"{humanize(name)} {share_words(diag.worth[name])}" for name in judged)
         sentences.append(f"Of the squared error over whole runs of {logs} each removes: {shares}.")
     if diag.detectable:
         several = len(diag.detectable) > 1
         groups = diag.detectable_groups or [(name,) for name in diag.detectable]
         sized = (
-            " or ".join(map(an, map(spelt, group))) + _at_most(diag.worth.get(group[0]))
+            " or ".join(map(an, map(humanize, group))) + _at_most(diag.worth.get(group[0]))
             for group in groups
         )
         sentences.append(
@@ -247,9 +247,9 @@ def undecided_words(diag: Findings) -> list[str]:
     error = errors.channels[name]
     multiple = number(error.rmse / diag.one_step.get(name, math.nan), 2)
     return [
-        f"Undecided: over whole runs of {logs} the {spelt(name)} error is {_sized(*error.shown)} "
-        f"(NRMSE {number(error.nrmse, 2)}), {multiple} times that from one sample to the next; on "
-        "these logs random forces explain it as well as missing physics.",
+        f"Undecided: over whole runs of {logs} the {humanize(name)} error is "
+        f"{_sized(*error.shown)} (NRMSE {number(error.nrmse, 2)}), {multiple} times that from one "
+        "sample to the next; on these logs random forces explain it as well as missing physics.",
         *possible_words(diag),
         deciding_words(diag),
     ]
@@ -258,7 +258,7 @@ def undecided_words(diag: Findings) -> list[str]:
 def possible_words(diag: Findings) -> list[str]:
     """The effects that only whole runs speak for."""
     logs = errors_of(diag)[0]
-    shares = [f"{an(spelt(name))} {share_words(worth)}" for name, worth in diag.possible.items()]
+    shares = [f"{an(humanize(name))} {share_words(worth)}" for name, worth in diag.possible.items()]
     if not shares:
         return []
     return [
@@ -288,7 +288,7 @@ def forced_words(diag: Findings) -> list[str]:
         return []
     size, unit = errors.channels[name].shown
     words = (
-        f"From one sample to the next the {spelt(name)} is predicted to within "
+        f"From one sample to the next the {humanize(name)} is predicted to within "
         f"{_sized(size / growth[name], unit)}, over whole runs of {logs} to {_sized(size, unit)}"
     )
     if diag.verdict == "undecided":
@@ -336,7 +336,7 @@ def repeating_words(diag: Findings) -> str:
     logs = judged_errors(diag)[0]
     shares = [
         f"{percent(room[name].share)} ({percent(max(room[name].low, 0.0))} to "
-        f"{percent(room[name].high)}) of the squared {spelt(name)} error"
+        f"{percent(room[name].high)}) of the squared {humanize(name)} error"
         for name in diag.repeating
     ]
     return (
@@ -397,7 +397,7 @@ def stopped_words(diag: Findings) -> list[str]:
         ['alpha stopped at its bound of 0.2 1/s: these logs favour a higher value. ...']
     """
     first, last = _stopped(diag.stages[0].fit), _stopped(diag.fit)
-    added = joined(an(spelt(name)) for name in diag.added)
+    added = joined(an(humanize(name)) for name in diag.added)
     sentences = []
     for full, (name, amount, way) in {**first, **last}.items():
         if full in diag.model.parameters and full in last:
@@ -444,7 +444,7 @@ def _stopped(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
         vanished = e.value == p.null or (p.transform == "log" and low <= 0 and not above)
         if e.at_bound and not vanished:
             effect, _, name = full.rpartition(".")
-            words = capitalised(f"{spelt(name)} of {an(spelt(effect))}") if effect else name
+            words = capitalised(f"{humanize(name)} of {an(humanize(effect))}") if effect else name
             amount = _amount(f"{e.shown[0]:.4g}", e.shown[2])
             stopped[full] = words, amount, "higher" if above else "lower"
     return stopped
@@ -453,7 +453,7 @@ def _stopped(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
 def _odd_log(odd: OddLog) -> str:
     return (
         f"Log {odd.log} deviates from the others: {odd.evidence}. It carries {percent(odd.share)} "
-        f"of the squared {spelt(odd.channel)} error of all logs. Check how it was recorded."
+        f"of the squared {humanize(odd.channel)} error of all logs. Check how it was recorded."
     )
 
 

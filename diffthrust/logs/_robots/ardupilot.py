@@ -125,6 +125,7 @@ def _target(file: str, column: str) -> _Target:
             "expected a message and one of its fields.",
             "write it as 'RCOU.C1', 'ESC[0].RPM', 'ESC_STATUS.rpm[0]' or '1/ATTITUDE.yaw'.",
         )
+    # Fewer numbers match more senders: "1/ATTITUDE" takes every component of system 1.
     source = tuple(int(number) for number in sent.groups()[:2] if number is not None)
     element = None if of[2] is None else int(of[2])
     return _Target(column, source, sent[3], sent[4] or "", of[1], element)
@@ -169,6 +170,8 @@ def _take_all(file: str, target: _Target, log: Dataflash) -> None:
     if target.key not in message.columns:
         raise no_field(file, target.column, target.key, message.columns)
     values = values_of(message, records, target.key)
+    # The first sample stands for all, since a DataFlash field has one type: text and whole arrays
+    # are refused with it.
     first = instance_of(values[0]) if values.dtype.kind == "S" else values[0].tolist()
     _number(file, target, first)
     target.ticks = ticks.tolist()
@@ -322,8 +325,10 @@ def telemetry_fields(path: Path) -> tuple[list[Gathered], list[str]]:
                     value = message.get(field)
                     if isinstance(value, int | float):
                         values[field] = value
+                    # A name that MAVLink lists as an array becomes one column per element.
                     elif isinstance(value, list | tuple) and len(value) <= LONGEST:
                         values |= {f"{field}[{k}]": v for k, v in enumerate(value)}
+                # The first message fixes the columns, so that all have one value per message.
                 if not group.values:
                     group.values.update({name: [] for name in values})
                     units = {n: message.units.get(n.split("[")[0], "") for n in values}

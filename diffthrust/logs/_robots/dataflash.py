@@ -114,6 +114,8 @@ def stamps(records: np.ndarray) -> np.ndarray | None:
     names = records.dtype.names or ()
     for name, tick in (("TimeUS", 1_000), ("TimeMS", 1_000_000)):
         if name in names and records[name].dtype.kind in "iu":
+            # 2^53 us is year 2255: a larger stamp is damage, and would overflow int64 once in
+            # nanoseconds.
             sound = records[name] <= LATEST * 1_000 // tick
             return np.where(sound, records[name], 0).astype(np.int64) * tick - ~sound
     return None
@@ -134,6 +136,8 @@ def open_dataflash(path: Path) -> Dataflash:
     at, end, lost = 0, len(data), -1
     while at + 3 <= end:
         length = lengths[data[at + 2]]
+        # Damage (a flash page lost as power failed) is skipped byte by byte until the next marks
+        # and a kind that some FMT has described.
         if data[at] != _MARKS[0] or data[at + 1] != _MARKS[1] or not length:
             lost = at if lost < 0 else lost
             at += 1
@@ -151,6 +155,8 @@ def open_dataflash(path: Path) -> Dataflash:
             message = Message(name, letters, columns.split(",") if columns else [])
             sound = message.columns and len(set(message.columns)) == len(message.columns)
             if size > 3 and sound:
+                # The first description of a kind counts. The logger writes it again after each
+                # restart, and what reads as another length for the same number is damage.
                 kinds.setdefault(kind, message)
                 lengths[kind] = lengths[kind] or size
         at += length
@@ -165,7 +171,7 @@ def open_dataflash(path: Path) -> Dataflash:
     log.damages.extend(
         f"at byte {begin}: {stop - begin} bytes are no message"
         for begin, stop in damages
-        if stop < end or stop - begin >= _PAGE
+        if stop < end or stop - begin >= _PAGE  # padding at the end is no damage
     )
     _read_units(log, kinds)
     return log
@@ -190,6 +196,7 @@ def _read_units(log: Dataflash, kinds: dict[int, Message]) -> None:
             letters = row["UnitIds"].decode("latin-1")
             powers = row["MultIds"].decode("latin-1").ljust(len(letters))
             for column, unit, power in zip(message.columns, letters, powers, strict=False):
+                # ArduPilot marks the field of the instance by the unit "#" (older logs have none).
                 if unit == "#":
                     message.instance = column
                 label = units.get(unit)
@@ -197,6 +204,8 @@ def _read_units(log: Dataflash, kinds: dict[int, Message]) -> None:
                     continue
                 factor = factors.get(power, 1.0)
                 divisor = _LETTERS.get(message.letters[message.columns.index(column)], ("", 1))[1]
+                # MULT is the factor to SI of the number in the file. Letters with a divisor (c, C,
+                # e, E, L) are divided in `values_of` already: their factor must not count twice.
                 prefix = "" if divisor != 1 else _PREFIXES.get(float(f"{factor:.6g}") or 1.0)
                 text = label.decode("latin-1").replace("degheading", "deg")
                 if prefix is not None and (recognized := unit_in(f"[{prefix}{text}]")):

@@ -49,6 +49,8 @@ def fields_of(gathered: Iterable[Gathered]) -> tuple[tuple[Field, ...], list[str
         order: slice | np.ndarray = slice(None)
         if back.size and back.min() < 0:
             order = np.argsort(ticks, kind="stable")
+            # Messages of parallel tasks arrive out of order by milliseconds, which sorting mends; a
+            # step of more than a second is a restart or a corrected clock.
             if back.min() < -1.0:
                 where = time[int(np.argmin(back))]
                 notes.append(
@@ -58,6 +60,7 @@ def fields_of(gathered: Iterable[Gathered]) -> tuple[tuple[Field, ...], list[str
         time = time[order]
         for key, values in messages.values.items():
             numbers = np.asarray(values, dtype=np.float64)[order]
+            # Drivers publish infinity for "no echo": a log takes only missing samples.
             numbers[~np.isfinite(numbers)] = np.nan
             unit = messages.units.get(key, "")
             fields.append(Field(f"{messages.name}.{key}", numbers, time, unit))

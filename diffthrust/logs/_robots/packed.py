@@ -37,6 +37,8 @@ def check_unpacked(path: Path) -> None:
             size += piece
             if size > most:
                 budget.take(size)
+        # Only the implausible excess adds up over chunks: a long bag may well be larger than the
+        # limit, for its reader unpacks one chunk at a time.
         budget.take(max(0, size - _DENSE * length))
         stream.seek(begin + length)
 
@@ -58,6 +60,8 @@ def _packed(path: Path) -> Iterator[tuple[str, BinaryIO, int]]:
 def _mcap_chunks(stream: BinaryIO, end: int) -> Iterator[tuple[str, BinaryIO, int]]:
     while (at := stream.tell()) + 9 <= end:
         kind, length = struct.unpack("<BQ", stream.read(9))
+        # Start and end time, size and checksum (28 bytes), then the length of the compression's
+        # name.
         head = stream.read(32) if kind == _CHUNK_MCAP and length >= 40 else b""
         if len(head) == 32:
             words = struct.unpack_from("<I", head, 28)[0]
@@ -99,6 +103,8 @@ def _pieces(packing: str, stream: BinaryIO, length: int) -> Iterator[int]:
     """Unpack the next bytes of a stream piece by piece; yields the size of each piece."""
     unpack, remaining, data = _unpacker(packing), length, b""
     while unpack is not None:
+        # Python's decompressors stop at the end of a frame. A bomb may consist of many small
+        # frames.
         if unpack.eof:  # another frame may follow
             unpack, data = _unpacker(packing), unpack.unused_data
         if not data and unpack.needs_input:

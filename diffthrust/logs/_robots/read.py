@@ -111,6 +111,7 @@ def read_robot_log(
     driving = frozenset(inputs or {})
     held = {key: key in driving and c.hold == "zero" for key, c in columns.items()}
     even = resample(file.name, series, held, driving, base, gap, faster)
+    # Cut after resampling: a held input keeps the value that was set before `start`.
     keep = window(even.time, start, stop)
     notes = even.notes
     if not keep.any():

@@ -18,8 +18,10 @@ from diffthrust.logs._robots.series import Series
 
 _MESSAGES = "messages"
 
-_SAME = 1e-9  # time stamps no further apart than this are equal [s]
-_MOST = 10_000_000  # samples; a step in the wrong unit asks for more
+# Time stamps no further apart than this are equal [s]: recorders count in ns.
+_SAME = 1e-9
+# Samples of a base; a step in the wrong unit (50 for 50 ms) gives more, and would fill the memory.
+_MOST = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ def resample(
         head = f"{role} {name!r}: {_rate_note(channel)}"
         if held[name]:
             out[name] = channel.values[
+                # A message at the very time of a sample counts already, in spite of rounding.
                 np.searchsorted(channel.time, time + _SAME, side="right") - 1
             ]
             late = (
@@ -83,6 +86,7 @@ def resample(
             end = f"; held for {after:.3g} s after its last message" if after > step else ""
             how = f"held between messages{late}{end}"
         elif every and name not in inputs:
+            # A negative limit: no interpolation at all, only samples at their own stamps.
             out[name], _ = _interpolated(channel, time, -1.0)
             how = f"{int(np.isfinite(out[name]).sum())} samples, each at its own stamp"
         else:
@@ -103,6 +107,8 @@ def _merged_stamps(
     """The median step [s] and the time stamps of all messages; of held inputs only the changes."""
     stamps = []
     for name, channel in series.items():
+        # A held input often repeats its value at 50 Hz: its repeats would only add samples without
+        # any measurement.
         changed = np.append(True, np.diff(channel.values) != 0)
         stamps.append(channel.time[changed] if held[name] else channel.time)
     merged = np.sort(np.concatenate(stamps))
@@ -166,6 +172,8 @@ def _time_base(
     stamps: np.ndarray | None,
 ) -> tuple[np.ndarray, list[str]]:
     """The time base, limited to the time in which all inputs are known."""
+    # Before its first message an input is unknown. After the last one a held input keeps its value;
+    # an interpolated one is unknown.
     first = max((series[n].time[0] for n in inputs), default=-np.inf)
     last = min((series[n].time[-1] for n in inputs if not held[n]), default=np.inf)
     if stamps is None:
@@ -174,6 +182,7 @@ def _time_base(
         )
         first = max(first, min(channel.time[0] for channel in measured))
         last = min(last, max(channel.time[-1] for channel in measured))
+        # 1e-9: ten seconds of 0.1 s are 100 steps, though the quotient may be 99.999...
         count = int(np.floor((last - first) / step + 1e-9)) + 1 if last >= first else 0
         if count > _MOST:
             raise InputError(

@@ -102,6 +102,8 @@ def opened(path: Path) -> Iterator[Any]:
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise lacking(path.name, "rosbags", "ros", error) from None
+    # Bags before ROS 2 Iron hold no message definitions; the library's own of this distribution
+    # serve.
     store = Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.LATEST
     try:
         check_unpacked(path)
@@ -110,8 +112,8 @@ def opened(path: Path) -> Iterator[Any]:
     except InputError:
         raise
     except Exception as error:  # a damaged bag raises exceptions of any kind
-        # The library raises one exception for all defects; only its words tell a recording that was
-        # cut off. If these words change, the general message below is given instead.
+        # The library raises one exception for all defects; only its message identifies a recording
+        # that was cut off. If its words change, the general message below is given instead.
         for words, tool in (
             ("end magic", "`mcap recover FILE -o NEW`, a tool of the MCAP project,"),
             ("not indexed", "`rosbag reindex FILE`, a tool of ROS 1,"),
@@ -262,9 +264,8 @@ def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
                     continue
                 try:
                     message = reader.deserialize(raw, connection.msgtype)
-                except (
-                    Exception
-                ) as error:  # a kind of message that the library cannot read does not spoil the bag
+                # A type that the library cannot read costs its topic, not the bag.
+                except Exception as error:
                     silent.add(topic)
                     notes.append(f"{topic!r} cannot be read ({_short(error)}).")
                     continue
@@ -282,7 +283,7 @@ def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
                 gathered.ticks.append(int(recorded))
                 for (name, _, element, _), get in zip(leaves[topic], readers[topic], strict=True):
                     gathered.values[name].append(_leaf_number(get(message), element))
-        except Exception as error:  # use what was read before the damage
+        except Exception as error:  # keep what was read up to the damage
             if not topics:
                 raise
             notes.append(f"the file is damaged; it was read up to the damage ({_short(error)}).")
@@ -314,11 +315,14 @@ def _numeric_fields(
     if is_dataclass(value) and depth:
         units = _UNITS.get(getattr(value, "__msgtype__", ""), {})
         names = [f.name for f in fields(value) if not f.name.startswith("__")]
+        # A quaternion: its components jump and mean little as channels, so its angles are listed as
+        # well.
         if set(names) == set("xyzw"):
             yield f"{path}.yaw".removeprefix("."), path, "yaw", "rad"
             yield f"{path}.heading".removeprefix("."), path, "heading", "rad"
             unit = ""
         for name in names:
+            # Bookkeeping, and 36 entries of covariance per pose, of which a model uses none.
             if name in ("header", "stamp", "layout") or "covariance" in name:
                 continue
             deeper = f"{path}.{name}" if path else name

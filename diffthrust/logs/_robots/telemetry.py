@@ -98,14 +98,19 @@ def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, in
     while at + 8 + 8 <= len(data):
         begin = at + 8
         marker, length = data[begin], data[begin + 1]
+        # Ground stations write the stamp big-endian, while MAVLink itself is little-endian.
         stamp = int.from_bytes(data[at:begin], "big")
+        # A marker byte also occurs inside payloads: with an impossible stamp before it, it is none.
         if stamp > LATEST:
             marker = 0
         if marker == 0xFD and begin + 10 <= len(data):
+            # Header 10 and checksum 2 around the payload; a signed frame (bit 0 of its flags) has
+            # 13 bytes more.
             end = begin + length + 12 + (13 if data[begin + 2] & 1 else 0)
             number = int.from_bytes(data[begin + 7 : begin + 10], "little")
         elif marker == 0xFE:
             end = begin + length + 8
+            # MAVLink 1: header 6 and checksum 2, and a message number of one byte.
             number = data[begin + 5]
         else:
             skipped = at if skipped is None else skipped

@@ -56,6 +56,7 @@ def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> di
                 "write it as 'actuator_outputs.output[0]' or 'esc_status[1].esc[0].esc_rpm'.",
             )
         targets[column] = (match[1], None if match[2] is None else int(match[2]), key)
+    # pyulog parses only the named messages: a flight log of an hour has a hundred kinds.
     log = _load(path, [name for name, _, _ in targets.values()])
     datasets = {column: _dataset(path, log, column, *t[:2]) for column, t in targets.items()}
     origin = min(int(data.data["timestamp"].min()) for data in datasets.values())
@@ -109,13 +110,13 @@ def _load(path: Path, names: list[str] | None) -> Any:
     except ImportError as error:
         raise lacking(path.name, "pyulog", "px4", error) from None
     try:
-        printed = (
-            StringIO()
-        )  # pyulog prints what it skips, and given a path leaves a damaged file open
+        printed = StringIO()
+        # pyulog prints what it skips, and given a path it leaves a damaged file open.
         with path.open("rb") as stream, redirect_stdout(printed), redirect_stderr(printed):
             log = ULog(stream, names)
     except Exception as error:  # a damaged log raises exceptions of any kind
         raise damaged(path, "ULog", error) from None
+    # PX4 subscribes to topics that then never publish.
     log.data_list[:] = [d for d in log.data_list if len(d.data.get("timestamp", ()))]
     if names is None and not log.data_list:
         raise damaged(path, "ULog", ValueError("it holds no message"))
@@ -125,6 +126,7 @@ def _load(path: Path, names: list[str] | None) -> Any:
 def _dataset(path: Path, log: Any, column: str, name: str, instance: int | None) -> Any:
     same = [data for data in log.data_list if data.name == name]
     if not same:
+        # The first pass parsed the named messages only; the error lists all.
         names = {data.name for data in _load(path, None).data_list}
         raise no_message(path.name, column, name, names, "message")
     instances = sorted(data.multi_id for data in same)

@@ -89,6 +89,8 @@ def number_cells(
         return cells_to_numbers(cells, missing), False
     except BadCell as bad:
         text = [c.strip() for c in cells if c and "," in c]
+        # "1,234" in a file with commas between quoted cells may be 1234 or 1.234: refused. "1,23"
+        # among them can only be a decimal comma.
         if comma or not all(_THOUSANDS.fullmatch(c) for c in text):
             comma = _DECIMAL_COMMA.fullmatch(cells[bad.index] or "") is not None
         if comma:

@@ -21,7 +21,7 @@ from diffthrust.logs._tables.source import Cells, OpenTable
 # Below this many cells Python reads the numbers faster than pandas can be imported.
 SMALL = 100_000
 
-# Bytes that never occur in text: they tell a picture or an archive from a table.
+# Bytes that never occur in text: with one of them the file is a picture or an archive.
 _CONTROL = bytes([*range(9), *range(14, 32)])
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -120,9 +120,8 @@ def _table(
     )
 
 
-def _zeros(
-    count: int,
-) -> list[str]:  # written by loggers that lose power: a boat's SD card after a power cut
+def _zeros(count: int) -> list[str]:
+    # A file system that loses power has extended the file but not written its data.
     return [f"{count} bytes of zeros at the end were skipped."] if count else []
 
 
@@ -145,7 +144,7 @@ def _decode(raw: bytes, file: str) -> str:
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return raw.decode("latin-1")  # old programs write a degree sign in a header in Latin-1
+        return raw.decode("latin-1")  # old programs write a degree sign in Latin-1
 
 
 def _binary(file: str) -> InputError:
@@ -174,6 +173,9 @@ class _Text:
         """Drop a last line with too few cells; returns whether there was one."""
         if len(self.lines) < 2 or not self.lines[-1].strip() or '"' in self.lines[-1]:
             return False
+        # Without a newline at its end the recording was cut off in this line, so that its last cell
+        # may be cut as well ("12.3" of "12.345"). A complete number of cells cannot be told from
+        # that, and counts.
         short = len(self.split(self.lines[-1])) < len(self.names)
         if short:
             self.lines.pop()
@@ -213,6 +215,7 @@ def _normalized_lines(text: _Text, strict: bool) -> list[str]:
     nothing = delimiter + ' \t"\x0b\x0c'
     even = text.lines
     if delimiter == " ":
+        # Columns aligned by several blanks.
         even = [" ".join(line.split()) for line in even]
     even = even.copy()
     for k, line in enumerate(even):
@@ -228,7 +231,8 @@ def _normalized_lines(text: _Text, strict: bool) -> list[str]:
         if not line.strip(nothing):
             even[k] = blank
             continue
-        while count > expected and line.endswith(delimiter):  # a delimiter after the last cell
+        # Many loggers write a delimiter after the last cell of every row.
+        while count > expected and line.endswith(delimiter):
             line, count = line[: -len(delimiter)], count - 1
         even[k] = line
         if count == expected:
@@ -257,6 +261,8 @@ def _read_fast(
 ) -> dict[int, np.ndarray] | None:
     """Read a large table of plain numbers with pandas; None if it holds anything else."""
     joined = "\n".join(lines)
+    # pandas gives quotes and these control characters a meaning of their own: the slow pass, which
+    # keeps track of lines, decides what they are.
     if '"' in joined or "\x0b" in joined or "\x0c" in joined:
         return None
     columns = parsed(StringIO(joined), delimiter, width, order, missing)
@@ -317,7 +323,7 @@ def head_of(file: str, lines: Sequence[str], wanted: Collection[str]) -> Head:
                 "write a header line that names the columns"
                 + (f", {names} among them." if names else "."),
             )
-        # numpy.savetxt writes its header as a comment.
+        # numpy.savetxt writes its header as a comment ("# t u"): the line above the numbers.
         placement = replace(placement, names=named[0].names, units=named[0].units)
         top, first = top - 1, placement.header
     return Head(placement, delimiter, top, kept[first:], notes)

@@ -68,6 +68,7 @@ def formats_of(cells: Sequence[str | None]) -> list[str]:
             parts.append(("%m", "%d", year))
             parts += [("%y", "%m", "%d")] if year == "%y" else []
         orders = [match["sep"].join(fields) + (match["gap"] or "") for fields in parts]
+    # Each order is tried on all cells: one day above 12 anywhere settles which number is the month.
     formats = []
     for order in orders:
         try:
@@ -115,6 +116,7 @@ def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str 
 def _past_midnight(out: np.ndarray, form: str) -> np.ndarray:
     """Let times of day continue across midnight; dates stay unchanged."""
     finite = np.isfinite(out)
+    # A format without a day (%d, %j, %U): 23:59:59 is followed by 00:00:00, a step back by a day.
     if form and not set(form) & set("djU") and finite.any():
         out[finite] = np.unwrap(out[finite], period=86_400.0)
     return out
@@ -142,6 +144,7 @@ def _year_first(text: str) -> datetime:
         if match is None:
             raise
         day = f"{match[1]}-{int(match[3]):02}-{int(match[4]):02}"
+        # Until "2025-03-21 10:00:00 +0000": a blank before the zone, which fromisoformat refuses.
         clock = re.sub(r"\s+(?=[Z+-])|\s*UTC$", "", text[match.end() :]).strip()
         clock = re.sub(r"^T?(\d):", r"0\1:", clock)
         return datetime.fromisoformat(f"{day}T{clock.lstrip('T')}" if clock else day)
@@ -154,9 +157,8 @@ def _by_format(text: str, form: str) -> datetime:
     except ValueError:
         if "%f" not in form:
             raise
-        return datetime.strptime(
-            text, _FRACTION.sub("", form)
-        )  # whole seconds are often written without a fraction
+        # Many programs write whole seconds without a fraction: 10:00:00 between 09:59:59.5 and ...
+        return datetime.strptime(text, _FRACTION.sub("", form))
 
 
 def other_date(place: Place, bad: OtherDate) -> InputError:

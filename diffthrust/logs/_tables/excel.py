@@ -89,11 +89,11 @@ def _sheets(path: Path, results: bool = True) -> dict[str, list[_Row]]:
     budget = MemoryBudget(path)
     try:
         with ZipFile(path) as archive:
+            # The directory of the zip states the unpacked sizes: the bomb is refused before it is
+            # unpacked.
             budget.take(sum(member.file_size for member in archive.infolist()))
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # openpyxl warns about drawings and the like that it skips
+            warnings.simplefilter("ignore")  # openpyxl warns about drawings that it skips
             with path.open("rb") as stream:  # given a path, openpyxl insists on its own suffixes
                 book = load_workbook(stream, read_only=True, data_only=results)
                 return {s.title: _rows(s, budget) for s in book.worksheets}
@@ -132,6 +132,8 @@ def _column(path: Path, sheet: str, placement: Placement, body: Sequence[_Row], 
     cells: list[Any] = [row[index] if index < len(row) else None for row in body]
     cells = [None if isinstance(cell, str) and not cell.strip() else cell for cell in cells]
     full = [cell for cell in cells if cell is not None]
+    # A program that writes formulas without computing them (openpyxl) leaves their results empty,
+    # and the column would look as if nothing was recorded.
     if not full and _is_formula(path, sheet, placement, index):
         raise InputError.at(
             Place(f"{path.name}, sheet {sheet!r}, column {name!r}", name),
@@ -155,6 +157,7 @@ def _is_formula(path: Path, sheet: str, placement: Placement, index: int) -> boo
 
 def _moment(cell: Any) -> Any:
     """A date or time as an object that can be subtracted; other cells unchanged."""
+    # Excel stores durations as times of day; these cannot be subtracted from each other in Python.
     if isinstance(cell, time):
         return timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second) + timedelta(
             microseconds=cell.microsecond

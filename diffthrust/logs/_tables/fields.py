@@ -90,6 +90,8 @@ class TableRequest:
         """
         table = table_of(source, self.wanted, self.clock, self.missing)
         table.notes += self._unit_notes(table, source)
+        # The order matters: a row of marks ("n/a" everywhere) is blank, and a blank row needs no
+        # time stamp.
         table.mark_missing(self.missing)
         table.drop_blank_rows()
         stamps = self._stamps(table)
@@ -188,6 +190,8 @@ def _without_repeats(table: Table, stamps: np.ndarray, clock: Column | None) -> 
             f"where the samples are evenly spaced, give their step in seconds, such as "
             f"time = {step:.3g}; otherwise log finer stamps.",
         )
+    # A row counts as written twice only if every value repeats with its stamp; different values at
+    # one stamp are a defect that `checked_fields` reports.
     previous = [np.append(np.nan, values[:-1]) for values in table.columns.values()]
     same = [
         (old == new) | (np.isnan(old) & np.isnan(new))

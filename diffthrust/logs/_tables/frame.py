@@ -33,6 +33,7 @@ def read_frame(frame: Any, name: str) -> OpenTable:
         )
     columns = {
         ".".join(map(str, c)) if isinstance(c, tuple) else str(c): position
+        # Reversed: of several columns with one name the first one counts.
         for position, c in reversed(list(enumerate(frame.columns)))
     }
     names = [".".join(map(str, c)) if isinstance(c, tuple) else str(c) for c in frame.columns]
@@ -82,6 +83,7 @@ def _cells(column: Any) -> Cells:
     kind = column.dtype
     unreadable = Other(f"values of type {kind}")
     try:
+        # Categories and periods hide the type of their values, by which the branches below decide.
         if isinstance(kind, pd.CategoricalDtype):
             column = pd.Series(np.asarray(column))
             kind = column.dtype

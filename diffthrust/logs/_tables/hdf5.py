@@ -69,6 +69,8 @@ def read_hdf5(path: Path) -> OpenTable:
 def _variable(path: Path, node: Any, kind: str) -> Unread | str:
     if kind and kind not in _NUMBERS:
         return _WORDS.get(kind, f"an object of class {kind}")
+    # MATLAB stores an empty array as its size, such as the two numbers 0 and 5: they are no
+    # samples.
     if node.attrs.get("MATLAB_empty"):
         return Unread((0, 0), lambda: np.zeros((0, 0)), 0)
     if node.dtype.kind == "O":

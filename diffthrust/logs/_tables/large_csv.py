@@ -29,6 +29,7 @@ def top_of(path: Path) -> bytes | None:
     """The first lines of a large file, with line ends; None if it must be read line by line."""
     with path.open("rb") as stream:
         top = stream.read(_TOP)
+    # No complete line within a megabyte, Mac line ends, UTF-16: all for the reader of whole files.
     complete = len(top) < _TOP
     top = top[: top.rfind(b"\n") + 1]
     lone = top.count(b"\r") != top.count(b"\r\n")
@@ -89,9 +90,9 @@ class LargeBody:
             )
         cells: dict[int, Any] = dict(self._texts(texts))
         if any("," in cell for text in cells.values() for cell in text):
-            cells |= self._texts(
-                list(numeric)
-            )  # decimal points in one column matter if another has decimal commas
+            # Decimal commas in one column make decimal points in another doubtful: 1.000 may mean
+            # a thousand there. As text, `number_cells` judges them.
+            cells |= self._texts(list(numeric))
         return {**numeric, **cells}
 
     def _numbers(
@@ -187,6 +188,8 @@ def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | N
     zeros = size - end
     widths: set[int] = set()
     for block in _blocks(path, begin, end):
+        # Bytes, not lines: translate and count run at memory speed, splitting takes minutes for a
+        # gigabyte.
         if len(block.translate(None, _SPECIAL)) < len(block):
             return None
         if block.count(b"\r") != block.count(b"\r\n"):
@@ -198,6 +201,8 @@ def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | N
         rows += counts.size
         distinct = set(np.unique(counts).tolist())
         widths |= distinct
+        # Every line has one width, or one more because of a delimiter at its end; a block of blank
+        # lines only is left to the other reader, which notes them.
         if distinct == {0} or not (widths <= {0, width} or widths <= {0, width + 1}):
             return None
     return LargeBody(path, begin, end, rows, delimiter, max(widths), zeros, cut) if rows else None
@@ -218,6 +223,7 @@ def _counts(block: np.ndarray, delimiter: str, width: int) -> np.ndarray:
     marks = block == ord(delimiter)
     counts = np.add.reduceat(marks.view(np.uint8), starts, dtype=np.int32) + 1
     stops = ends - (block[np.maximum(ends - 1, starts)] == _RETURN)
+    # One cell too many is right only if the delimiter is the last character of the line.
     closed = marks[np.maximum(stops - 1, 0)] & (counts == width + 1)
     counts[(counts != width) & ~closed] = -1
     counts[stops <= starts] = 0
@@ -252,9 +258,8 @@ def _blocks(path: Path, begin: int, end: int) -> Iterator[bytes]:
         remaining, tail = end - begin, b""
         while remaining > 0:
             more = stream.read(min(_BLOCK, remaining))
-            remaining -= (
-                len(more) if more else remaining
-            )  # the file may have been truncated meanwhile
+            # Nothing read although bytes remain: the file was truncated meanwhile.
+            remaining -= len(more) if more else remaining
             block = tail + more
             stop = len(block) if remaining <= 0 else block.rfind(b"\n") + 1
             tail = block[stop:]

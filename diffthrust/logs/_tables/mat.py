@@ -80,6 +80,7 @@ def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -
             for k in range(value.channels):
                 label = f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)"
                 columns.append((label, value, k))
+    # Reversed: of equal names the first one counts, as in the other formats.
     by_name = {name: (value, k) for name, value, k in reversed(columns)}
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:

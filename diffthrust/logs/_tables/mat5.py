@@ -71,7 +71,8 @@ def parse(data: bytes, budget: MemoryBudget) -> list[tuple[str, Variable]]:
 
 
 def _level_5(data: memoryview, order: str, budget: MemoryBudget) -> Iterator[tuple[str, Variable]]:
-    for kind, content in _elements(data, order):  # check all sizes before unpacking the first
+    # Check all sizes before unpacking the first: the file may hold a thousand small bombs.
+    for kind, content in _elements(data, order):
         if kind == _COMPRESSED:
             budget.take(_unpacked_size(content, order))
     for kind, content in _elements(data, order):
@@ -87,6 +88,7 @@ def _level_5(data: memoryview, order: str, budget: MemoryBudget) -> Iterator[tup
 
 def _unpacked_size(content: memoryview, order: str) -> int:
     """The unpacked size that a compressed element declares."""
+    # The first eight unpacked bytes are the kind and the length of the variable.
     head = zlib.decompressobj().decompress(content[:_HEAD], 8)
     return 8 + struct.unpack(order + "II", head)[1]
 
@@ -109,14 +111,14 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
     while at < len(data):
         kind, length = struct.unpack_from(order + "II", data, at)
         begin = at + 8
-        if (
-            kind >> 16
-        ):  # a short element packs its length and kind into one word, followed by its bytes
+        # A short element packs length and kind into one word, with up to four bytes behind it.
+        if kind >> 16:
             kind, length, begin = kind & 0xFFFF, kind >> 16, at + 4
             if length > 4:
                 raise ValueError("a short element is too long")
             at += 8
         else:
+            # Elements are padded to 8 bytes, compressed ones are not.
             at = begin + length + (-length % 8 if kind != _COMPRESSED else 0)
         if begin + length > len(data):
             raise ValueError("the file is cut short")
@@ -166,6 +168,8 @@ def _matrix(content: memoryview, order: str, depth: int) -> tuple[str, Variable]
     numbers = _numbers(_next(elements), order)
     if numbers.size != math.prod(shape):
         raise ValueError(f"variable {name!r} does not have the size that it says")
+    # MATLAB stores columns one after the other; numbers are saved in the smallest type that holds
+    # them.
     return name, numbers.reshape(shape, order="F")
 
 
@@ -189,6 +193,8 @@ def _struct(
 def _level_4(data: bytes) -> Iterator[tuple[str, Variable]]:
     at = 0
     while at < len(data):
+        # Level 4 has no mark of its byte order: the code is MOPT, at most 4052, in the right one
+        # only.
         order = "<" if 0 <= struct.unpack_from("<i", data, at)[0] < 5000 else ">"
         code, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
         precision, kind = code // 10 % 10, code % 10

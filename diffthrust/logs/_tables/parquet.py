@@ -26,6 +26,7 @@ def read_parquet(path: Path) -> OpenTable:
     try:
         data = path.read_bytes()
         plain = pq.ParquetFile(pa.BufferReader(data))
+        # Reversed: of equal names the first one counts.
         kinds = {field.name: field.type for field in reversed(plain.schema_arrow)}
         # Keep equal texts once, as the file does: unpacked, they may take many times its size.
         texts = [name for name, kind in kinds.items() if _is_text(kind)]
@@ -43,6 +44,8 @@ def read_parquet(path: Path) -> OpenTable:
         MemoryBudget(path).take(_unpacked_size(source.metadata, chosen))
         try:
             data = source.read(columns=chosen)
+            # Arrow trusts the offsets inside a file; with damaged ones a later access reads foreign
+            # memory.
             data.validate(full=True)
             columns = {name: data.column(name) for name in chosen}
         except Exception as error:
@@ -82,6 +85,7 @@ def _texts(column: Any) -> list[str | None]:
     cells: list[str | None] = []
     for chunk in column.chunks:
         words = [*chunk.dictionary.to_pylist(), None]
+        # Empty cells point to the None behind the words.
         places = chunk.indices.cast("int64").fill_null(len(words) - 1)
         cells += [words[place] for place in places.to_numpy()]
     return cells

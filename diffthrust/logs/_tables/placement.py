@@ -58,6 +58,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
     shares: dict[int, dict[int, float]] = {}
     for k in filled:
         share = _numeric_share(rows[k])
+        # Half: a row of samples may hold a status word and empty cells beside its numbers.
         if share >= 0.5:
             shares.setdefault(len(_trimmed(rows[k])), {})[k] = share
     width = max(shares, key=lambda n: (len(shares[n]), n), default=0)
@@ -67,12 +68,14 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
         header = max(filled, key=lambda k: matched[k])
     elif numbers:
         above = [k for k in filled if k < min(numbers)]
+        # The row right above the numbers may hold units, with the names above it.
         if len(above) > 1 and len(_trimmed(rows[above[-2]])) == width and _units(rows[above[-1]]):
             above.pop()
         header = above[-1] if above else min(numbers)
     names = _trimmed(rows[header])
     units = {name: unit for name in names if (unit := unit_in(name))}
     below = [k for k in filled if k > header][:2]
+    # With one row below the header it is the only sample, whatever it looks like.
     unit_names = _units(rows[below[0]]) if len(below) == 2 else None
     if unit_names:
         units |= {name: unit for name, unit in zip(names, unit_names, strict=False) if unit}
@@ -130,4 +133,5 @@ def _units(row: Sequence[str]) -> list[str] | None:
     named = sum(cell not in ("", "-") for cell in bare)
     if any(map(is_number, bare)) or not any(recognized):
         return None
+    # Half of the cells: "m", "s" or "A" may also be a code or a name, a row of such rarely is.
     return recognized if 2 * sum(map(bool, recognized)) >= named else None

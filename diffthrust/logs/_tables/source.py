@@ -114,6 +114,8 @@ def table_of(
         form = clock.dates if clock is not None and clock.column == name else None
         table.columns[name] = _numbers(table, name, cells, source.comma, form, missing)
     commas = [note for note in table.notes if note.endswith(COMMAS)]
+    # 1,5 in one column and 1.500 in another: the second may be 1.5 or 1500, so the log notes the
+    # choice.
     if commas and len(commas) < len(wanted):
         pointed = [
             name

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust.comparison._compare import compare as compare_one
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._fit import fit as fit_one
@@ -74,9 +74,11 @@ def fit(
     lengths = lengths_of(log for group in (*members, *held) for log in group)
     named, triples = _names(names, members), list(zip(models, members, unseen, strict=True))
     if _processes(processes, devices) == 1:
-        return _fits(triples, named, (lengths, width, None, options), devices, teller(progress))
-    common = (lengths, width, 2, options)  # each has one processor
-    return divided(_fits, triples, named, common, processes=processes, progress=teller(progress))
+        return _fits(triples, named, (lengths, width, None, options), devices, reporter(progress))
+    # Two runs at a time: each process has one processor, and one group waits while the other
+    # computes.
+    common = (lengths, width, 2, options)
+    return divided(_fits, triples, named, common, processes=processes, progress=reporter(progress))
 
 
 def _fits(
@@ -90,7 +92,7 @@ def _fits(
 
     def fit_member(i: int) -> Fit:
         model, logs, unseen = members[i]
-        # thousands of short fits: checking the logs for doubts would double the time
+        # Thousands of short fits: checking each log for doubts would double the time.
         return fit_one(model, logs, holdout=unseen, **{"doubts": False, **options})
 
     return each(
@@ -141,7 +143,12 @@ def compare(
     lengths = lengths_of(log for group in members for log in group)
     named = _names(names, members)
     return each(
-        compare_member, named, lengths, width=width, devices=devices, progress=teller(progress)
+        compare_member,
+        named,
+        lengths,
+        width=width,
+        devices=devices,
+        progress=reporter(progress),
     )
 
 
@@ -196,7 +203,12 @@ def sample(
     lengths = lengths_of(log for group in members for log in group)
     named = _names(names, members)
     return each(
-        sample_member, named, lengths, width=width, devices=devices, progress=teller(progress)
+        sample_member,
+        named,
+        lengths,
+        width=width,
+        devices=devices,
+        progress=reporter(progress),
     )
 
 

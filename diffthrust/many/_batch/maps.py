@@ -80,9 +80,7 @@ def describing_function(
         try:
             requests[i] = request(models[i], amplitudes, frequencies, **wanted)
             groups.setdefault(requests[i].model.structure, []).append(i)
-        except (
-            Exception
-        ) as error:  # whatever it is, it becomes this member's error: the others go on
+        except Exception as error:  # of any kind: it belongs to this member, the others continue
             errors[i] = error
     chunks = [
         g[at : at + _MAPS_AT_A_TIME]

@@ -54,6 +54,7 @@ def divided(
     with tempfile.TemporaryDirectory(prefix="diffthrust-") as folder:
 
         def ask(process: LineProcess, chunk: range) -> list[tuple[Any, Exception | None, float]]:
+            # Files, since a line of JSON through the pipe cannot hold pickled arrays.
             request, reply = (Path(folder) / f"{chunk.start}.{end}" for end in ("in", "out"))
             question = [members[i] for i in chunk], [names[i] for i in chunk], common
             request.write_bytes(pickle.dumps((work, *question)))

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _SHOWN = ("name", "status", "fit_status", "train_nrmse", "holdout_nrmse", "nrmse", "error")
-_MOST = 40
-"""A report has so many rows, with these columns."""
-_TOLD = ("name", "status", "error", "mend", "seconds")  # columns of every kind of result
+"""The columns of a report, of those that the results have."""
+_REPORTED_ROWS = 40
+_COMMON = ("name", "status", "error", "mend", "seconds")
+"""The columns of every kind of result."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -97,7 +98,7 @@ class Many(Result):
         for name, result, error, seconds in zip(
             self.names, self.results, self.errors, self.seconds, strict=True
         ):
-            row = dict(zip(_TOLD, (name, "ok", None, None, seconds), strict=True))
+            row = dict(zip(_COMMON, (name, "ok", None, None, seconds), strict=True))
             if error is not None:
                 row |= {"status": "failed", "error": str(error) or type(error).__name__}
                 if isinstance(error, InputError):
@@ -105,7 +106,7 @@ class Many(Result):
                 rows.append(row)
             else:
                 rows.append({**row, **row_of(result)})
-        return pd.DataFrame(rows, columns=None if rows else list(_TOLD))
+        return pd.DataFrame(rows, columns=None if rows else list(_COMMON))
 
     @property
     def units(self) -> dict[str, str]:
@@ -126,7 +127,7 @@ class Many(Result):
         names = [name for name in _SHOWN if name in table]
         rows = [
             [number(cell, 3) if isinstance(cell, float) else str(cell or "") for cell in row]
-            for row in table[names].head(_MOST).itertuples(index=False)
+            for row in table[names].head(_REPORTED_ROWS).itertuples(index=False)
         ]
         more = len(table) - len(rows)
         numbers = [i for i, name in enumerate(names) if name.endswith("nrmse")]
@@ -155,6 +156,7 @@ def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tupl
     out = []
     for name in chosen:
         unique, counts[name] = name, counts[name] + 1
+        # A given name may itself be "run (2)": numbers that are taken are skipped.
         while counts[name] > 1 and (unique := f"{name} ({counts[name]})") in taken:
             counts[name] += 1
         taken.add(unique)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
-from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.many._campaign.executors import outcomes
@@ -84,7 +84,7 @@ class Campaign(Result):
         what = "1 spec" if len(self.rows) == 1 else f"{len(self.rows)} specs"
         parts = [f"{what} in {self.seconds:.0f} s: {self.counts.get('ok', 0)} done"]
         if self.kept:
-            parts[0] += f" ({self.kept} of them before)"
+            parts[0] += f" ({self.kept} of them earlier)"
         parts += [f"{n} {how.replace('_', ' ')}" for how, n in self.counts.items() if how != "ok"]
         sentence = f"{', '.join(parts)}."
         retry = " The same campaign again tries those without a result."
@@ -183,23 +183,25 @@ def campaign(
         Job(names[path], str(path), str(out / folder), task, options, report, time_limit, places)
         for path, folder in folders(names).items()
     ]
-    say = teller(progress)
+    report_progress = reporter(progress)
     rows = {job.name: row for job in work if (row := _kept(job))}
     todo = [job for job in work if job.name not in rows]
     kept = len(rows)
     _save(out, rows)
     if todo:
-        say(_progress_text(rows, kept, len(work), 0.0), kept / len(work))
+        report_progress(_progress_text(rows, kept, len(work), 0.0), kept / len(work))
         try:
             try:
-                _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
-            finally:  # also if the table cannot be written, which stops workers while they write
+                count = min(jobs or processors(), len(todo))
+                _run(executor, count, todo, rows, out, report_progress)
+            # Also if the table cannot be written: that stops workers in the middle of writing.
+            finally:
                 sweep(out, work)
         except KeyboardInterrupt:
             _save(out, rows)
             raise KeyboardInterrupt(
-                f"{len(rows)} of {len(work)} specs are done and kept in {out}; the same campaign "
-                "again goes on from there."
+                f"{len(rows)} of {len(work)} specs are done and kept in {out}; running the same "
+                "campaign again continues from there."
             ) from None
         _save(out, rows)
     ordered = tuple(rows[name] for name in sorted(rows))
@@ -212,7 +214,7 @@ def _run(
     todo: list[Job],
     rows: dict[str, ResultRow],
     out: Path,
-    say: Progress,
+    report_progress: Progress,
 ) -> None:
     """Do the remaining work, and write the table from time to time."""
     kept, total = len(rows), len(rows) + len(todo)
@@ -223,7 +225,9 @@ def _run(
             if row is not None:
                 rows[row["name"]] = row
             now = time.monotonic()
-            say(_progress_text(rows, kept, total, now - started), len(rows) / total)
+            report_progress(_progress_text(rows, kept, total, now - started), len(rows) / total)
+            # The whole table is written each time: with thousands of rows that takes seconds, so
+            # that the pause grows with its cost.
             if row is not None and now - saved > max(5.0, cost / _SAVING):
                 _save(out, rows)
                 saved = time.monotonic()
@@ -284,7 +288,8 @@ def _check(executor: Any, jobs: Any, time_limit: Any) -> None:
         )
     if jobs is not None and executor is not None:
         raise InputError(
-            "jobs: the executor has as many workers as it has.", "Leave jobs or the executor out."
+            "jobs: the executor determines its number of workers.",
+            "Leave out jobs or the executor.",
         )
     if time_limit is not None and (
         isinstance(time_limit, bool)

@@ -106,7 +106,7 @@ def _lost(job: Job, error: BaseException) -> ResultRow:
     return {
         **head(job, "lost"),
         "error": f"{what} ({type(error).__name__}{detail}).",
-        "mend": "Run the campaign again: it goes on with the rest.",
+        "mend": "Run the campaign again: it does the remaining specs.",
     }
 
 
@@ -136,4 +136,6 @@ def _cluster(address: str) -> Iterator[Executor]:
                 f"Start some (dask worker {address}); of a cluster that grows when it has work, "
                 "give client.get_executor() as the executor.",
             ) from None
+        # Dask takes calls with equal arguments for one and returns the earlier result (pure): a
+        # campaign that retries a failed spec must run it again.
         yield client.get_executor(pure=False)

@@ -110,7 +110,11 @@ def fingerprint(spec: Spec, job: Job) -> str:
         "options": dict(job.options),
         "spec": hashlib.sha256(spec.text.encode()).hexdigest(),
         "files": [
-            (os.path.relpath(file, here), _digest(file)) for p in paths for file in _files(p)
+            # Relative to the spec: a folder that was moved with its logs need not be worked on
+            # again.
+            (os.path.relpath(file, here), _digest(file))
+            for p in paths
+            for file in _files(p)
         ],
     }
     return hashlib.sha256(json.dumps(causes, sort_keys=True).encode()).hexdigest()

@@ -53,6 +53,7 @@ def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path,
             "[logs]), found none.",
             "Name a folder that holds spec files, at any depth.",
         )
+    # A spec named twice, or through a link, is one spec.
     files = list({path.resolve(): path for path in files}.values())
     base = roots[0] if len(roots) == 1 and roots[0].is_dir() else _common(files)
     return {path: _name(path, base) for path in files}
@@ -70,6 +71,8 @@ def folders(specs: dict[Path, str]) -> dict[Path, str]:
     taken: dict[str, Path] = {}
     names = {}
     for path, name in specs.items():
+        # Without dots at the front, which would hide a result and confuse it with a temporary
+        # folder.
         folder = re.sub(r"[^\w.\-]+", "_", name.replace("/", "__")).lstrip(".") or "_"
         rival = taken.setdefault(folder.casefold(), path)
         if rival != path:

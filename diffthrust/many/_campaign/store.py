@@ -46,6 +46,8 @@ def store(
     """
     target = Path(job.folder)
     fresh = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
+    # No system replaces a folder that has files in one step: the old one is moved aside, and back
+    # if the new one cannot take its place.
     old = fresh.with_suffix(".old")
     try:
         fresh.mkdir(parents=True)
@@ -89,6 +91,8 @@ def stored(job: Job) -> dict[str, Any] | None:
             f"would put {job.task!r} there.",
             "Name another output folder.",
         )
+    # A spec that was moved leaves its result behind under the old path: only one that still exists
+    # is another spec.
     if stored_spec != job.spec and Path(stored_spec).exists():
         raise InputError(
             f"{job.folder}: it holds the result of {stored_spec}, and this campaign would put "

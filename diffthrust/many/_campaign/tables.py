@@ -28,8 +28,8 @@ _COLUMNS = (*_TEXTS, "seconds", *_RESULTS, "train_nrmse", "holdout_nrmse")
 def arrow_table(rows: Sequence[ResultRow]) -> pa.Table:
     """The rows as a table, in the order of their names.
 
-    A parameter has its value in the column of its name, and its standard error in another with
-    ``_std_error`` behind it. Where a name is taken by another column, ``parameter.`` stands before.
+    A parameter's value is in the column of its name, its standard error in a second column with
+    the suffix ``_std_error``. Where another column has that name, it gets the prefix ``parameter.``
     """
     import pyarrow as pa
 

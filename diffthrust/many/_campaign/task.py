@@ -66,6 +66,8 @@ def helped(process: LineProcess, job: Job) -> ResultRow:
         CancelledError: the process was stopped meanwhile.
     """
     started, why = time.perf_counter(), ""
+    # The first death may be bad luck: another process took the memory, or an administrator killed
+    # it.
     for _ in range(_DEATHS):
         try:
             return process.ask(vars(job), job.time_limit)
@@ -89,7 +91,8 @@ def run_job(job: Job) -> ResultRow:
     started, mark = time.perf_counter(), None
     try:
         mark = fingerprint(job.load(), job)
-        spec = job.load()  # read after the mark: a change in between shows in the second mark below
+        # Loaded after the first fingerprint: a change in between shows in the second one below.
+        spec = job.load()
         result = _TASKS[job.task](spec, job)
         if fingerprint(job.load(), job) != mark:
             raise InputError(

@@ -77,6 +77,7 @@ def axes_of(entries: Iterable[Entry]) -> dict[str, Axis]:
 def _axis(name: str, p: Parameter | None, values: np.ndarray) -> Axis:
     if p is not None and p.transform == "log":
         return Axis(name, p.unit, True, _TYPICAL)
+    # A parameter that may be negative or zero has no logarithm: its declared size sets the scale.
     size = p.size if p is not None and p.size is not None else float(np.median(values)) or 1.0
     return Axis(name, p.unit if p is not None else "", False, _TYPICAL * size)
 

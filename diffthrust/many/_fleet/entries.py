@@ -62,7 +62,7 @@ class Entry(Brief):
 
 
 def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
-    """The entries, and notes on what was left out.
+    """The entries, and notes on fits that were left out.
 
     Raises:
         InputError: the source holds no fits, or names or times do not match them.
@@ -111,8 +111,8 @@ def _fits(
         vehicles = names
         if vehicle is None:
             raise InputError(
-                "vehicle: a list of fits does not tell whose they are.",
-                "Give vehicle=[...], or {'auv1': [fit, ...], ...} in the place of the list.",
+                "vehicle: expected the vehicle of each fit in the list, found none.",
+                "Give vehicle=[...], or {'auv1': [fit, ...], ...} instead of the list.",
             )
     for name, fit in zip(names, fits, strict=True):
         if not isinstance(fit, Fit):
@@ -182,6 +182,7 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
     times = _column(frame, "time", time, names) or [None] * len(names)
     entries = []
     for name, whose, when, row in zip(names, vehicles, times, rows, strict=True):
+        # Tables keep the effects of a fit as one text with commas.
         effects = tuple(effect.strip() for effect in _text(row.get("effects")).split(",") if effect)
         columns = {key: row[key] for key in ("fit_status", "train_nrmse", "holdout_nrmse")
                 if key in row}  # fmt: skip

@@ -44,6 +44,8 @@ def vehicle_means(fleet: Estimates, parameter: str) -> VehicleMeans:
         _, values, errors = fleet.series(vehicle, parameter)
         if values.size:
             mean = weighted_mean(values, errors)
+            # Without the factor a hundred short tests would claim a precision that their own
+            # scatter refutes.
             means.append((vehicle, mean.value, mean.error * dispersed(mean)))
     names, values, errors = zip(*means, strict=True) if means else ((), (), ())
     return VehicleMeans(tuple(names), np.array(values, float), np.array(errors, float))

@@ -77,6 +77,8 @@ def first_guess(evidence: Sequence[VehicleEvidence]) -> Guess:
     """
     values = np.stack([vehicle.values for vehicle in evidence])
     information = np.stack([np.diagonal(vehicle.information) for vehicle in evidence])
+    # Zero information (a parameter that the vehicle lacks) becomes a huge variance instead of a
+    # division by zero.
     variance = 1.0 / np.maximum(information, 1e-12)
     weight = 1.0 / (variance + 0.01)
     total = np.sum(weight, axis=0)
@@ -127,13 +129,13 @@ def gather_evidence(
     if tabular:
         notes.append(
             "A table has no covariances: the errors of one vehicle's parameters count as "
-            "independent of each other. Fits tell more."
+            "independent of each other. Pool the fits themselves to include the covariances."
         )
     if uncertain:
         notes.append(
             f"{listing(uncertain)}: parameters without a standard error come from the fleet only, "
             "and the other parameters are conditional on the value at which the fit held them. "
-            "Give logs={...} to use what these logs do say of them."
+            "Give logs={...} to use the information that the logs do have on them."
         )
     return out, notes
 
@@ -155,6 +157,8 @@ def _with_exact_likelihood(
         )
     which = np.flatnonzero([axis.name in fits[0].free for axis in ruler.axes])
     precision = 1.0 / begin.spread**2
+    # The search for the expansion point starts at the fleet's compromise: the vehicle's fit may
+    # have run to zero in a parameter that its logs do not determine.
     towards = np.linalg.solve(
         parabola.information + np.diag(precision),
         parabola.information @ parabola.values + precision * begin.mean,
@@ -195,6 +199,8 @@ def _parabola(entry: Entry, ruler: Ruler) -> tuple[np.ndarray, np.ndarray]:
     information = np.zeros((p, p))
     if valid.size:
         scaled = covariance / np.outer(slopes[valid], slopes[valid])
+        # Made symmetric: rounding in a covariance of high condition would make the inverse
+        # asymmetric.
         information[np.ix_(valid, valid)] = np.linalg.inv(0.5 * (scaled + scaled.T))
     return values, information
 
@@ -207,6 +213,7 @@ def _together(parabolas: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.nd
     """
     information = np.sum([weight for _, weight in parabolas], axis=0)
     pull = np.sum([weight @ values for values, weight in parabolas], axis=0)
+    # A pseudo-inverse: directions that no fit determines have zero information.
     values = np.linalg.pinv(information, hermitian=True) @ pull
     grown = np.ones(values.size)
     for i in range(values.size):

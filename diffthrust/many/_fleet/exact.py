@@ -100,7 +100,8 @@ def expand(
         InputError: the logs are not those of the fit.
     """
     names = [axis.name for axis in axes]
-    # On its own, a fit that is not identifiable has no proper posterior; within a fleet it has one.
+    # `posterior_of` refuses a fit that is not identifiable, whose posterior is improper. The law of
+    # the fleet makes it proper, hence the status.
     near = {n: fit.parameters[n].value for n in names}
     posterior = posterior_of(
         replace(fit, status=Status.CONVERGED, guess={**fit.guess, **near}), logs
@@ -111,7 +112,9 @@ def expand(
     described = [posterior.problem.named[name] for name in names]
     low, high = posterior.low.copy(), posterior.high.copy()
     for column, axis, p in zip(pooled, axes, described, strict=True):
-        if axis.log:  # the fit's bounds are decades around its start, which is now the fit itself
+        # The bounds of a fit are decades around its guess, which is here the estimate itself: an
+        # estimate that ran to zero would have no way back.
+        if axis.log:
             with np.errstate(divide="ignore"):
                 low[column], high[column] = np.log(p.limits)
     posterior = replace(posterior, low=low, high=high)
@@ -151,6 +154,8 @@ def _with_parabola(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
         curvature = np.linalg.inv(covariance(x)) + np.diag(precision)
         step = np.linalg.solve(curvature, total)
         share, here = 1.0, value - 0.5 * float(np.sum(precision * (y - mean) ** 2))
+        # The information is that of Gauss and Newton, and the likelihood may be far from a
+        # parabola: the step is halved until the posterior density does not fall.
         while share > 1e-4:
             trial = y + share * step
             updated, inclined, shifted = at(trial)
@@ -162,4 +167,6 @@ def _with_parabola(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
             break
     result = covariance(x)
     result = 0.5 * (result + result.T)
+    # The parabola of the likelihood alone: its maximum lies a Newton step from the expansion point,
+    # which is the maximum of likelihood times law.
     return replace(bare, top=y + result @ slope, covariance=result)

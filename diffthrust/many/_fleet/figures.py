@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
-from diffthrust._support.words import spelt
+from diffthrust._support.words import humanize
 from diffthrust.many._fleet.axis import Axis
 from diffthrust.many._fleet.estimates import Estimates, vehicle_means
 from diffthrust.many._fleet.statistics import between, weighted_mean
@@ -74,9 +74,9 @@ def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
     drifting = list(dict.fromkeys(drifts["vehicle"]))
     colour = {v: _MARKED[i % len(_MARKED)] for i, v in enumerate(drifting)}
     mark = {v: _MARKS[i % len(_MARKS)] for i, v in enumerate(drifting)}
-    shown = [fleet.axes[name] for name in dict.fromkeys(drift["parameter"])]
-    figure, panels = _panels(shown, 3.2)
-    for axes, axis in zip(panels, shown, strict=True):
+    parameters = [fleet.axes[name] for name in dict.fromkeys(drift["parameter"])]
+    figure, panels = _panels(parameters, 3.2)
+    for axes, axis in zip(panels, parameters, strict=True):
         here = set(drifts[drifts["parameter"] == axis.name]["vehicle"])
         for vehicle in drift[drift["parameter"] == axis.name]["vehicle"]:
             times, values, errors = fleet.series(vehicle, axis.name)
@@ -132,7 +132,7 @@ def effects_figure(table: Any) -> Figure:
                 shade = "white" if share[row, column] > 0.55 else "0.1"
                 axes.text(column + 0.5, row + 0.5, f"{count} of {table.loc[vehicle, 'fits']}",
                           ha="center", va="center", color=shade, fontsize=8)  # fmt: skip
-    words = [spelt(name).replace(" ", "\n") for name in names]
+    words = [humanize(name).replace(" ", "\n") for name in names]
     axes.set_xticks(np.arange(len(names)) + 0.5, words, fontsize=8)
     axes.set_yticks(np.arange(len(table)) + 0.5, [literal(v) for v in table.index], fontsize=8)
     axes.invert_yaxis()
@@ -144,14 +144,14 @@ def effects_figure(table: Any) -> Figure:
 
 
 def pooled_figure(
-    fleet: Estimates, shown: Sequence[Axis], posterior: Any, pooled: Any, level: float
+    fleet: Estimates, parameters: Sequence[Axis], posterior: Any, pooled: Any, level: float
 ) -> Figure:
     """Each vehicle by itself and pooled; behind it the median of the fleet and its spread."""
     vehicles = [str(vehicle) for vehicle in posterior["vehicle"].values]
     share = f"{100 * level:g} %"
     width = _SIGMAS if level == 0.95 else _quantile(level)
-    figure, panels = _panels(list(shown), 0.9 + 0.34 * len(vehicles))
-    for axes, axis in zip(panels, shown, strict=True):
+    figure, panels = _panels(list(parameters), 0.9 + 0.34 * len(vehicles))
+    for axes, axis in zip(panels, parameters, strict=True):
         alone = vehicle_means(fleet, axis.name)
         middle = float(np.median(axis.coordinate(posterior[f"{axis.name}.mean"].values)))
         _law(axes, axis, middle, float(np.median(posterior[f"{axis.name}.between"].values)))
@@ -166,7 +166,9 @@ def pooled_figure(
         _bars(axes, axis, low, at, high, rows + 0.17, fmt="s", color=BLUE, zorder=3,
               label=f"pooled, {share}")  # fmt: skip
         ends = np.concatenate([low, high])
-        margin = 0.6 * np.ptp(ends)  # a vehicle that knows nothing by itself reaches anywhere
+        # The axis follows the pooled intervals: the separate one of a vehicle with poor logs may
+        # be orders of magnitude wider.
+        margin = 0.6 * np.ptp(ends)
         axes.set_xlim(*axis.value(np.array([ends.min() - margin, ends.max() + margin])))
         _rows(axes, axis, vehicles)
     _legend(figure, "Separate fits and pooled")
@@ -179,14 +181,14 @@ def _quantile(level: float) -> float:
     return float(norm.ppf(0.5 + level / 2))
 
 
-def _panels(shown: list[Axis], height: float) -> tuple[Figure, list[Axes]]:
+def _panels(parameters: list[Axis], height: float) -> tuple[Figure, list[Axes]]:
     from matplotlib.figure import Figure
 
-    across = max(1, min(_ACROSS, len(shown)))
-    down = max(1, -(-len(shown) // across))
+    across = max(1, min(_ACROSS, len(parameters)))
+    down = max(1, -(-len(parameters) // across))
     size = (1.2 + 3.6 * across, 0.6 + height * down)
     figure = Figure(figsize=size, layout="constrained")
-    return figure, [figure.add_subplot(down, across, i + 1) for i in range(len(shown))]
+    return figure, [figure.add_subplot(down, across, i + 1) for i in range(len(parameters))]
 
 
 def _law(axes: Axes, axis: Axis, mean: float, sd: float) -> None:

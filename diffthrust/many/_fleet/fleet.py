@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
@@ -247,7 +247,7 @@ class Fleet(Result):
             chains=chains,
             seed=seed,
             level=_share("level", level),
-            progress=teller(progress),
+            progress=reporter(progress),
         )
 
     @showing
@@ -344,13 +344,13 @@ def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
             dates = pd.to_datetime(pd.Series(list(times)), utc=True, format="ISO8601")
         except (ValueError, TypeError) as error:
             raise InputError(
-                f"time: expected numbers or dates, found what is neither ({error}).",
+                f"time: expected numbers or dates, found neither ({error}).",
                 "Write dates as 2026-05-01 or 2026-05-01T12:00.",
             ) from None
         numbers, unit = ((dates - dates.min()) / pd.Timedelta(days=1)).to_numpy(float), "day"
     if not np.isfinite(numbers).all():
         raise InputError(
-            f"time: that of fit {int(np.argmin(np.isfinite(numbers))) + 1} is missing.",
+            f"time: fit {int(np.argmin(np.isfinite(numbers))) + 1} has none.",
             "Give a time for each fit, or for none.",
         )
     return numbers, unit

@@ -100,6 +100,8 @@ class Hierarchy(NamedTuple):
         mean = data["mean"] + data["mean_width"] * v[:p]
         log_spread = data["log_spread"] + 0.5 * v[p : 2 * p]
         spread = jnp.exp(log_spread)
+        # log_spread itself is the Jacobian of the logarithm, in which the standard deviation is
+        # sampled.
         prior = jnp.sum(log_spread - 0.5 * (_TAIL + 1) * jnp.log1p(spread**2 / _TAIL))
         if not self.correlated:
             return mean, jnp.diag(spread), prior
@@ -135,6 +137,8 @@ def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]
     eye = jnp.eye(mean.shape[0])
 
     def condition(value: Any, information: Any, eta: Any) -> Any:
+        # I + R' A R is positive definite whatever the information A, also singular, and for a law
+        # of width zero.
         chol = jnp.linalg.cholesky(eye + root.T @ information @ root)
         away = value - mean
         pull = root.T @ (information @ away)

@@ -63,7 +63,7 @@ def pool_vehicles(
 
 
 def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], list[str]]:
-    """The parameters to pool, and a note on those that too few vehicles have."""
+    """The parameters to pool, and a note on parameters that too few vehicles have."""
     counts = {
         name: sum(fleet.series(vehicle, name)[1].size > 0 for vehicle in fleet.vehicles)
         for name in fleet.axes

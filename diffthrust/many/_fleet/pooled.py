@@ -80,15 +80,15 @@ class Pooled(Result):
 
         rows = []
         for i, axis in enumerate(self.ruler.axes):
-            alone = vehicle_means(self.fleet, axis.name)
+            separate = vehicle_means(self.fleet, axis.name)
             for j, vehicle in enumerate(self.evidence):
                 if not vehicle.present[i]:
                     continue
                 fitted, error = self._fitted(vehicle.vehicle, axis.name), np.nan
-                if vehicle.vehicle in alone.vehicles:
-                    at = alone.vehicles.index(vehicle.vehicle)
-                    fitted = float(axis.value(alone.values[at]))
-                    error = alone.errors[at] * float(axis.slope(fitted))
+                if vehicle.vehicle in separate.vehicles:
+                    at = separate.vehicles.index(vehicle.vehicle)
+                    fitted = float(axis.value(separate.values[at]))
+                    error = separate.errors[at] * float(axis.slope(fitted))
                 drawn = self.post.posterior[axis.name].values[..., j]
                 low, median, high = _quantiles(drawn, self.level)
                 rows.append(
@@ -169,9 +169,10 @@ class Pooled(Result):
                 name = f"correlation.{column.name}.{row.name}"
                 if name in posterior:
                     correlation[:, i, j] = correlation[:, j, i] = posterior[name].values.ravel()
+        # A draw of the correlation may be 1 to the last bit, and its matrix singular.
         root = np.linalg.cholesky(correlation + 1e-12 * np.eye(p))
-        apart = np.random.default_rng(seed).standard_normal((len(means), p))
-        moved = spreads * np.einsum("nij,nj->ni", root, apart)
+        standard = np.random.default_rng(seed).standard_normal((len(means), p))
+        moved = spreads * np.einsum("nij,nj->ni", root, standard)
         return {
             axis.name: axis.value(axis.coordinate(means[:, i]) + moved[:, i])
             for i, axis in enumerate(self.ruler.axes)

@@ -53,6 +53,7 @@ def between(values: np.ndarray, errors: np.ndarray) -> float:
     high = float(np.ptp(values)) ** 2
     if excess(0.0) <= 0:
         return 0.0
+    # The range squared nearly always exceeds the variance that is sought; doubling covers the rest.
     while excess(high) > 0:
         high *= 2.0
     root: Any = brentq(excess, 0.0, high, xtol=1e-14 * high)

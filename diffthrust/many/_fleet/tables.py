@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.report import Report, Rows, Section, Styled, notes
-from diffthrust._support.words import joined, number, percent, probability, spelt, with_error
+from diffthrust._support.words import humanize, joined, number, percent, probability, with_error
 from diffthrust.many._fleet.estimates import Estimates
 
 
@@ -31,7 +31,7 @@ def fleet_report(
 
 
 def pooled_report(population: Any, vehicles: Any, level: float, remarks: Sequence[str]) -> Report:
-    """The law of the fleet, each vehicle, and what is to be said of them."""
+    """The law of the fleet, its vehicles, and remarks."""
     exact = bool((vehicles["likelihood"] == "exact").any())
     return Report(
         Section(f"The fleet ({percent(level)} intervals)", _population_rows(population)),
@@ -141,4 +141,4 @@ def _effects(table: Any) -> Iterator[str]:
             for vehicle, share, fits in zip(table.index, table[name], table["fits"], strict=True)
             if share > 0
         ]
-        yield f"Effect: {spelt(name)} in {joined(where)}."
+        yield f"Effect: {humanize(name)} in {joined(where)}."

@@ -80,6 +80,7 @@ def trend(times: np.ndarray, values: np.ndarray, errors: np.ndarray) -> Trend | 
     ratio = float(np.sum(weight * residuals**2)) / dof if dof else 0.0
     dispersion = float(np.sqrt(max(1.0, ratio)))
     error = dispersion / np.sqrt(length)
+    # Errors that were enlarged by the observed scatter are estimates with dof degrees of freedom.
     law: Any = student(dof) if dispersion > 1.0 else norm
     return Trend(middle, level, slope, error, dispersion, 2.0 * float(law.sf(abs(slope) / error)))
 
@@ -137,6 +138,8 @@ def outlier_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
     for name, axis in fleet.axes.items():
         means = vehicle_means(fleet, name)
         for i, vehicle in enumerate(means.vehicles):
+            # Student's t of the test has two degrees of freedom fewer than vehicles: with three
+            # vehicles, one, whose tails let nothing be significant.
             if len(means.vehicles) < 4:
                 break
             values, errors = np.delete(means.values, i), np.delete(means.errors, i)

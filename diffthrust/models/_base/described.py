@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest, shortly
+from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.models._base.parameter import Normal, Parameter, Relative, parameter
 
 _FIELDS = tuple(f.name for f in fields(Parameter) if f.name != "pattern")
@@ -45,7 +45,7 @@ def plain_description(where: str, described: Any) -> str | dict[str, Any]:
     if not isinstance(described, Mapping):
         raise InputError(
             f"{where}: expected a unit, a dft.parameter or a table with a unit, "
-            f"found {shortly(described)}.",
+            f"found {short_repr(described)}.",
             'Give its unit, "" for a pure number; with a value: {"unit": "rad/s", "value": 2.0}.',
         )
     for name in described:
@@ -81,7 +81,7 @@ def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str
         hash((*fields.values(), *map(math.isfinite, numbers)))
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
-            f"{where}: its fields {shortly(dict(described))} describe no parameter ({error}).",
+            f"{where}: its fields {short_repr(dict(described))} describe no parameter ({error}).",
             "Write bounds = [low, high], prior = { mean = 1.0, std = 0.1 }, probes = [0.5, 2.0].",
         ) from None
     return fields

@@ -96,6 +96,8 @@ def band_of(
             "Look at the posterior; raise substeps.",
         )
     tails = [0.5 * (1 - level), 0.5, 0.5 * (1 + level)]
+    # draws at which the simulation fails are left out; one of two hundred must not end the
+    # prediction
     low, median, high = np.quantile(mean[fine], tails, axis=0)
     sigma = drawn.noise.get(channel)
     noisy_low, noisy_high = low, high
@@ -107,6 +109,7 @@ def band_of(
         noisy_low, noisy_high = (np.asarray(end) for end in ends)
     measured = record.observed[channel]
     if channel in drawn.model.angles:
+        # an angle may be logged a turn away from the simulated one
         turns = np.round((measured - median) / (2 * np.pi))
         measured = measured - 2 * np.pi * turns
     valid = np.isfinite(measured)
@@ -137,6 +140,7 @@ def mixed_quantile(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
         t = (x[None, :] - centre) / scale[:, None]
         return jnp.mean(law.below(t), axis=0)
 
+    # beyond 40 scales even a Student-t law with few degrees holds no tail that a band asks for
     far = 40.0 * jnp.max(scale)
 
     def halve(_: int, ends: Any) -> Any:

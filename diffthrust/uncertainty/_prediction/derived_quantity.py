@@ -70,7 +70,7 @@ def summarised(
     name: str, unit: str, values: np.ndarray, level: float, *grid: Any
 ) -> DerivedQuantity:
     """Summarise values by draw, ``(n,)``, or ``(n, m)`` over a grid."""
-    # A missing response counts as infinitely late, which cannot be interpolated.
+    # a missing response counts as infinitely late, which cannot be interpolated
     method: Any = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
     ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
     median, low, high = np.quantile(values, ends, axis=0, method=method)

@@ -123,9 +123,11 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
     described = [fit.model.parameters[n] for n in names]
     best = np.array([fit.parameters[n].value for n in names])
     logs = np.array([p.transform == "log" for p in described])
+    # to first order d(log p) = dp / p: the covariance of the fit's own coordinates
     slope = np.where(logs, best, 1.0)
     covariance = fit.covariance[np.ix_(determined, determined)] / np.outer(slope, slope)
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    # no Cholesky factor: a covariance with a parameter at its bound is singular
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     low, high = np.array([p.limits for p in described]).T
 
@@ -138,6 +140,7 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
         outside = np.any((drawn < low) | (drawn > high), axis=1)
         if not outside.any():
             break
+        # redrawn and not clipped: a mass of draws at the bound would end every interval there
         drawn[outside] = some(int(outside.sum()))
     drawn = np.clip(drawn, low, high)
     named = dict(zip(names, drawn.T, strict=True))

@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
@@ -195,7 +195,7 @@ def predict(
         raise InputError(
             f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
         )
-    report = teller(progress)
+    report = reporter(progress)
     report("drawing parameters", 0.0)
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
     (record,) = bind(drawn.model, [log.counted], compared=False)
@@ -208,8 +208,11 @@ def predict(
         )
     drawn, notes = _with_noise(drawn, record, channels, noise)
     if substeps is None:
+        # the step is chosen once, at the median draw: each number of substeps is a program to
+        # compile
         middle = {n: float(np.median(v)) for n, v in drawn.values.items()}
         substeps = sufficient_steps(drawn.model.replace(middle), record).substeps
+    # a stream apart from that of the draws: with or without noise the same parameters are drawn
     rng = np.random.default_rng([seed, 1])
     report("simulating the draws", 0.2)
     means = mean_runs(drawn, record, channels, substeps, rng)

@@ -128,8 +128,12 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
             elif not np.isfinite(time[j]) and moving[j] == 0:  # nothing moves
                 ready[j] = True
             elif not moving[j] <= _SETTLED:
+                # a duration at which it had not settled is never tried again: the search cannot
+                # swing
                 least[j] = wanted[j] = 2 * ends[j]
             else:
+                # the time to 63 % is rough where few samples cover it: at most a factor of 30 at
+                # once
                 wanted[j] = max(_LONG * time[j], least[j], ends[j] / 30)
                 ready[j] = wanted[j] > 0.6 * ends[j] and wanted[j] < 1.6 * ends[j]
         if ready.all():
@@ -150,6 +154,7 @@ def step_responses(
     model = key.model.bind(values)
 
     def respond(end: Any, size: Any) -> Any:
+        # one sample before the step, at rest: inputs are held, so the step acts from time zero on
         time = end * (jnp.arange(-1.0, _SAMPLES - 1.0) / (_SAMPLES - 2.0))
         after = jnp.arange(_SAMPLES) >= 1
         series = {n: jnp.full(_SAMPLES, v) for n, v in constants.items()}
@@ -172,6 +177,7 @@ def _near(time: Any, remaining: Any) -> Any:
     k = jnp.argmax(below)
     a, b = remaining[k - 1], remaining[k]
     positive = (a > 0) & (b > 0)
+    # safe arguments for the branch that is not taken: `where` computes both
     top, bottom = jnp.where(positive, a, 1.0), jnp.where(positive, b, 0.5)
     curved = (jnp.log(top) + 1.0) / (jnp.log(top) - jnp.log(bottom))
     fraction = jnp.where(positive, curved, (a - jnp.exp(-1.0)) / (a - b))

@@ -59,6 +59,7 @@ def read_posterior(path: Path) -> Any:
     if not path.is_file():
         raise InputError(f"{path}: expected a posterior, found no such file.", "Correct the name.")
     try:
+        # read at once: a lazy file stays open, and cannot be overwritten
         with arviz().rc_context({"data.load": "eager"}):
             post = arviz().from_netcdf(str(path))
         if not post.posterior.data_vars:

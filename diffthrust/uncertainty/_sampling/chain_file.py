@@ -141,6 +141,8 @@ def write(path: Path, data: bytes) -> None:
             with open(temporary, "wb") as f:
                 f.write(data)
                 f.flush()
+                # os.replace is atomic for names, not for contents: without the flush a power cut
+                # may leave a new name with an empty file
                 os.fsync(f.fileno())
             os.replace(temporary, target)
         except BaseException:  # including an interrupt
@@ -179,7 +181,7 @@ def _settle(folder: Path) -> None:
 
 
 def _temporary(target: Path) -> Path:
-    # A fixed name: a resumed run overwrites what a killed run left behind.
+    # a fixed name: a resumed run overwrites what a killed run left behind
     return target.with_name(f".{target.name}.tmp")
 
 
@@ -225,6 +227,7 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
             )
             checksums, labels = own_group["checksums"][...], tuple(own_group.attrs["coordinates"])
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+        # InputError is a ValueError: the message above must pass as it is
         if isinstance(error, InputError):
             raise
         raise InputError(

@@ -132,9 +132,11 @@ def _judged(
             f"The chains of {', '.join(stuck)} never moved: nothing can be said. "
             "Look at the bounds and priors, or try the other method."
         )
+    # the R-hat comes before the effective samples: these mean nothing while chains disagree
     least = min(min(bulk.values()), min(tail.values()))
     worst = max(r_hat, key=lambda name: r_hat[name])
     if r_hat[worst] > _R_HAT:
+        # chains that have not mixed give no reliable count: between four and ten times as many
         times = min(max(math.ceil(_SAMPLES / least), 4), 10)
         return Mixing.NOT_MIXED, (
             f"R-hat of {worst} {r_hat[worst]:.3f} (allowed {_R_HAT}): the chains have not found "

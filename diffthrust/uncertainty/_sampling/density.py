@@ -45,9 +45,8 @@ def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
         def residuals_of(pair: Any, index: int = index) -> Any:
             return residuals(layout, index, numbers, pair[0], shared, pair[1])
 
-        if (
-            pairs[0].time.shape[0] == 1
-        ):  # a loop of one iteration would keep the compiler from fusing
+        # a loop of one iteration would keep the compiler from fusing
+        if pairs[0].time.shape[0] == 1:
             rests.append(residuals_of(jax.tree.map(lambda a: a[0], pairs))[None])
         else:
             rests.append(jax.lax.map(residuals_of, pairs))
@@ -56,10 +55,9 @@ def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
     for name, (mean, std) in numbers.prior.items():
         cost += 0.5 * ((values[name] - mean) / std) ** 2
         if layout.transforms[layout.free.index(name)] == "log":
-            cost -= jnp.log(
-                values[name]
-            )  # Jacobian: the prior is a density in the value, the coordinate its logarithm
-    # The likelihood uses the level of the innovations; convert it to that of the noise.
+            # Jacobian: the prior is a density in the value, the coordinate its logarithm
+            cost -= jnp.log(values[name])
+    # the likelihood uses the level of the innovations; it is converted to that of the noise
     sigma = sigma / layout.likelihood.noise.levels(layout.channels, numbers, values)
     inside = jnp.all((x >= data["low"]) & (x <= data["high"]))
     return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma

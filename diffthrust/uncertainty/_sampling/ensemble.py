@@ -13,7 +13,7 @@ import emcee
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, teller
+from diffthrust._support.progress import Progress, reporter
 from diffthrust.uncertainty._sampling import chain_file
 from diffthrust.uncertainty._sampling.chain_file import BLOCK, Mark, Stored, packed
 from diffthrust.uncertainty._sampling.identity import problem_identity
@@ -84,7 +84,7 @@ def run_ensemble(
         InputError: the file belongs to another problem or cannot be written, or the density is not
             finite around the fit.
     """
-    report = teller(progress)
+    report = reporter(progress)
     lanes, total = lanes_of(walkers), warmup + draws
     who = problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
     stored = chain_file.read(file, who) if file else None
@@ -100,6 +100,8 @@ def run_ensemble(
         return np.column_stack([log_prob, levels])
 
     try:
+        # two legs: proposals are adapted once, half-way through the warmup, and are fixed for all
+        # draws
         for until in (min(warmup // 2, total), total):
             if backend.iteration >= until:
                 continue
@@ -122,7 +124,7 @@ def run_ensemble(
                     _walkers(posterior, stored.root, walkers, seed),
                     random_state=stored.random_state,
                 )
-            # emcee's check rejects nearly coplanar walkers, which narrow posteriors produce.
+            # emcee's check rejects nearly coplanar walkers, which narrow posteriors produce
             for _ in sampler.sample(
                 start, iterations=until - backend.iteration, skip_initial_state_check=True
             ):
@@ -267,6 +269,7 @@ def _walkers(posterior: Posterior, root: np.ndarray, walkers: int, seed: int) ->
         drawn = np.concatenate([drawn, x[np.isfinite(density)]])
         if len(drawn) >= walkers:
             return drawn[:walkers]
+        # near the edge of where the simulation works a narrower cloud still finds points
         width *= 0.8
     raise InputError(
         f"Only {len(drawn)} of {20 * walkers} points drawn around the fit have a likelihood: the "

@@ -27,7 +27,7 @@ _REGIONS = (0.5, 0.95)
 """The contours of two parameters hold these shares of the draws."""
 _BINS = 32
 _REACH = 1.0
-"""An axis is stretched by at most so many of its lengths to show a value that is marked."""
+"""Most lengths of its own by which an axis is stretched to show a value that is marked."""
 # Okabe & Ito 2008, besides those of the other figures
 _MARKS = ("#000000", "#009E73", "#CC79A7", "#E69F00")
 
@@ -258,6 +258,7 @@ def _pair(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
     smooth = gaussian_filter(counts, 1.2)
     ordered = np.sort(smooth.ravel())[::-1]
     held = np.cumsum(ordered) / ordered.sum()
+    # highest density regions: from the fullest bins down until they hold the share
     levels = sorted({float(ordered[np.searchsorted(held, share)]) for share in _REGIONS})
     middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (across, up)]
     axes.contour(

@@ -19,6 +19,7 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
     """Everything that identifies a problem, in readable form: model, parameters, data, settings."""
     problem, fit = posterior.problem, posterior.fit
     layout, numbers = problem.layout, problem.numbers
+    # addresses of functions differ from process to process
     structure = re.sub(r" at 0x[0-9a-f]+", "", repr(problem.model.structure))
     parameters = {}
     for name, p in problem.named.items():
@@ -45,6 +46,7 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
         "horizon": fit.horizon,
         "restarts": restarts.hexdigest()[:12] if fit.horizon is not None else None,
         "coordinates": posterior.labels,
+        # nine digits: the last ones differ between machines, on which a chain may be resumed
         "scales": [f"{s:.9g}" for s in np.asarray(numbers.scales)],
         "limits of errors": [f"{s:.9g}" for s in np.asarray(numbers.clip)],
     }

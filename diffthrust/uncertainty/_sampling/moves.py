@@ -69,6 +69,7 @@ def suited(
     propose = independent_proposals(centre, root)
     new, factors = propose(points, np.random.RandomState(seed))
     accepted = np.exp(np.minimum(density(new)[:, 0] - log_prob + factors, 0.0))
+    # never none at all: they are the only moves that leave one mode for another at once
     return max(0.1, MOST_INDEPENDENT * min(1.0, float(np.mean(accepted)) / _ENOUGH))
 
 
@@ -84,6 +85,8 @@ def learned(
     """
     dim = centre.size
     points = chain.reshape(-1, dim)
+    # twenty points for each entry of the covariance, or proposals follow the accidents of the
+    # warmup
     if len(chain) < 50 or len(points) < 20 * dim**2:
         return centre, root
     try:

@@ -14,7 +14,7 @@ import numpy as np
 from diffthrust._support._running.batching import run_program
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, teller
+from diffthrust._support.progress import Progress, reporter
 from diffthrust.uncertainty._sampling.density import DensityShape, log_density
 from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import Posterior
@@ -89,6 +89,8 @@ def _smooth_jvp(shape: DensityShape, box: Box, primals: Any, tangents: Any) -> t
         return jax.jvp(density, (v,), (direction,))
 
     value, gradient = jax.vmap(push, out_axes=(None, 0))(jnp.eye(v.shape[0]))
+    # outside the density is -inf; a NaN in its slope would poison the whole trajectory, where a
+    # zero ends it as a divergence
     fine = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
     return value, jnp.where(fine, gradient, 0.0) @ tangents[1]
 
@@ -206,7 +208,7 @@ def sample_target(
         seed: equal seeds give equal draws.
         progress: called with a message and the share done.
     """
-    report = teller(progress)
+    report = reporter(progress)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
     starts = jax.random.normal(begin, (chains, dim))
     report("warmup", 0.0)

@@ -203,6 +203,7 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
     low, high = problem.limits()
     local = solve(problem, z, budget=1).quadratic
     place = np.arange(z.size)
+    # an initial state that nothing depends on would be a direction without end for the walkers
     unseen = (place >= problem.shared) & ~(np.diagonal(local.information) > 0)
     moved = np.flatnonzero((low < high) & ~unseen)
     layout, law = problem.layout, problem.layout.likelihood.law
@@ -211,7 +212,7 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
     )
     levels = np.log(local.sigma[list(sampled)])
     flat = np.full(len(sampled), np.inf)
-    # Clip: the reported optimum may exceed its bounds by rounding.
+    # the reported optimum may exceed its bounds by rounding
     centre = np.concatenate([np.clip(z, low, high)[moved], levels])
     posterior = Posterior(
         fit,

@@ -102,13 +102,14 @@ def _far_out(line: ParameterLine, upper: bool, limit: float, drawn: np.ndarray) 
         side = walk(line, sign, _REACH)
     except DeeperError:  # a better optimum, which the fit missed: not a matter of propriety
         return None
+    # only a walk that ends without a fall of 20 leaves the side open
     if side.why not in ("bound", "flat"):
         return None
     x = np.array([point.x for point in side.points])
     fall = np.array([point.cost for point in side.points]) - side.points[0].cost
     span = sign * ((limit if math.isfinite(limit) else x[-1]) - x[0])
     grid = np.linspace(0.0, span, 20_001)
-    # Interpolate the root of the fall, which is nearly linear between points.
+    # the root of the fall is interpolated, since it is nearly linear between points
     density = np.exp(-(np.interp(grid, sign * (x - x[0]), np.sqrt(np.maximum(fall, 0.0))) ** 2))
     share = float(np.sum(density[grid > 0.5 * span]) / np.sum(density))
     beyond = float(np.mean(sign * (drawn - x[0]) > 0.5 * span))

@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.lossless import encoded
-from diffthrust._support.names import shortly
-from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.names import short_repr
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._rebuild import mark_of
@@ -98,7 +98,7 @@ def sample(
         )
     if method == "nuts":
         nuts.available()
-    report = teller(progress)
+    report = reporter(progress)
     logs = listed(logs)
     posterior = posterior_of(fit, logs)
     if method == "nuts":
@@ -169,16 +169,17 @@ def check_sampling(
             number = -1
         if number < least:
             raise InputError(
-                f"{what}: expected a whole number of at least {least}, found {shortly(value)}.",
+                f"{what}: expected a whole number of at least {least}, found {short_repr(value)}.",
                 f"Correct {what}.",
             )
         if number > most:
             raise InputError(
-                f"{what}: expected at most {most}, found {shortly(value)}.", f"Correct {what}."
+                f"{what}: expected at most {most}, found {short_repr(value)}.", f"Correct {what}."
             )
+    # the limit of numpy's RandomState, which emcee draws from
     if seed >= 2**32:
         raise InputError(
-            f"seed: expected less than 2^32, found {shortly(seed)}.", "Correct the seed."
+            f"seed: expected less than 2^32, found {short_repr(seed)}.", "Correct the seed."
         )
 
 
@@ -188,6 +189,8 @@ def _walkers(posterior: Posterior, wanted: int | None) -> int:
 
     if wanted is None:
         return ensemble.default_walkers(posterior.dim)
+    # with fewer walkers than twice the coordinates stretch moves stay in a subspace (Goodman &
+    # Weare 2010)
     least = 2 * (posterior.dim + 1)
     if wanted < least or wanted % 2:
         raise InputError(
