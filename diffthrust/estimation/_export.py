@@ -86,7 +86,7 @@ def exported_fit(
         linear=tuple(name for name, way in fit.hold.items() if way == "linear"),
         substeps=fit.substeps,
         errors={name: e.std_error for name, e in fit.parameters.items() if e.std_error is not None},
-        told=(f"Fit: {fit.message}", *(fit.origin.sentences if fit.origin else ())),
+        provenance=(f"Fit: {fit.message}", *(fit.origin.sentences if fit.origin else ())),
         version=__version__,
         units=ShownUnits((fit.written,)),
     )
