@@ -124,6 +124,7 @@ def runs_over(
 
 def are_tables(model: Model, runs: Sequence[Run]) -> bool:
     """Whether all runs are tables of readings, without a time of their own."""
+    # `read_log(time=None)` counts the rows of a static table 0, 1, 2, ... in place of seconds.
     counted = all(np.array_equal(run.time, np.arange(run.time.size)) for run in runs)
     return counted and not model.states
 
