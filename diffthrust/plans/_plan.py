@@ -24,7 +24,7 @@ _NEAR = 0.02
 
 
 class Level(NamedTuple):
-    """A stretch of a run over which the inputs are to be held.
+    """A stretch of a run over which the inputs must be held.
 
     Args:
         run: its name.

@@ -69,7 +69,7 @@ class Run(Brief):
 
     @cached_property
     def shown(self) -> ShownUnits:
-        """The units in which people are told of it: those of the log."""
+        """The display units: those of the log."""
         return ShownUnits((self.log.written,))
 
     @cached_property
@@ -194,5 +194,5 @@ def pooled_errors(runs: Sequence[Run]) -> Errors:
 
 
 def shown_of(runs: Sequence[Run]) -> ShownUnits:
-    """The units in which people are told of some runs."""
+    """The display units of several runs."""
     return ShownUnits(run.log.written for run in runs)
