@@ -45,7 +45,7 @@ class InputError(ValueError):
     Args:
         problem: one or more sentences that say where, what was expected and what was found.
         mend: what the user can do about it, as an imperative sentence.
-        place: what it is about, for a caller who knows where that was written.
+        place: the column or channel concerned; a caller may add the line of a spec that names it.
 
     Example:
         >>> try:
@@ -68,7 +68,7 @@ class InputError(ValueError):
 
     @classmethod
     def at(cls, place: Place | str, problem: str, mend: str = "") -> InputError:
-        """Make the error whose message begins with a place; a typed one goes along.
+        """Make an error whose message begins with a place; a `Place` is kept with the error.
 
         Example:
             >>> print(

@@ -25,7 +25,7 @@ class Brief:
         return f"{type(self).__name__}({self._line()})"
 
     def _line(self) -> str:
-        """What the line says; of a dataclass its fields, arrays by their shape."""
+        """The content of the line: the fields of a dataclass, arrays by their shape."""
         visible = [f for f in fields(self) if f.repr]  # pyright: ignore[reportArgumentType]
         return ", ".join(f"{f.name}={_brief(getattr(self, f.name))}" for f in visible)
 

@@ -1,4 +1,4 @@
-"""Stored fits run again and compared with what they are expected to give."""
+"""Stored fits, rerun and compared with their expected results."""
 
 import lazy_loader as _lazy
 

@@ -117,6 +117,8 @@ def check_report(checked: Checked, everything: bool = False) -> Report:
         checked: the outcome.
         everything: show every quantity in the order of the fits, also those that did not move.
     """
+    # By size, not by fit: one cause often moves many quantities, and the largest move shows it
+    # best.
     rows = checked.rows if everything else by_size(row for row in checked.rows if not row.ok)
     rows = [row.in_display_unit for row in rows]
     passed = {run.fit: run.ok for run in checked.runs}

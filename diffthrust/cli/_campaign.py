@@ -115,6 +115,7 @@ def _lines() -> Progress:
 
     def print_line(message: str, share: float) -> None:
         nonlocal last
+        # A campaign reports every result; a log of a batch job needs a line every half minute.
         if time.monotonic() - last > _EVERY:
             last = time.monotonic()
             typer.echo(visible(message), err=True)

@@ -105,6 +105,7 @@ def map_command(
         from diffthrust.describing._describe import describing_function
         from diffthrust.specs._spec import load_spec
 
+        # Checked before the logs are read and the model is fitted, which takes a while.
         if draws is not None and no_fit:
             raise InputError(
                 "--draws: expected a fit, whose covariance is drawn from, found --no-fit.",

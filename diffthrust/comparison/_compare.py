@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
 _TELLING = 50
-"""Fewer samples do not tell laws of noise apart."""
+"""Fewer samples do not distinguish laws of noise."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,8 +11,8 @@ from diffthrust._support.words import percent
 from diffthrust.simulation._runs import Run
 
 _OUTSTANDING = 3.0
-"""A run stands out where its error is so many times that of the median run, as it is and as a share
-of what varies in the run: neither a larger manoeuvre nor a smaller one makes it odd."""
+"""A run stands out where its error is this multiple of the median run's, both absolute and as a
+share of what varies in the run: neither a larger manoeuvre nor a smaller one makes it odd."""
 
 
 class Outstanding(NamedTuple):
@@ -80,6 +80,7 @@ def outstanding(runs: Sequence[Run]) -> list[Outstanding]:
         relative = [runs[entry.place].errors.channels[name].nrmse for entry in by_run]
         most = _OUTSTANDING * float(np.median(relative))
         for entry, nrmse in zip(by_run, relative, strict=True):
+            # of two runs the median lies between both: neither can be three times as large
             if len(by_run) > 2 and _OUTSTANDING < entry.ratio < np.inf and nrmse > most:
                 standing_out.append(entry)
     return standing_out

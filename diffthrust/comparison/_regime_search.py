@@ -1,9 +1,9 @@
 """The interval of one signal that holds the most squared error beyond its share of samples.
 
 Kuiper's statistic on the distribution of the squared error over the signal (Kuiper 1960), the
-largest over all signals, against what chance gives: the squared errors are cut into blocks and laid
-over the signals anew, runs in random order and blocks in random order within them (Kunsch 1989 on
-resampling by blocks, Westfall & Young 1993 on the largest of many statistics).
+largest over all signals, against what chance gives: the squared errors are cut into blocks and
+assigned to the signals again, runs in random order and blocks in random order within them (Kunsch
+1989 on resampling by blocks, Westfall & Young 1993 on the largest of many statistics).
 """
 
 from __future__ import annotations
@@ -93,6 +93,7 @@ def worst_range(
         return None
     orders = _orders(thin.run, max(3, block // stride), rng)
     energy = np.concatenate([thin.energy[None], thin.energy[orders]]).T / thin.energy.sum()
+    # single precision: 200 orders of 4000 samples in half the memory; only ranks are read from them
     energy = np.ascontiguousarray(energy, dtype=np.float32)
     excesses = {name: _largest(energy, thin.signals[name], edges) for name, edges in bins.items()}
     p_values = _adjusted(np.stack([scores for scores, _ in excesses.values()]), channels)
@@ -131,9 +132,12 @@ def _largest(
     weights, place = np.ones(label.size, np.float32), (label, np.arange(label.size))
     from scipy import sparse  # slow to import
 
+    # sums by bin of all random orders at once, as one sparse product
     member = sparse.csr_array((weights, place), shape=(edges.size + 1, label.size))
     share = (member @ energy).T - np.bincount(label, minlength=edges.size + 1) / label.size
     path = np.concatenate([np.zeros((share.shape[0], 1)), np.cumsum(share, axis=1)], axis=1)
+    # the largest rise of the running sum is the interval of largest excess: no pairs of ends are
+    # tried
     rise = path - np.minimum.accumulate(path, axis=1)
     end = int(rise[0].argmax())
     return rise.max(axis=1), (int(path[0, : end + 1].argmin()), end)
@@ -159,6 +163,7 @@ def _orders(run: np.ndarray, block: int, rng: np.random.Generator) -> np.ndarray
     for _ in range(_DRAWS):
         shuffled = []
         for i in rng.permutation(len(parts)):
+            # blocks begin anywhere: fixed cuts would keep the same neighbours in every draw
             rolled = np.roll(parts[i], int(rng.integers(parts[i].size)))
             pieces = np.array_split(rolled, max(1, rolled.size // block))
             shuffled += [pieces[j] for j in rng.permutation(len(pieces))]
@@ -171,6 +176,7 @@ def _adjusted(scores: np.ndarray, channels: int) -> np.ndarray:
     """P-values ``(S,)`` of scores ``(S, 1 + draws)``, for the largest over the signals."""
     chance = scores[:, 1:]
     scale = np.maximum(chance.std(axis=1), 1e-12)
+    # signals with many levels reach higher by chance: each is measured by its own chance
     standard = (scores - chance.mean(axis=1)[:, None]) / scale[:, None]
     largest = standard[:, 1:].max(axis=0)
     beaten = (largest[None, :] >= standard[:, :1]).sum(axis=1)

@@ -14,7 +14,8 @@ from diffthrust._support.words import percent
 from diffthrust.comparison._derived_signals import derived_signals
 from diffthrust.comparison._regime_search import Samples, SignalRange, coarse, excess, worst_range
 
-# A regime holds so much more of the error than of the samples; a second signal adds so much more.
+# least excess of a regime's share of the error over its share of the samples, and what a second
+# signal must add to it
 _EXCESS, _MORE = 0.15, 0.05
 
 
@@ -127,6 +128,7 @@ def worst_regimes(
     while len(regimes) < most:
         remaining = samples.at(outside)
         scale = float(remaining.energy.sum()) / everything
+        # 15 points of the whole error, also when most of it is explained already
         best = worst_range(remaining, block, rng, channels, _EXCESS / max(scale, _EXCESS))
         if best is None:
             break
@@ -174,6 +176,8 @@ def _block(residuals: Sequence[np.ndarray]) -> int:
     """Samples in a block: some correlation times of the squared residual."""
     longest = max(residual.size for residual in residuals)
     measured = autocorrelation([residual**2 for residual in residuals], longest // 3)
+    # of Gaussian noise the square has the squared correlation; the measured one is noisy on short
+    # runs
     implied = autocorrelation(residuals, longest // 3) ** 2
     times = [_integral(measured), _integral(implied)]
     return max(5, math.ceil(5 * max(times)))

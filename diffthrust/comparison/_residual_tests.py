@@ -234,7 +234,7 @@ def cross_correlation(
     error = math.sqrt(inflation / samples)
     norm = math.sqrt(covariance(residuals, residuals, 0)[0] * covariance(signals, signals, 0)[0])
     values = covariance(residuals, signals, lags) / norm
-    # neighbouring lags tell the same: only every so many count as a trial of their own
+    # neighbouring lags are correlated: of 2 K + 1 lags only one in ``inflation`` is another trial
     trials = 1 + 2 * lags / inflation
     p = min(1.0, trials * 2 * _NORMAL.cdf(-float(np.abs(values).max()) / error))
     band = -_NORMAL.inv_cdf(_LEVEL / 2) * error

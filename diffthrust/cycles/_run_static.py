@@ -45,9 +45,11 @@ def simulated(
     """
     period = cycle.oscillation.period
     wait = period / STEPS_A_PERIOD
-    if periods <= 32:  # what is left of a slow cycle may turn faster
+    if periods <= 32:  # after a slow cycle the loop may oscillate at a faster pole
         fast = 2.0 * math.pi / transfer.corners[-1] / 64
         wait = max(min(wait, fast), 0.25 * wait)
+    # the step is shortened so that the dead time is a whole number of steps: no interpolation of
+    # jumps
     lagging = math.ceil(transfer.delay / wait) if transfer.delay else 0
     step = transfer.delay / lagging if lagging else wait
     earlier = step * np.arange(-max(math.ceil(period / step), lagging) - 1, 1)
@@ -114,6 +116,8 @@ def states_on(transfer: Transfer, cycle: CycleSeries) -> np.ndarray:
     for k, e, y in zip(cycle.order, cycle.input, cycle.output, strict=True):
         s = 1j * cycle.frequency * k
         y = y * np.exp(-transfer.delay * s)
+        # (s I - A) x = B y alone is singular at a pole of G: the output C x = -e - D y selects the
+        # solution
         rows = np.vstack([s * np.eye(transfer.order) - a, c[None, :].astype(complex)])
         wanted = np.append(b * y, -e - d * y)
         x += np.linalg.lstsq(rows, wanted, rcond=None)[0].real

@@ -49,6 +49,7 @@ class Static(Nonlinearity):
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """By quadrature over a quarter turn either way, split where the output jumps or bends."""
         a, _ = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
+        # N does not depend on the frequency: one integral for each amplitude of the grid
         levels, back = np.unique(a, return_inverse=True)
         n = np.array([self._projected(level) for level in levels], complex)
         return n[back].reshape(a.shape)

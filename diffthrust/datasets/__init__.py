@@ -7,7 +7,7 @@ Each loader gives `Runs`: its ``logs`` by name, and, where there is a usual spli
 ``unseen``. `list` names the sets with licence, citation and known defects. Nothing is part of the
 package: files are taken from the folder that the environment variable ``DIFFTHRUST_DATA`` names,
 or downloaded once from their public repository, pinned to a commit. Their sha256 is compared at
-every use: with the known one, or, where none is known beforehand, with that of the first download.
+every use: with the published one, or else with that of the first download.
 """
 
 import lazy_loader as _lazy

@@ -175,6 +175,7 @@ def _constants(
             f"it has {listing(n for n in channels if n != input)}.",
             "Correct the names under others.",
         )
+    # a state that is given drives the output itself: the inputs before it need no value
     prescribed = [n for n in (input, *constants) if n in model.states]
     wanted = [] if prescribed else list(model.inputs)
     wanted += [n for e in model.effects for n in e.needs]

@@ -35,7 +35,7 @@ class DescribingValues(Brief):
             is no answer.
         reason: why there is none, ``(A, F)``, as numbers of `Reason`; 0 where settled.
         distortion: root sum square of the output's higher harmonics over its first, ``(A, F)``;
-            ``None`` where the method does not tell.
+            ``None`` where the method does not give it.
         mean: of the output, in its unit, ``(A, F)``; or ``None``.
         samples: steps to the period that were needed, ``(A, F)``; or ``None``.
         harmonics: of the states, for a harmonic balance.
@@ -136,7 +136,7 @@ class DescribingValues(Brief):
         """The frequency [rad/s] where the gain falls to 1/sqrt(2) of the static one, ``(A,)``.
 
         Interpolated in the logarithms of both. NaN where the map does not go so high, or not low
-        enough to tell the static gain.
+        enough for a static gain.
         """
         widths = np.full(self.amplitudes.size, np.nan)
         for i, static in enumerate(self.static_gain):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, integral
+from diffthrust._support.words import percent
 from diffthrust.diagnosis._settings import SETTINGS
 
 _DRAWS = 1000
@@ -47,12 +48,22 @@ class Worth:
     Example:
         >>> Worth(0.72, 0.6, 0.8).to_json()
         {'share': 0.72, 'interval': [0.6, 0.8]}
+        >>> str(Worth(0.72, 0.6, 0.8))
+        '72 % (60 % to 80 %)'
     """
 
     share: float
     low: float
     high: float
     channels: Mapping[str, Worth] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return "{} ({})".format(*self.cells)
+
+    @property
+    def cells(self) -> tuple[str, str]:
+        """The share and its interval in words."""
+        return share_words(self.share), f"{share_words(self.low)} to {share_words(self.high)}"
 
     @property
     def sure(self) -> bool:
@@ -70,6 +81,13 @@ class Worth:
             x if math.isfinite(x) else None for x in (self.share, self.low, self.high)
         )
         return {"share": share, "interval": [low, high]}
+
+
+def share_words(share: float) -> str:
+    """A share as a percentage; one below zero makes the error larger."""
+    if not math.isfinite(share):
+        return "?"
+    return f"-{percent(-share)}" if share < 0 else percent(share)
 
 
 def explained_share(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:

@@ -64,6 +64,15 @@ class ChannelHeadroom:
     signals: tuple[str, ...]
     samples: int
 
+    @property
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """Both NRMSE, the share, its interval and the form of the correction, in words.
+
+        Shares below zero are shown as zero: a correction that harms would not be made.
+        """
+        share, low, high = (percent(max(value, 0.0)) for value in (self.share, self.low, self.high))
+        return f"{self.physics:.3g}", f"{self.corrected:.3g}", share, f"{low} to {high}", self.rung
+
 
 @dataclass(frozen=True, repr=False)
 class Headroom(Result):
@@ -102,11 +111,7 @@ class Headroom(Result):
         return " ".join(_words(name, c, self.judged_on) for name, c in self.channels.items())
 
     def _report(self) -> Report:
-        rows = [
-            (name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
-             f"{_share(c.low)} to {_share(c.high)}", c.rung)
-            for name, c in self.channels.items()
-        ]  # fmt: skip
+        rows = [(name, *c.cells) for name, c in self.channels.items()]
         headings = ("Channel", "Physics (NRMSE)", "With a correction", "Share explained",
                     "90 % interval", "Form")  # fmt: skip
         table = Rows.of(headings, rows, numbers=(1, 2, 3))
@@ -121,7 +126,7 @@ class Headroom(Result):
                       "worth": self.worth, "channels": channels})  # fmt: skip
 
     def _line(self) -> str:
-        shares = ", ".join(f"{name} {_share(c.share)}" for name, c in self.channels.items())
+        shares = ", ".join(f"{name} {c.cells[2]}" for name, c in self.channels.items())
         return f"{self.model}: of the squared error could be explained: {shares}"
 
 
@@ -237,29 +242,25 @@ def _cut(record: ErrorRecord, into: int) -> list[ErrorRecord]:
     ]
 
 
-def _share(value: float) -> str:
-    return percent(max(value, 0.0))
-
-
 def _words(name: str, c: ChannelHeadroom, judged_on: str) -> str:
-    where, interval = f"on {judged_on} logs", f"{_share(c.low)} to {_share(c.high)}"
+    where, (physics, corrected, share, interval, rung) = f"on {judged_on} logs", c.cells
     if c.samples < SETTINGS.headroom.least_samples:
         return (
             f"What a flexible model could explain of the error of {name} {where}, {c.samples} "
             f"samples to learn from do not tell: {SETTINGS.headroom.least_samples} are needed."
         )
+    start = f"Of the squared error of {name} {where}, "
     if c.high < SETTINGS.headroom.worthwhile_share:
         return (
-            f"Of the squared error of {name} {where}, a flexible model explains {_share(c.share)} "
-            f"({interval}): what is left does not repeat, or these signals do not tell it."
+            f"{start}a flexible model explains {share} ({interval}): what is left does not repeat, "
+            "or these signals do not tell it."
         )
     if c.low <= 0:
         return (
-            f"Of the squared error of {name} {where}, these logs are too few to tell what a "
-            f"flexible model could explain ({_share(c.share)}, {interval})."
+            f"{start}these logs are too few to tell what a flexible model could explain ({share}, "
+            f"{interval})."
         )
     return (
-        f"Of the squared error of {name} {where}, a flexible model ({c.rung}) explains "
-        f"{_share(c.share)} ({interval}): the NRMSE could fall from {c.physics:.3g} to about "
-        f"{c.corrected:.3g}, or further by the right physics."
+        f"{start}a flexible model ({rung}) explains {share} ({interval}): the NRMSE could fall "
+        f"from {physics} to about {corrected}, or further by the right physics."
     )

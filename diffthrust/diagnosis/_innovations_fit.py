@@ -20,9 +20,8 @@ import numpy as np
 from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._candidates import of_effect
+from diffthrust.diagnosis._candidates import of_effect, places_of
 from diffthrust.diagnosis._linear_response import LinearResponse
-from diffthrust.diagnosis._ports import places_of
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.estimation._arguments import NOISE_MODELS
 from diffthrust.estimation._arrange import build

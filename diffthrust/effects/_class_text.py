@@ -105,6 +105,7 @@ def _declaration(p: Parameter) -> str:
     fields = plain_description("", p)
     assert isinstance(fields, dict)
     value, unit = fields.pop("value"), fields.pop("unit")
+    # an amplitude that begins at its null of zero has no scale: the optimizer could not move it
     if p.null == p.value and "size" not in fields:
         fields["size"] = 1.0
     arguments = [f"{_rounded(value)!r}", f"unit={as_python(unit)}"]
@@ -209,6 +210,7 @@ def _sum(augend: ast.expr, addend: ast.expr) -> ast.expr:
     if isinstance(addend, ast.BinOp) and isinstance(addend.op, ast.Add | ast.Sub):
         return ast.BinOp(_sum(augend, addend.left), addend.op, addend.right)
     product = addend
+    # "value + -a * b" reads as "value - a * b": the sign stands at the leftmost factor
     while isinstance(product, ast.BinOp) and isinstance(product.left, ast.BinOp):
         product = product.left
     first = product.left if isinstance(product, ast.BinOp) else product
@@ -242,6 +244,7 @@ class _AsEffectCode(ast.NodeTransformer):
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         first, second = self.visit(node.left), self.visit(node.right)
+        # the class must give the numbers of the formula, which are finite where NumPy's are not
         if isinstance(node.op, ast.Div) and not isinstance(second, ast.Constant):
             return _finite("quotient", first, second)
         if isinstance(node.op, ast.Pow) and not keeps_sign(second):
@@ -256,6 +259,7 @@ class _AsEffectCode(ast.NodeTransformer):
         ]
         held: ast.expr = pairs[0]
         for pair in pairs[1:]:
+            # a < b < c is `and` in Python, which traced arrays refuse
             held = ast.BinOp(held, ast.BitAnd(), pair)
         return _jnp("where", held, ast.Constant(1.0), ast.Constant(0.0))
 

@@ -49,6 +49,7 @@ class CommandDeadband(Effect):
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command that the motor sees."""
         beyond = jnp.abs(value) - self.width
+        # a jump has no slope by the width: the ramp over a tenth of the band gives one
         edge = jnp.clip(0.5 + beyond / (0.1 * self.width + 1e-12), 0.0, 1.0)
         passed = jnp.maximum(beyond, 0.0) + self.restored * self.width * edge
         return jnp.sign(value) * passed

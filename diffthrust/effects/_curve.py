@@ -137,6 +137,8 @@ class Curve(MadeEffect):
             if not right:
                 raise InputError(f"{label}: expected {expected}, found {actual}.", "Correct it.")
         begin = [*map(float, shape), *[0.0] * (number - len(shape))]
+        # the slope is the rise over the whole grid: a line from -size to +size rises by twice the
+        # size
         widths = [1.0, 2.0, *[bend] * (pieces + 1)]
         names = ("level", "slope", *(f"bend{k + 1}" for k in range(pieces + 1)))
         declared = {
@@ -209,6 +211,8 @@ class Curve(MadeEffect):
         return (x - self.low) * (self.pieces / (self.high - self.low))
 
     def _curve(self, x: Signal) -> Signal:
+        # truncated powers grow without end, and cancel to zero only in exact arithmetic: far
+        # signals are brought to where the curve has just ended
         at = jnp.clip(self._on_grid(x), -_BEYOND, self.pieces + _BEYOND)
         return truncated_powers(at + _BEYOND, self._weights)
 
@@ -268,6 +272,8 @@ def spline_weights(splines: int) -> Float[np.ndarray, "powers coefficients"]:
     """
     pieces = splines - _DEGREE
     second = np.diff(np.eye(splines), 2, axis=0)
+    # the mixed-model form of P-splines: over the root of their eigenvalues the penalty is a unit
+    # prior; the first two, of eigenvalue zero, are level and slope
     values, vectors = np.linalg.eigh(second.T @ second)
     bends = vectors[:, 2:] / np.sqrt(values[2:]) / pieces**1.5
     along = (np.arange(splines) - 1.0) / pieces - 0.5

@@ -52,6 +52,8 @@ class WaterCurrent(Effect):
             return value - ahead
         if port == "sway_through_water":
             return value - aside
+        # in the turning axes of the vessel a constant velocity of the water rotates: its rate is -r
+        # x current
         return value + s.yaw_rate * (aside if port == "surge_acceleration" else -ahead)
 
 
@@ -115,6 +117,7 @@ class Wind(Effect):
         cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
         a = to_north * cos + to_east * sin - s.surge
         b = to_east * cos - to_north * sin - s.sway
+        # in a calm the root has no derivative at zero
         length = jnp.sqrt(a * a + b * b + 1e-12)
         if port == "surge_force":
             return value + self.along * a * length

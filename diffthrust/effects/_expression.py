@@ -137,6 +137,8 @@ def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
     if isinstance(node.op, ast.Div):
         return quotient(first, second, xp)
     return (
+        # x**2 by multiplication keeps the sign and the slope at zero; x**2.0 takes a logarithm
+        # there
         xp.asarray(first, float) ** int(second)
         if keeps_sign(node.right)
         else raised(first, second, xp)

@@ -33,6 +33,8 @@ def raised(base: Signal, exponent: Signal | float, xp: Any = jnp) -> Signal:
         8.0
     """
     size = xp.abs(base)
+    # |x|^0.5 has an infinite slope at rest, where logs begin; and x^p by p is x^p log x: NaN
+    # at 0
     return xp.minimum(size / _FLOOR, 1.0) * xp.maximum(size, _FLOOR) ** exponent
 
 

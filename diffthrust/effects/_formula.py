@@ -209,6 +209,7 @@ def _nulls(
         n: float(described[n]["null"]) for n in free if described[n].get("null") is not None
     }
     rng = np.random.default_rng(0)
+    # sizes over three decades: a law that is linear at one size only is not taken for linear
     signals = {
         name: rng.normal(size=_POINTS) * 10 ** rng.uniform(-1, 2, _POINTS)
         for name in (*law.places, *(memory.state for memory in law.memories), ARRIVING)
@@ -222,6 +223,7 @@ def _nulls(
         raise InputError(
             f"formula: {law.text!r} is nowhere finite.", "Correct its numbers and exponents."
         )
+    # amplitudes are linear: a * speed**p does nothing at a = 0, and p = 0 is no null
     linear = [n for n in free if _is_linear(law, at, n)]
     at |= required
     if required and _does_nothing(law, at):
@@ -229,6 +231,8 @@ def _nulls(
     for pool in (linear, free):
         zero = [name for name in pool if name not in required]
         if zero and _does_nothing(law, {**at, **dict.fromkeys(zero, 0.0)}):
+            # as few nulls as suffice: in a * (speed + b * speed**2) a = 0 is enough, and b stays
+            # free to start anywhere
             for name in reversed(zero):
                 fewer = [n for n in zero if n != name]
                 if fewer and _does_nothing(law, {**at, **dict.fromkeys(fewer, 0.0)}):
@@ -269,6 +273,7 @@ def _does_nothing(law: Expression, at: Mapping[str, Any]) -> bool:
 def _is_linear(law: Expression, at: Mapping[str, Any], name: str) -> bool:
     at_one, at_two, at_three = (_change(law, {**at, name: k * at[name]}) for k in (1.0, 2.0, 3.0))
     with np.errstate(all="ignore"):
+        # second differences vanish exactly for a linear parameter
         bend, rise = np.abs(at_one - 2 * at_two + at_three), np.abs(at_three - at_one)
     finite = np.isfinite(bend)
     return bool(finite.any() and np.all(bend[finite] <= 1e-9 * rise[finite] + 1e-300))

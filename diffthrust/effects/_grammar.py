@@ -49,6 +49,7 @@ def expression_of(text: str) -> Expression:
             f"The expression {text[:40]!r}... has {len(text)} characters, allowed are {_LONGEST}.",
             "Write a class of an effect for what does not fit into one line.",
         )
+    # characters first: quotes, brackets and dots of attributes never reach the parser
     if strange := STRANGE.search(text):
         raise with_mark(
             text, strange.start(), f"the character {strange[0]!r} is not allowed", _mend()
@@ -59,6 +60,8 @@ def expression_of(text: str) -> Expression:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # for "1if", and a number that is called
             tree = ast.parse(text.strip(), mode="eval").body
+    # deeply nested brackets exhaust Python's own parser: an expression from a spec file must not
+    # end the process
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         at = (getattr(error, "offset", None) or 1) - 1 + len(text) - len(text.lstrip())
         raise with_mark(
@@ -123,6 +126,7 @@ def _check_number(value: object, text: str, at: int) -> None:
     try:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         finite = number and math.isfinite(value)  # pyright: ignore[reportArgumentType]
+    # an integer of 400 digits is valid Python and no float
     except OverflowError:
         finite = False
     if not finite:

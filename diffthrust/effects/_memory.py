@@ -46,9 +46,12 @@ class _Apart(ast.NodeTransformer):
             return self.generic_visit(node)
         parts = [self.visit(argument) for argument in node.args]
         if len(parts) > 1 and not isinstance(parts[1], ast.Name | ast.Constant):
+            # a computed width or time constant may be driven below zero by a fit; a parameter has
+            # bounds for that
             parts[1] = ast.Call(ast.Name("maximum"), [parts[1], ast.Constant(0.0)], [])
         same_kind = [memory for memory in self.memories if memory.kind == kind]
         for memory in same_kind:
+            # the same memory written twice is one state
             if list(map(_text, memory[2:])) == list(map(_text, [*parts, None, None][:3])):
                 return _now(memory)
         memory = Memory(
@@ -102,6 +105,7 @@ def memory_rates(law: Expression, names: Callable[[str], Any]) -> dict[str, Rate
         target, decay = rate_parts(memory)
         goal, state = valued(target, names, jnp), names(memory.state)
         if decay is None:
+            # integral(1) is a plain number: the rate must have the shape of the state
             out[memory.state] = goal + 0.0 * state
         else:
             pull = valued(decay, names, jnp)
@@ -165,6 +169,7 @@ def _lagging(series: np.ndarray, size: float, time: np.ndarray, first: float) ->
 
     steps = np.diff(time)
     kept = np.exp(-steps / max(size, 1e-12))
+    # even steps run in compiled code
     if np.ptp(steps) < 1e-3 * steps.max():
         every = float(np.median(kept))
         later = lfilter([1.0 - every], [1.0, -every], series[:-1], zi=[every * first])[0]

@@ -115,6 +115,8 @@ class AxialFlow(Effect):
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
         """Settled at the speed with which the log begins."""
+        # the positive root in the form without cancellation: at a small thrust -b + sqrt(b^2 + 4 c)
+        # loses its digits
         linear = self.linear_drag + self.loss * jnp.abs(s.speed) + 1e-9
         root = jnp.sqrt(linear**2 + 4.0 * self.quadratic_drag * jnp.abs(value))
         return {"flow": 2.0 * value / (linear + root)}
@@ -145,6 +147,7 @@ class Cavitation(Effect):
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust without what cavitation takes."""
         onset = self.onset**2
+        # the maximum keeps the quotient finite at rest, in the branch without cavitation
         full = onset / jnp.maximum(s.speed**2, onset + 1e-12)
         return value * (1.0 - self.shortfall * (1.0 - full))
 

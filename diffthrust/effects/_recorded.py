@@ -53,6 +53,8 @@ def delayed(time: Signal, series: Signal, delay: Signal | float) -> Signal:
     at = time - delay
     after = jnp.clip(jnp.searchsorted(time, at), 1, max(time.shape[0] - 1, 0))
     gap = time[after] - time[after - 1]
+    # a repeated stamp has a gap of zero: the divisor is replaced before, since a NaN in the branch
+    # that is not taken still reaches the derivative
     back = (time[after] - at) / jnp.where(gap > 0, gap, 1.0)
     between = series[after] - back * (series[after] - series[after - 1])
     return jnp.where(at > time[0], between, series[0])
@@ -84,6 +86,7 @@ def lagged(time: Signal, series: Signal, time_constant: Signal | float) -> Signa
     gap = jnp.where(gap > 0, gap, 1.0)
     ratio = gap / (time_constant + 1e-9)
     kept = jnp.where(jnp.diff(time) > 0, jnp.exp(-ratio), 1.0)
+    # the exact response to a ramp over one gap
     mean = time_constant / gap * -jnp.expm1(-ratio)
     pushed = (mean - kept) * series[:-1] + (1.0 - mean) * series[1:]
 

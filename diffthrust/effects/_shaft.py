@@ -38,6 +38,8 @@ class ActuatorLag(Effect):
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The lagged drive; at the null exactly the drive, with the response's derivative."""
+        # at zero the response itself is a step behind: the value is the drive, the derivative that
+        # of the response, which is what a fit that starts from the null needs
         null = jax.lax.stop_gradient(value) + (s.response - jax.lax.stop_gradient(s.response))
         return jnp.where(self.time_constant > 0, s.response, null)
 
@@ -239,6 +241,8 @@ class CoulombFriction(Effect):
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The acceleration under friction."""
+        # the line near rest is as steep as the settling time allows, not 1 / width: no friction
+        # level makes the equation stiffer than the step
         slow = s.speed / self.settling
         return value - jnp.where(jnp.abs(slow) < self.level, slow, self.level * jnp.sign(slow))
 
@@ -278,5 +282,7 @@ class StaticFriction(Effect):
         """The acceleration that is not borne."""
         near = s.speed / (self.level * self.settling + 1e-9)
         margin = (self.level - jnp.abs(value)) / (self.spread * self.level + 1e-9)
+        # near**4 is flat around rest and falls steeply at the edge: a smooth switch that hardly
+        # brakes a shaft in motion
         borne = jnp.maximum(1.0 - near**4, 0.0) * jnp.clip(0.5 + margin, 0.0, 1.0)
         return value - borne * (value + s.speed / self.settling)

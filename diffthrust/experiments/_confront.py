@@ -102,6 +102,7 @@ def against(
     }
     count, passes = z.shape[0], []
     for begin in range(0, count, CHUNK):
+        # the last chunk is filled up with its last design
         rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
         series = {name: values[rows] for name, values in inputs.items()}
         chunk = _chunk(layout, arrays, series, z[rows], target[rows])
@@ -129,6 +130,8 @@ def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tu
         rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), residual.size)
         return y, residual @ residual, rows @ residual, rows @ rows.T
 
+    # one after the other: vmap over whole trajectories leaves the processor's cache (256 of them
+    # took 397 ms, mapped 144)
     return jax.lax.map(confront, (inputs, z, target))
 
 

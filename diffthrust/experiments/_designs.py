@@ -119,6 +119,8 @@ def _within_rate(values: np.ndarray, rate: float, step: float, rest_value: float
     for k in range(1, out.size):
         out[k] = np.clip(out[k], out[k - 1] - most, out[k - 1] + most)
     out[-1] = rest_value
+    # backwards as well: the end must be at rest, and a step down at the last moment would break the
+    # rate
     for k in range(out.size - 2, -1, -1):
         out[k] = np.clip(out[k], out[k + 1] - most, out[k + 1] + most)
     return out
@@ -172,6 +174,7 @@ def _chirp(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     """Exponential sweep from one period in the whole test to the shortest."""
     first, last = 1.0 / space.active, 0.5 / hold
     growth = max(last / first, 1.0 + 1e-6)
+    # the integral of first growth^(t / active)
     turns = first * space.active / np.log(growth) * (growth ** (t / space.active) - 1.0)
     return np.sin(2.0 * np.pi * turns)
 

@@ -104,6 +104,8 @@ def _precision(
         return out
     slopes = [_slope(model, names[i]) for i in kept]
     size = spread[kept]
+    # the inverse is taken of the correlation: units of 1e3 between parameters would fall below
+    # rcond
     correlation = covariance[np.ix_(kept, kept)] / np.outer(size, size)
     weight = np.array(slopes) / size
     inverse = np.linalg.pinv(correlation, rcond=1e-13, hermitian=True)

@@ -65,6 +65,7 @@ def imitated(
     z = np.tile(rival.start, (truth.shape[0], 1)) if starts is None else starts.copy()
     best = against(rival, conditions, inputs, z, truth)
     cost = best.cost + _penalty(rival, z)
+    # nearly plain Gauss-Newton at first: rivals often differ little, and one step suffices
     damping = np.full(z.shape[0], 1e-8)
     busy = np.isfinite(cost)
     for _ in range(steps if z.shape[1] else 0):
@@ -73,6 +74,7 @@ def imitated(
         normal = np.nan_to_num(best.gram + rival.precision)[on]
         held = ((z[on] <= low) & (slope < 0)) | ((z[on] >= high) & (slope > 0))
         move = _newton(normal, np.where(held, 0.0, slope), held, damping[on])
+        # the linear prediction of the gain: a simulation that could gain nothing is not run
         ahead = np.sum(move * slope, axis=1) > 0.1 * _SETTLED * (1.0 + cost[on])
         busy[on] = ahead
         if not ahead.any():

@@ -126,6 +126,7 @@ def suggest_experiment(
         checked += 1
         worth, design = _best(tried)[0]
         verified = _Verified.of(design, request)
+        # more starts can only lower a separation: the first design that keeps its rank is the best
         if verified.worth >= worth * (1 - 1e-6):
             report("done", 1.0)
             return _result(request, _best(tried), verified)
@@ -138,6 +139,7 @@ def _try(designs: Sequence[Design], request: Request, tried: dict[tuple[object, 
     if not new:
         return
     pairs = separations(request.rivals, request.conditions, request.inputs(list(new.values())))
+    # a failed simulation promises nothing: zero, so that no design is chosen for it
     worst = np.min([np.nan_to_num(pair) for pair in pairs.values()], axis=0)
     for (key, design), value in zip(new.items(), worst, strict=True):
         tried[key] = (float(value), design)

@@ -92,6 +92,7 @@ def exported(
     file = None if path is None else Path(path)
     suffix = ENDINGS[to][0] if file is None else ending(file, *ENDINGS[to])
     words = re.sub(r"\W", "_", source.model.name if file is None else file.stem)
+    # the file's name becomes a prefix of identifiers, which no language lets begin with a digit
     name = f"m{words}" if words[:1].isdigit() or not words else words
     text, notes = _made(source, to, name, suffix, limits)
     if file is not None:

@@ -75,7 +75,7 @@ class Language(ABC):
 
     @abstractmethod
     def fetched(self, name: str, kind: str, number: int) -> str:
-        """A line that reads a signal: of kind "input" or "state", the so-manieth of them."""
+        """A line that reads a signal of kind "input" or "state", the one of this ``number``."""
 
     @abstractmethod
     def definition(self, name: str, text: str, truth: bool, remark: str) -> str:
@@ -95,6 +95,7 @@ class Language(ABC):
         self.used.add(operation.name)
         if operation.name in _INFIX:
             sign, rank = _INFIX[operation.name]
+            # a - (b - c) needs its brackets, a + (b + c) does not
             bound = rank + (operation.name in ("sub", "lt", "le", "gt", "ge", "eq", "ne", "xor"))
             first_operand = _within(terms[0], rank + (rank == COMPARISON))
             return Term(f"{first_operand} {sign} {_within(terms[1], bound)}", rank)
@@ -103,11 +104,13 @@ class Language(ABC):
         if operation.name == "neg":
             return Term(f"-{_within(terms[0], ATOM)}", SIGN)
         if operation.name in ("and", "or"):
+            # comparisons within logic stay in brackets: Python would chain a < b == c
             word = self.logic(operation.name)
             return Term(f"{_within(terms[0], ATOM)} {word} {_within(terms[1], ATOM)}", LOGIC)
         if operation.name == "not":
             return Term(f"{self.logic('not')}{_within(terms[0], ATOM)}", LOGIC)
         if operation.name == "select_n":
+            # select_n lists the value for false first
             inner = [_within(term, LOGIC) for term in terms]
             return Term(self.choice(inner[0], inner[2], inner[1]), CHOICE)
         if operation.name in _REPEATED:
@@ -126,6 +129,7 @@ class Language(ABC):
     def _power(self, text: str, power: int) -> Term:
         if power < 0:
             return Term(f"1.0 / {_within(self._power(text, -power), SIGN)}", PRODUCT)
+        # products round alike in every language; pow() may differ in the last digit
         if power > 4:
             return self._call("pow", [Term(text, ATOM), Term(self.constant(float(power)), ATOM)])
         return Term(" * ".join([text] * power), ATOM if power == 1 else PRODUCT)

@@ -65,6 +65,7 @@ class Operations:
             return first
         if operation.name == "ne" and first == last:
             operation = operation._replace(name="is_nan", operands=(first,))
+        # two equal delays are two memories: each holds its own samples
         if operation not in self._known or operation.name in MEMORY:
             self._known[operation] = len(self.listed)
             self.listed.append(operation)
@@ -138,8 +139,11 @@ def _walk(
     for eqn in jaxpr.eqns:
         name, operands = eqn.primitive.name, [read(atom) for atom in eqn.invars]
         inner = eqn.params.get("jaxpr", eqn.params.get("call_jaxpr"))
+        # what acts on series is not unrolled: a language brings its own memory of that name
         if name in _CALLS and eqn.params.get("name") in MEMORY:
             results = [operations.add(Operation(eqn.params["name"], tuple(operands)))]
+        # the tables of splines cannot be traced as scalars: their known numbers are written out
+        # instead
         elif name in _CALLS and eqn.params.get("name") == _WEIGHTS:
             results = [_weights(operations, operands)]
         elif name in _CALLS and eqn.params.get("name") == _POWERS:

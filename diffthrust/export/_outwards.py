@@ -22,7 +22,7 @@ class Outwards:
         forces: beyond that at the stop.
         span: range of all forces.
         reach: range of all commands.
-        told: writes a command for people.
+        converted: writes a command for people.
     """
 
     def __init__(
@@ -40,6 +40,8 @@ class Outwards:
         flat, least = None, FLAT * span
         for command, force in zip(commands[1:], forces[1:], strict=True):
             top = self.rows[-1][1]
+            # twice the flatness: after a flat stretch a row is set at top + least, which must lie
+            # below this one
             if force > top + 2 * least:
                 if flat is not None:
                     self.rows.append((flat, top + least))

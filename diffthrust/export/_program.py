@@ -15,7 +15,7 @@ from diffthrust.export._trace import Traced, traced_model
 from diffthrust.simulation._runge_kutta import SERIES, TURN
 
 HISTORY = 256
-"""So many samples a delay remembers."""
+"""Samples that a delay remembers."""
 
 
 @dataclass
@@ -58,7 +58,7 @@ class Program:
             linear=[self.language.name(name) for name in self.source.linear],
             words=[self.language.name(name) for name in inputs],
             title=wrap(str(model), 90),
-            told=[line for text in self.source.head for line in wrap(text, 90)],
+            head_lines=[line for text in self.source.head for line in wrap(text, 90)],
             remark=remark,
             parameters=list(self._parameters()),
             relaxing=list(traced.decays.results),
@@ -98,6 +98,7 @@ class Program:
             if name in read
         ]
         every, asked = [*fetched, *lines], {name: results[name] for name in wanted}
+        # what is not read is not declared: C compilers warn of unused variables
         words = set(re.findall(r"\w+", " ".join([*every, *asked.values()])))
         return {"lines": every, "results": asked, "words": words}
 

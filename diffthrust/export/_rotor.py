@@ -96,6 +96,7 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
     values = {name: float(p.value) for name, p in plain.parameters.items()}
     taken_as_one: tuple[str, ...] = ()
     power, error = values.get("exponent", 1.0), source.errors.get("exponent", 0.0)
+    # simulators know commands of the first power only: an exponent within its error counts as one
     if power != 1.0 and abs(power - 1.0) <= 2 * error:
         values["exponent"], plain = 1.0, plain.replace(exponent=1.0)
         taken_as_one = (f"The exponent is taken as 1: it is {power:.4g}, within its error.",)
@@ -114,6 +115,7 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
     speeds = np.linspace(-full, full, _POINTS)
     forces = _force(plain, speeds)
     shape = speeds * np.abs(speeds)
+    # exact at full speed, where the forces are largest
     ahead, astern = float(forces[-1] / shape[-1]), float(forces[0] / shape[0])
     line = np.where(speeds < 0, astern, ahead) * shape
     off = float(np.max(np.abs(forces - line)) / np.max(np.abs(forces)))
@@ -175,6 +177,7 @@ def _torque(
     damping = values.get("linear_damping.rate", 0.0)
     if not damping:
         return "yoerger", {"alpha": thruster.load, "beta": thruster.drive_gain}, ()
+    # only ratios to the inertia are identifiable from motion: it is set to 1
     numbers = {"inertia": 1.0, "linear": damping, "quadratic": thruster.load}
     return "bessa", {**numbers, "torque": thruster.drive_gain, "resistance": 1.0}, ()
 

@@ -102,7 +102,7 @@ def _text(
         "name": name,
         "model": source.model,
         "rotor": rotor,
-        "told": [line for text in source.head for line in wrap(text, 90)],
+        "head_lines": [line for text in source.head for line in wrap(text, 90)],
         "notes": lines,
         "version": source.version,
         **more,

@@ -22,7 +22,7 @@ class ExportSource:
         linear: inputs that run straight from sample to sample; the others are held.
         substeps: integrator steps per sample.
         errors: standard errors of the parameters, by full name, where they are known.
-        told: sentences on where the values come from, for the head of the file.
+        provenance: sentences on where the values come from, for the head of the file.
         version: of the library.
         units: how the logs wrote each channel, where that is known.
     """
@@ -33,7 +33,7 @@ class ExportSource:
     linear: tuple[str, ...] = ()
     substeps: int = 1
     errors: Mapping[str, float] = field(default_factory=dict)
-    told: tuple[str, ...] = ()
+    provenance: tuple[str, ...] = ()
     version: str = ""
     units: ShownUnits = field(default_factory=ShownUnits)
 
@@ -51,6 +51,7 @@ class ExportSource:
         if pulses is not None:
             low, high = sorted(float(effort) for effort in pulses.effort(limits))
             return low, high
+        # every conversion is a scale and an offset: two points give its inverse
         zero, unit_value = self.shown(channel, np.array([0.0, 1.0]), unit)
         low, high = ((limit - zero) / (unit_value - zero) for limit in limits)
         return float(low), float(high)
@@ -80,4 +81,4 @@ class ExportSource:
     @property
     def head(self) -> list[str]:
         """What stands at the head of a file, sentence by sentence."""
-        return [*self.told, *self.conversions]
+        return [*self.provenance, *self.conversions]

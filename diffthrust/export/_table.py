@@ -77,6 +77,7 @@ def steady_table(source: ExportSource, limits: tuple[float, float] | None = None
         return f"{number(shown, 4)} {source.unit(channel, unit)}"
 
     commands = np.linspace(low, high, _FIRST)
+    # without a row at the stop a dead band's edges would be lost between two rows
     if low < 0.0 < high:
         commands = np.unique([*commands, 0.0])
     commands, computed = _refined(commands, forces(commands), forces)
@@ -141,11 +142,14 @@ def _refined(
             rise = rows[high] - rows[low]
             off = abs(middle_force - 0.5 * (rows[low] + rows[high])) / span
             sloped = abs(rise) > FLAT * span  # the line's command for the force in the middle
+            # tables are read in both directions: near a dead band a line that is right for the
+            # force may be far off for the command
             back = (
                 abs((middle_force - rows[low]) / rise - 0.5) * (high - low) / reach
                 if sloped
                 else 0.0
             )
+            # a jump would be halved for ever
             if max(off, back) > _ACCURACY and high - low > CLOSEST * reach:
                 rows[middle] = middle_force
                 bent += [(low, middle), (middle, high)]
@@ -228,7 +232,7 @@ def to_table(
         unit=unit,
         force_unit=force_unit,
         rows=rows,
-        told=[line for each in (*source.told, *table.notes) for line in wrap(each, 90)],
+        head_lines=[line for each in (*source.provenance, *table.notes) for line in wrap(each, 90)],
         model=model,
         version=source.version,
     )

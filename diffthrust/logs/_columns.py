@@ -82,7 +82,7 @@ class Column:
             raise InputError.at(
                 place,
                 f"expected a scale other than zero, found {self.scale!r}.",
-                "give the factor by which the numbers are to be multiplied.",
+                "give the factor that multiplies the numbers.",
             )
         if not is_finite(self.offset):
             raise InputError.at(

@@ -23,7 +23,7 @@ from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other, text_
 
 @dataclass(frozen=True)
 class Contents:
-    """What is in a file.
+    """The contents of a file.
 
     Args:
         path: the file.

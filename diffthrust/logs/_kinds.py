@@ -101,7 +101,7 @@ def kind_of(path: Path) -> Kind:
     if head.startswith(EXCEL.begins) and _is_other_archive(path):
         raise InputError(
             f"{path.name}: expected a log, found an archive (zip) that is no Excel file.",
-            "unpack it first; a spreadsheet of another kind is to be saved as .xlsx or CSV.",
+            "unpack it first; save a spreadsheet of another kind as .xlsx or CSV.",
         )
     for kind in _KINDS:
         if head.startswith(kind.begins) or (kind is HDF5 and head[512:520] in kind.begins):

@@ -24,7 +24,7 @@ _COMMON = (
 )
 # fmt: on
 
-# Coherent SI units with a name of their own, to write 'N' and not 'kg*m/s**2'.
+# Coherent SI units with special names, to write 'N' and not 'kg*m/s**2'.
 # fmt: off
 _NAMED_SI = (
     "s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "N", "N*m", "V", "A", "W", "Pa", "K",

@@ -65,6 +65,7 @@ class DCMotorThruster(Model):
         swept = s.speed * jnp.abs(s.speed)
         thrust = port("propeller", self.thrust_linear * s.speed + self.thrust_quadratic * swept)
         drive = port("drive", self.torque_constant * s.current)
+        # a sign would switch at every step near rest; 0.1 rad/s lies far below any working speed
         friction = self.viscous * s.speed + self.coulomb * jnp.tanh(s.speed / 0.1)
         torque = port("shaft", drive - friction - port("load", self.load * swept))
         voltage = s.command - self.resistance * s.current - self.back_emf * s.speed

@@ -23,9 +23,9 @@ class DuctedThruster(Model):
     with ``alpha = area efficiency pitch / (2 volume)``, ``beta = 1 / (density volume efficiency^2
     pitch^2)`` and ``ct = density area efficiency^2 pitch^2``: the `Thruster` whose command is a
     torque [N m], in the sizes behind its three parameters. A current meter in the outlet measures
-    ``flow`` [m/s]. Pitch, area and density are taken for known: speed and flow tell the efficiency,
-    and so does the thrust, apart from it. With ``speed`` given as an input of the log, thrust and
-    flow alone are simulated.
+    ``flow`` [m/s]. Pitch, area and density are taken as known: speed and flow determine the
+    efficiency, and the thrust determines it independently. With ``speed`` given as an input of the
+    log, thrust and flow alone are simulated.
 
     Source: Yoerger, Cooke & Slotine 1990, section II B, equations 1 to 4; the defaults are of the
     Jason thruster, section III, with the efficiency that its static ct of 0.022 N s^2 stands for.

@@ -76,6 +76,8 @@ class SpeedLoopThruster(Model):
         if "command" not in s:  # the speed is prescribed by the log: nothing drives the shaft
             return {}, outputs
         turning = s.command != 0
+        # 1 in the place of a command of 0: 0 ** p by p is 0 * log 0, a NaN that `where` does not
+        # keep out of the derivative
         strength = jnp.where(turning, jnp.abs(s.command), 1.0) ** self.exponent
         curve = self.gain * jnp.where(turning, jnp.sign(s.command) * strength, 0.0)
         lag = (port("target", curve) - s.speed) / self.time_constant

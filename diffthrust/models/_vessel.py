@@ -146,6 +146,7 @@ class Vessel(Model):
     def _power(self, command: Signal) -> Signal:
         """A command by the power law of the force, with a derivative also at rest."""
         turning = command != 0
+        # 1 in the place of a command of 0, whose power has no derivative by the exponent
         strength = jnp.where(turning, jnp.abs(command), 1.0) ** self.exponent
         return jnp.where(turning, jnp.sign(command) * strength, 0.0)
 
@@ -162,6 +163,7 @@ class Vessel(Model):
         if self.command == "effort":
             left, right = self._power(left), self._power(right)
         thrust = port("propulsion", left + right)
+        # 0.0 * thrust and not 0.0: outputs of a whole log have its shape
         return thrust, 0.0 * thrust, self.lever_arm * (left - right)
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
@@ -175,6 +177,7 @@ class Vessel(Model):
         sway = port("sway_force", sway - self.m11 * u * r - self.d22 * v)
         yaw = port("yaw_moment", yaw - (self.m22 - self.m11) * u * v - self.d33 * r)
         surging, swaying, yawing = surge / self.m11, sway / self.m22, yaw / self.i33
+        # a coupling of sway and yaw needs both accelerations as they are without it
         port.tell(sway_alone=swaying, yaw_alone=yawing)
         cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
         rates = {

@@ -41,6 +41,7 @@ def staircase(
             f"staircase, levels: expected finite numbers, found {levels!r}.", "Give [1, 2, 3]."
         )
     each, pause = round(dwell / step), round(rest / step)
+    # one more sample at the end: the last level is held for its full dwell
     values = np.concatenate([np.zeros(pause), np.repeat(heights, each), heights[-1:]])
     return step * np.arange(values.size), values
 

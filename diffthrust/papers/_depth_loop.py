@@ -41,6 +41,7 @@ class DepthPlant(Model):
     states: ClassVar[Mapping[str, str]] = {"slow": "V s^2", "fast": "V s"}
     outputs: ClassVar[Mapping[str, str]] = {"reading": "V"}
     ports: ClassVar[Mapping[str, str]] = {"drive": "voltage at the thruster [V]"}
+    # poles at 0.37 and 44.7 1/s: the fast one sets the step
     time_scales: ClassVar[tuple[float, float]] = (0.005, 10.0)
 
     s1: float = parameter(-28.77, "1/s", size=10.0)

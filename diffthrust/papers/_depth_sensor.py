@@ -231,6 +231,7 @@ def _f(more: float, hypothesis: int, scatter: float, free: int, level: float) ->
 
     if not hypothesis:
         return LineTest(0.0, (0, free), 1.0, level)
+    # rounding: the fitted line cannot be worse than the datasheet's
     more = max(more, 0.0)
     statistic = (more / hypothesis) / (scatter / free) if scatter > 0 else np.inf * (more > 0)
     return LineTest(float(statistic), (hypothesis, free), float(f.sf(statistic, hypothesis, free)),

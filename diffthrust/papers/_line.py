@@ -105,6 +105,8 @@ def fit_line(
     scatter = float(np.sum((y - matrix @ coefficients) ** 2)) / degrees if degrees else np.nan
     errors_of = np.sqrt(scatter * np.sum(inverse**2, axis=1))
     if errors is not None:
+        # the larger of both: three points may lie on a line by chance; fmax passes over the NaN of
+        # an exact line
         errors_of = np.fmax(
             errors_of, np.sqrt(np.sum((inverse * np.asarray(errors, float)) ** 2, axis=1))
         )

@@ -92,7 +92,7 @@ def manoeuvres(
         change = least * without_noise(log.time, np.gradient(u, log.time), least)
         even = np.abs(change) <= steady * fastest
         kinds = {
-            "steady": line & even & (np.abs(u) > steady * fastest),  # a rest tells nothing
+            "steady": line & even & (np.abs(u) > steady * fastest),  # at rest there is no drag
             "accelerating": line & ~even,
             "turning": ~line,
         }

@@ -127,6 +127,7 @@ def steady_portions(
     for log in logs:
         edges = _edges([log.inputs[name] for name in names], [allowed[name] for name in names])
         for begin, end in pairwise(edges):
+            # a sample exactly ``settle`` after the step counts, whatever the rounding of the clock
             first = int(np.searchsorted(log.time, log.time[begin] + settle - 1e-9))
             if end - first >= 2 and log.time[end - 1] - log.time[first] >= least - 1e-9:
                 portions.append(Steady(log, first, end))

@@ -101,6 +101,7 @@ def yaw_transient(
         out = np.empty(time.size)
         out[0] = r[np.isfinite(r)][0]
         for k, h in enumerate(np.diff(time)):
+            # the exact answer to a ramp: no error of integration enters the time constant
             kept, slope = np.exp(-h / lag), (target[k + 1] - target[k]) / h
             out[k + 1] = target[k + 1] - slope * lag + kept * (out[k] - target[k] + slope * lag)
         return out
@@ -132,5 +133,6 @@ def _exponential(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     def course(x: np.ndarray, t: np.ndarray) -> np.ndarray:
         return x[0] * np.exp(-np.exp(x[1]) * t) + x[2]
 
+    # a decay rate is fitted as its logarithm: it cannot turn into a growth
     start = [y[0] - y[-1], 0.0, y[-1]]
     return course(least_squares(lambda x: course(x, t) - y, start).x, time)

@@ -28,7 +28,7 @@ def undisturbed(
     With the propeller amidships the vessel is expected to run straight: where its yaw rate is not
     small, something else turned it. At a held angle it is expected to come to an arc of constant
     radius: where the curvature of its path leaves the median of that arc, likewise. While it still
-    turns in nothing can be told, and that stretch is kept if the arc behind it is good.
+    turns in there is no arc to judge by; that stretch is kept if the arc behind it is good.
 
     Args:
         logs: records with held ``propeller_speed`` and ``rudder_angle``, and with ``surge``,
@@ -93,6 +93,7 @@ def cut_out(log: Log, start: float, stop: float) -> Log:
 def without_noise(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
     """The running mean over ``length`` seconds, of what was measured."""
     finite = np.isfinite(values)
+    # differences of running sums: any window at the cost of one pass, gaps counted out
     total = np.concatenate([[0.0], np.cumsum(np.where(finite, values, 0.0))])
     count = np.concatenate([[0], np.cumsum(finite)])
     first = np.searchsorted(time, time - 0.5 * length - 1e-9)

@@ -171,6 +171,7 @@ def steady_map(motor: DCMotorThruster, thrust: ArrayLike) -> SteadyMap:
     printed = v["resistance"] * size / modified + v["back_emf"] * np.sqrt(
         size / v["thrust_quadratic"]
     )
+    # the positive root of KT w^2 + linear w = thrust
     half = 0.5 * v["thrust_linear"] / v["thrust_quadratic"]
     speed = np.sqrt(half**2 + size / v["thrust_quadratic"]) - half
     torque = v["load"] * speed**2 + v["viscous"] * speed + v["coulomb"] * np.tanh(speed / 0.1)

@@ -48,7 +48,7 @@ _INPUTS = (SCREW[0], ANGLE[0])
 
 @dataclass(frozen=True, repr=False)
 class Sequential(Brief):
-    """What the two scenarios tell, with every line on the way.
+    """The ratios that the two scenarios give, with every line on the way.
 
     Args:
         vessel: the vessel with the values found.
@@ -148,6 +148,7 @@ def sequential(
         )
     n, u, v, r = (np.array([end.mean(*c) for end in ends]) for c in (SCREW, SURGE, SWAY, YAW))
     push = n**exponent
+    # the widest circles are fitted, where sway and yaw stand out most from their noise
     widest = turning & (np.abs(angles) > 0.95 * np.max(np.abs(angles)))
     remaining = turning & ~widest
     points: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -179,6 +180,8 @@ def sequential(
 def _off_course(values: dict[str, float], speed: float) -> tuple[str, ...]:
     """A note where sway and yaw of a straight course at this speed grow of themselves."""
     m11, m22, d22, d33 = (values[name] for name in ("m11", "m22", "d22", "d33"))
+    # Routh: the linearized sway and yaw are stable where their determinant d22 d33 - m11 (m22 -
+    # m11) u^2 is positive
     held, turned = d22 * d33, m11 * (m22 - m11) * speed**2
     if held > turned:
         return ()

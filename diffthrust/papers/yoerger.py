@@ -34,7 +34,7 @@ _SPEED, _THRUST, _COMMAND = ("speed", "rad/s"), ("thrust", "N"), ("command", "V"
 
 @dataclass(frozen=True, repr=False)
 class StaticTest(Brief):
-    """What the steady portions of records tell of a thruster.
+    """The lines through the steady portions of a thruster's records.
 
     Args:
         thrust: thrust [N] against speed |speed| [rad^2/s^2], through the origin.
@@ -74,7 +74,7 @@ class StaticTest(Brief):
 
 @dataclass(frozen=True, repr=False)
 class DynamicTest(Brief):
-    """What a moving record tells of a thruster, by linear least squares.
+    """A thruster's parameters from a moving record, by linear least squares.
 
     Args:
         alpha: [1/rad].
@@ -160,6 +160,7 @@ def static_test(
     squared = speed * np.abs(speed)
     of_squared = 2.0 * np.abs(speed) * np.array([portion.std_error(*_SPEED) for portion in used])
     of_thrust = np.array([portion.std_error(*_THRUST) for portion in used])
+    # a first slope, to turn the speed's noise into an error of the thrust (effective variance)
     ct = fit_line(squared, thrust, "static_test, thrust", through_origin=True).slope
     apart = np.hypot(of_thrust, ct * of_squared)
     return StaticTest(
@@ -228,6 +229,8 @@ def dynamic_test(
     # what beta and alpha multiply in the equation of the shaft
     driving, braking = QuadraticLoad.terms(command, speed)
     held = log.hold["command"] == "zero"
+    # means over the interval and not values at its start: the difference of the speed is an
+    # integral, and values at the start would be half a sample early
     drive = smooth(driving[:-1] if held else 0.5 * (driving[:-1] + driving[1:]))
     load = smooth(0.5 * (braking[:-1] + braking[1:]))
     slope = smooth(np.diff(speed) * rate)
@@ -304,7 +307,7 @@ def _least_squares(matrix: np.ndarray, target: np.ndarray) -> tuple[list[float],
     """Coefficients and the standard errors that residuals without memory would give them."""
     if len(target) <= matrix.shape[1] or np.linalg.matrix_rank(matrix) < matrix.shape[1]:
         raise InputError(
-            "dynamic_test: speed and command do not move enough to tell the coefficients apart.",
+            "dynamic_test: speed and command do not move enough to separate the coefficients.",
             "Give a record that moves, in the direction that is asked for.",
         )
     coefficients, *_ = np.linalg.lstsq(matrix, target, rcond=None)

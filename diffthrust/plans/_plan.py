@@ -24,7 +24,7 @@ _NEAR = 0.02
 
 
 class Level(NamedTuple):
-    """A stretch of a run over which the inputs are to be held.
+    """A stretch of a run over which the inputs must be held.
 
     Args:
         run: its name.
@@ -193,6 +193,8 @@ class Plan(Brief):
         return PlanCheck(tuple(self._findings(logs)))
 
     def _findings(self, logs: Sequence[Log]) -> Iterator[Finding]:
+        # Each recorded stretch may serve one planned level only, so that a level that is planned
+        # twice must be run twice.
         groups: dict[tuple[tuple[str, float], ...], list[_Held]] = {}
         for name, run in self.runs.items():
             levels = _levels(name, run, self.settle)
@@ -301,5 +303,6 @@ def _excites(
     if not parts:
         return Finding(name, words, "not excited", False)
     low, high = max(parts, key=lambda part: part[1] / part[0])
+    # A part in a thousand: the ends are computed by powers of a ratio and may be off by rounding.
     covers = low <= 1.001 * band[0] and high >= 0.999 * band[1]
     return Finding(name, words, f"excited from {low:.3g} to {high:.3g} Hz", covers)

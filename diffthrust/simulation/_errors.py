@@ -80,7 +80,7 @@ def unwrapped(angle: np.ndarray) -> np.ndarray:
     return out
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
+@np.errstate(over="ignore", invalid="ignore")  # numbers in wrong units are reported elsewhere
 def errors(
     pairs: Mapping[str, Iterable[tuple[np.ndarray, np.ndarray]]],
     units: Mapping[str, str] | None = None,
@@ -88,7 +88,7 @@ def errors(
 ) -> Errors:
     """Errors from (measured, residual) pairs of each channel, pooled over runs.
 
-    The numbers are in ``units``, and people are told of them in those of ``shown``. Samples that
+    The numbers are in ``units``; ``shown`` gives the display units. Samples that
     were not measured are left out; a residual that is not finite where something was measured
     makes the error infinite: a failed simulation is never good.
     """

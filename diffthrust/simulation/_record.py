@@ -244,6 +244,8 @@ def _check_time(model: Model, log: Log) -> None:
 
     Only far beyond the model's time constants, for a slow log may be what there is.
     """
+    # A time base in ms instead of s makes a thruster's log a thousand times slower: the fit would
+    # not fail but return time constants of minutes.
     fastest, slowest = model.time_scales
     if len(log) < 2 or all(name in log.inputs for name in model.states):  # nothing is integrated
         return
@@ -266,6 +268,7 @@ def _check_length(model: Model, log: Log) -> None:
 
     One step says where the simulation began, and nothing of how the model goes on.
     """
+    # A model without integrated states may be compared sample by sample.
     least = 2 if all(name in log.inputs for name in model.states) else 3
     if len(log) < least:
         raise InputError(

@@ -69,7 +69,7 @@ class Run(Brief):
 
     @cached_property
     def shown(self) -> ShownUnits:
-        """The units in which people are told of it: those of the log."""
+        """The display units: those of the log."""
         return ShownUnits((self.log.written,))
 
     @cached_property
@@ -124,6 +124,7 @@ def runs_over(
 
 def are_tables(model: Model, runs: Sequence[Run]) -> bool:
     """Whether all runs are tables of readings, without a time of their own."""
+    # `read_log(time=None)` counts the rows of a static table 0, 1, 2, ... in place of seconds.
     counted = all(np.array_equal(run.time, np.arange(run.time.size)) for run in runs)
     return counted and not model.states
 
@@ -193,5 +194,5 @@ def pooled_errors(runs: Sequence[Run]) -> Errors:
 
 
 def shown_of(runs: Sequence[Run]) -> ShownUnits:
-    """The units in which people are told of some runs."""
+    """The display units of several runs."""
     return ShownUnits(run.log.written for run in runs)

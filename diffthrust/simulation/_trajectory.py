@@ -132,6 +132,7 @@ def read_out(model: Model, s: Signals) -> dict[str, Any]:
     """What the sensors report, from the states and inputs over a whole log."""
     _, values = equations_of(model, s, Ports(model.effects, s))
     expect(f"{type(model).__name__}.equations", "output", model.outputs, values)
+    # An output may be a constant or depend on parameters only; all are returned as series.
     outputs = {name: jnp.broadcast_to(values[name], s["time"].shape) for name in model.outputs}
     sensor = Ports(model.effects, s.also(outputs))
     return {name: sensor(name, value) for name, value in outputs.items()}
@@ -196,6 +197,8 @@ def starting_point(model: Model, first: Signals, start: Mapping[str, Any]) -> di
     needed = [name for name in model.states if name not in first]
     default = model.initial(first) if needed else {}
     states = {name: start.get(name, default.get(name, 0.0)) for name in needed}
+    # Zeros for states that have no value yet: an effect may read any signal to find where it
+    # begins.
     s = first.also({**{n: 0.0 for n in model.all_states if n not in first}, **states})
     port = Ports(model.effects, s, starting=True)
     equations_of(model, s, port)

@@ -1,4 +1,4 @@
-"""What is in a file: its columns or messages, what they may be, and a spec file to begin with."""
+"""Survey of a file: its columns or messages, their likely meaning, and a draft of a spec file."""
 
 import lazy_loader as _lazy
 

@@ -26,7 +26,7 @@ _SCREW = r"(prop|propeller|shaft|motor|rotor|esc|engine)( \d+)?"
 _PWM_WORDS = (
     r"\b(pwm|pulse ?width|rcou|rcout)\b|\bservo \d+ raw\b|\bservo raw\b|\bactuator outputs output\b"
 )
-# The order decides: a name is what the first matching rule says, so that exceptions stand before
+# The order decides: the first matching rule gives the quantity, so that exceptions stand before
 # general words ("desired speed", "speed error" and "yaw speed" before "speed").
 _RULES: tuple[tuple[str, str], ...] = (
     (

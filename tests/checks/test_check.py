@@ -420,7 +420,7 @@ def test_what_says_nothing_of_its_making_still_compares(fits):
     path.write_text(re.sub("(library|spec|data) = [^\n]*\n", "", path.read_text()))
     assert check(fits).ok
     moved(path)
-    assert "--update writes that" in fit_of(check(fits)).since
+    assert "--update adds them" in fit_of(check(fits)).since
     path.write_text(path.read_text().replace("0.259", "0.159"))
     assert check(fits, update=True).updated == ("depth_sensor",)  # for these lines alone
     assert path.read_bytes() == (FITS / "depth_sensor" / "fit.toml").read_bytes()

@@ -23,24 +23,24 @@ from measures import ChannelError, Errors
 import diffthrust as dft
 from diffthrust._support.figures import unseen  # private: as a page makes them
 from diffthrust._support.words import an, distinct_numbers, humanize, joined  # private: words alone
+from diffthrust.diagnosis._candidates import place_words  # private: each port alone
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Refusal,
     Remaining,
     SignalForm,
     Stage,
 )
-from diffthrust.diagnosis._ports import place_words  # private: each port alone
 from diffthrust.diagnosis._report.figures import (  # private: each figure alone
     missing_figure,
     ranking_figure,
     stages_figure,
 )
-from diffthrust.diagnosis._report.own_effect import own_effect  # private: of any port and signal
-from diffthrust.diagnosis._report.remarks import (  # private: each sentence alone
+from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
     caution_words,
+    diagnosis_page,
     missing_words,
+    own_effect,
 )
-from diffthrust.diagnosis._report.sections import diagnosis_page  # private: the page as text
 from diffthrust.diagnosis._report.tables import log_rows  # private: its cells
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     sized_words,

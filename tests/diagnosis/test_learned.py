@@ -12,8 +12,8 @@ from hidden import sets
 from scipy.stats import multivariate_normal
 
 import diffthrust as dft
+from diffthrust.diagnosis._candidates import places_of  # private: places without trials
 from diffthrust.diagnosis._learned import LearnedLaw  # private: a law without a diagnosis
-from diffthrust.diagnosis._ports import places_of  # private: places without trials
 from diffthrust.diagnosis._score_test import project_out  # private: the projection alone
 from diffthrust.diagnosis._search_state import (
     compiled_fitter,  # private: trials without a diagnosis

@@ -23,7 +23,7 @@ from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
     no_longer_odd,
     odd_logs,
 )  # private: without a search for effects
-from diffthrust.diagnosis._report.remarks import caution_words  # private: each sentence alone
+from diffthrust.diagnosis._report.sections import caution_words  # private: each sentence alone
 from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 BLOCKS, SAMPLES = 24, 240

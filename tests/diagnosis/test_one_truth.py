@@ -10,7 +10,7 @@ from one_truth import contradictions
 
 import diffthrust as dft
 from diffthrust.diagnosis._findings import headroom_between  # private: as a diagnosis does
-from diffthrust.diagnosis._report.remarks import missing_words  # private: each sentence alone
+from diffthrust.diagnosis._report.sections import missing_words  # private: each sentence alone
 from diffthrust.diagnosis._verdict import verdict_of  # private: the verdict alone
 
 SMALL = Worth(0.01, 0.0, 0.02)

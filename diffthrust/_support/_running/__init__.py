@@ -1,1 +1,1 @@
-"""Programs run together: in rows, in processes, in workers of their own."""
+"""Running work together: compiled programs in rows, and tasks in processes."""

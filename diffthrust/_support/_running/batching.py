@@ -84,7 +84,7 @@ def run_program(program: Programs, static: Hashable, numbers: Any, rows: int = 1
         program: of ``static``, which fixes the code, and of the numbers.
         static: hashable.
         numbers: a pytree of arrays.
-        rows: that the program works on side by side by itself already.
+        rows: number of rows that the program already processes side by side.
     """
     company = shared_runs()
     if company is None:
@@ -142,7 +142,7 @@ class SharedRuns:
         self._closed = False
 
     def drive(self, works: Iterable[Callable[[], Any]]) -> Generator[None]:
-        """Do some work, each piece in a member of its own; yields whenever one has ended.
+        """Do pieces of work, each in a separate member; yields whenever one has ended.
 
         Raises:
             BaseException: what a piece of work raised; all others are given up.
@@ -216,7 +216,7 @@ class SharedRuns:
         self._under_way[self._pool.submit(self._run, program, group)] = group
 
     def _run(self, program: _Program, group: list[_Request]) -> list[Any]:
-        """What a program gives to each of a group."""
+        """The results of a program for each request of a group."""
         # An incomplete group is filled up with copies of its first member: every number of rows is
         # a shape of its own, and compiling one takes far longer than the superfluous rows.
         spare = [group[0]] * (program.width - len(group))

@@ -29,7 +29,7 @@ def on_processes(
     processes: Sequence[LineProcess],
     work: Callable[[LineProcess, T], R],
 ) -> Generator[tuple[int, R] | None]:
-    """Work through tasks, each process in a thread of its own.
+    """Work through tasks, with one thread of this process for each worker process.
 
     Processes are ended when the iteration is left, in the midst of a task if need be.
 

@@ -4,9 +4,9 @@ JAX does not survive a fork, so the process is a fresh interpreter. It starts wi
 that it needs, which the start methods of ``multiprocessing`` do not allow: the number of threads is
 read when NumPy and XLA are imported. Nothing is imported from the caller's script.
 
-Pools that can be had do less: loky 3.7 lets all tasks fail beside one whose worker dies, has no
-time limit, and leaves its workers running when their owner is killed; pebble 5.2 runs the caller's
-script in each worker, cannot set its environment, and leaves workers that are busy running.
+Existing pools do less: in loky 3.7 all tasks fail when one worker dies; it has no time limit, and
+leaves its workers running when their owner is killed; pebble 5.2 runs the caller's script in each
+worker, cannot set its environment, and leaves workers that are busy running.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class Programs:
         self.function, self.static, self.traces = function, static, 0
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the function gives; the last arguments are numbers."""
+        """The function's result; the last arguments are numbers."""
         static, numbers = arguments[: self.static], arguments[self.static :]
         leaves, tree = jax.tree.flatten(numbers)
         return _kept(self, static, tree, tuple(map(_shape, leaves)))(*numbers)

@@ -72,13 +72,8 @@ def stages_figure(diag: Findings) -> Figure:
     axes[-1].set_xlabel("time [s]", fontsize=9)
     kind = "unseen log" if diag.stages[0].holdout else "training log"
     axes[0].set_title(f"{kind} {literal(baseline.name)}", loc="left", fontsize=10)
-    traces.legend(
-        *axes[-1].get_legend_handles_labels(),
-        loc="outside lower right",
-        fontsize=8,
-        ncols=3,
-        frameon=False,
-    )
+    lines = axes[-1].get_legend_handles_labels()
+    traces.legend(*lines, loc="outside lower right", fontsize=8, ncols=3, frameon=False)
     return figure
 
 
@@ -134,17 +129,18 @@ def _falling(panel: Axes, diag: Findings) -> None:
             if np.isnan(values).all():
                 continue
             top = max(top, float(np.nanmax(np.where(np.isfinite(values), values, np.nan))))
-            panel.plot(
-                where,
-                values,
-                color=colour,
-                marker="o" if unseen else "s",
-                markersize=6,
-                markerfacecolor=colour if unseen else "white",
-                linestyle="-" if unseen else "--",
-                linewidth=1.6 if unseen else 1.1,
-                label=f"{humanize(name)}, {'unseen' if unseen else 'training'}",
+            style = (
+                {"marker": "o", "markerfacecolor": colour, "linestyle": "-", "linewidth": 1.6}
+                if unseen
+                else {
+                    "marker": "s",
+                    "markerfacecolor": "white",
+                    "linestyle": "--",
+                    "linewidth": 1.1,
+                }
             )
+            label = f"{humanize(name)}, {'unseen' if unseen else 'training'}"
+            panel.plot(where, values, color=colour, markersize=6, label=label, **style)
     panel.set_ylim(0.0, 1.12 * top if top > 0 else 1.0)
     panel.set_xlim(-0.4, len(where) - 0.6)
     many = len(where) > 3  # side by side their names would run into each other
@@ -166,50 +162,43 @@ def _traces(panel: Axes, baseline: Run, updated: Run | None, name: str) -> None:
     first = baseline.shown_channels[name]
     panel.plot(*thinned(baseline.time, first.measured), color=GREY, linewidth=2.6, label="measured")
     panel.plot(
-        *thinned(baseline.time, first.modelled),
-        color=VERMILLION,
-        linewidth=1.1,
-        linestyle="--",
+        *thinned(baseline.time, first.modelled), color=VERMILLION, linewidth=1.1, linestyle="--",
         label="model as given",
-    )
+    )  # fmt: skip
     unit = f" {first.unit}" if first.unit else ""
     sizes = [number(run.errors.channels[name].shown.value, 2) for run in (baseline, updated) if run]
     panel.set_title(f"RMSE {', then '.join(sizes)}{unit}", loc="right", fontsize=9)
     if updated:
-        last = updated.shown_channels[name]
-        panel.plot(
-            *thinned(updated.time, last.modelled), color=BLUE, linewidth=1.1, label="last stage"
-        )
-    panel.set_ylabel(humanize(name) + (f" [{first.unit}]" if first.unit else ""), fontsize=9)
+        last = thinned(updated.time, updated.shown_channels[name].modelled)
+        panel.plot(*last, color=BLUE, linewidth=1.1, label="last stage")
+    panel.set_ylabel(_labelled(humanize(name), first.unit), fontsize=9)
     panel.margins(x=0.01)
     unboxed(panel)
+
+
+def _banded(panel: Axes, x: np.ndarray, mean: np.ndarray, error: np.ndarray, colour: str) -> None:
+    low, high = mean - _BAND * error, mean + _BAND * error
+    label = f"±{_BAND:g} standard errors"
+    panel.axhline(0.0, color="0.4", linewidth=0.8)
+    panel.fill_between(x, low, high, color=colour, alpha=0.25, linewidth=0, label=label)
 
 
 def _over_time(panel: Axes, missing: Missing) -> None:
     index = max(range(len(missing.runs)), key=lambda i: np.mean(missing.runs[i][1] ** 2))
     time, signal, error = missing.runs[index]
     name = literal(missing.logs[index]) if missing.logs else f"training log {index + 1}"
-    panel.fill_between(
-        time,
-        signal - _BAND * error,
-        signal + _BAND * error,
-        color=BLUE,
-        alpha=0.25,
-        linewidth=0,
-        label=f"±{_BAND:g} standard errors",
-    )
+    _banded(panel, time, signal, error, BLUE)
     panel.plot(*thinned(time, signal), color=BLUE, linewidth=1.1, label="missing signal")
-    panel.axhline(0.0, color="0.4", linewidth=0.8)
     panel.set_xlabel("time [s]", fontsize=9)
-    panel.set_ylabel(_here(missing), fontsize=9)
+    panel.set_ylabel(_labelled(missing.port, missing.unit), fontsize=9)
     panel.set_title(f"missing at '{missing.port}', {name}", loc="left", fontsize=10)
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
     panel.margins(x=0.01, y=0.2)
     unboxed(panel)
 
 
-def _here(missing: Missing) -> str:
-    return f"{missing.port} [{missing.unit}]" if missing.unit else missing.port
+def _labelled(words: str, unit: str) -> str:
+    return f"{words} [{unit}]" if unit else words
 
 
 def _over_signal(panel: Axes, missing: Missing) -> None:
@@ -219,25 +208,14 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
         text = "no signal of the model explains it"
         panel.text(0.5, 0.5, text, ha="center", fontsize=9, transform=panel.transAxes)
         return
-    panel.axhline(0.0, color="0.4", linewidth=0.8)
-    panel.fill_between(
-        x,
-        mean - _BAND * error,
-        mean + _BAND * error,
-        color=VERMILLION,
-        alpha=0.25,
-        linewidth=0,
-        label=f"±{_BAND:g} standard errors",
-    )
+    _banded(panel, x, mean, error, VERMILLION)
     panel.plot(x, mean, color=VERMILLION, linewidth=1.6, label="its mean")
     panel.legend(loc="upper right", fontsize=8, framealpha=0.9)
     panel.margins(y=0.2)
-    unit = f" [{missing.dependence_unit}]" if missing.dependence_unit else ""
-    panel.set_xlabel(f"{missing.depends_on}{unit}", fontsize=9)
-    panel.set_ylabel(_here(missing), fontsize=9)
-    panel.set_title(
-        f"{missing.depends_on} explains {percent(missing.share)} of it", loc="left", fontsize=10
-    )
+    panel.set_xlabel(_labelled(missing.depends_on, missing.dependence_unit), fontsize=9)
+    panel.set_ylabel(_labelled(missing.port, missing.unit), fontsize=9)
+    title = f"{missing.depends_on} explains {percent(missing.share)} of it"
+    panel.set_title(title, loc="left", fontsize=10)
     unboxed(panel)
 
 
@@ -247,15 +225,9 @@ def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
     equivalent = {name for group in diag.groups if added & {*group} for name in group}
     ratios = [max(c.likelihood_ratio, 0.0) for c in tried]
     where = np.arange(len(tried))
-    panel.barh(
-        where,
-        ratios,
-        color=[
-            BLUE if c.effect in added else _PALE if c.effect in equivalent else "1" for c in tried
-        ],
-        edgecolor=[BLUE if c.effect in added | equivalent else "0.5" for c in tried],
-        height=0.65,
-    )
+    fills = [BLUE if c.effect in added else _PALE if c.effect in equivalent else "1" for c in tried]
+    edges = [BLUE if c.effect in added | equivalent else "0.5" for c in tried]
+    panel.barh(where, ratios, color=fills, edgecolor=edges, height=0.65)
     for y, ratio in zip(where, ratios, strict=True):
         text = f" {ratio:.0f}" if ratio >= 10 else f" {ratio:.1f}"
         panel.annotate(text, (ratio, y), va="center", fontsize=8)
@@ -282,25 +254,18 @@ def learned_figure(diag: Findings) -> Figure:
 def _curve(panel: Axes, law: LearnedLaw) -> None:
     x, mean, error = law.drawn()
     position = law.shown.value * x
-    panel.axhline(0.0, color="0.4", linewidth=0.8)
-    panel.fill_between(
-        position, mean - _BAND * error, mean + _BAND * error, color=BLUE, alpha=0.22, linewidth=0,
-        label=f"±{_BAND:g} standard errors",
-    )  # fmt: skip
+    _banded(panel, position, mean, error, BLUE)
     panel.plot(position, mean, color=BLUE, linewidth=1.8, label="learned curve")
     worst = _WORSE * min(fit.train.nrmse for fit in (law.fit, law.told))
     drawn = (tried for tried in law.forms if tried.fit.train.nrmse <= worst)
     for colour, tried in zip(_COLOURS[1:], drawn, strict=False):
         values = _form_over(law, tried, x)
         if values is not None:
-            chosen = tried is law.form
-            panel.plot(
-                position, values, color=colour, linewidth=1.8 if chosen else 1.0, linestyle="--",
-                label=f"{tried.name}{' (its name)' if chosen else ''}",
-            )  # fmt: skip
+            width, note = (1.8, " (its name)") if tried is law.form else (1.0, "")
+            style = {"color": colour, "linewidth": width, "linestyle": "--"}
+            panel.plot(position, values, label=f"{tried.name}{note}", **style)
     panel.legend(fontsize=8, framealpha=0.9)
-    unit = law.curve.unit
-    panel.set_ylabel(f"curve [{unit}]" if unit else "curve [-]", fontsize=9)
+    panel.set_ylabel(_labelled("curve", law.curve.unit or "-"), fontsize=9)
     title = textwrap.fill(f"at '{law.curve.port}' {manner_words(law)}", _TITLE)
     panel.set_title(title, loc="left", fontsize=10)
     unboxed(panel)
@@ -354,6 +319,5 @@ def _factor_over(x: np.ndarray, samples: np.ndarray, factors: np.ndarray) -> np.
 def _density(panel: Axes, law: LearnedLaw) -> None:
     panel.hist(law.shown.value * law.samples, bins=_BINS, color=GREY)
     panel.set_ylabel("samples", fontsize=9)
-    unit = f" [{law.place_unit}]" if law.place_unit else ""
-    panel.set_xlabel(f"{signal_words(law)}{unit}", fontsize=9)
+    panel.set_xlabel(_labelled(signal_words(law), law.place_unit), fontsize=9)
     unboxed(panel)

@@ -1,45 +1,21 @@
-"""What was learned, in plain sentences, and the lines that bring it into a model."""
+"""What was learned, in plain sentences."""
 
 from __future__ import annotations
 
 import ast
 import math
 
-from diffthrust._support.words import capitalised, humanize, joined, number, percent
-from diffthrust.diagnosis._explained_share import Worth
+from diffthrust._support.words import capitalised, humanize, joined, number
+from diffthrust.diagnosis._candidates import place_words
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._ports import place_words
 from diffthrust.diagnosis._unknown_term.closed_forms import FORMS
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
 from diffthrust.logs._units import product_unit
-from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.made_effect import ARRIVING
-
-
-def share_words(worth: Worth) -> str:
-    """A worth with its interval.
-
-    Example:
-        >>> share_words(Worth(0.72, 0.6, 0.8))
-        '72 % (60 % to 80 %)'
-    """
-    return "{} ({})".format(*share_cells(worth))
-
-
-def share_cells(worth: Worth) -> tuple[str, str]:
-    """A worth and its interval, each in words."""
-    share, low, high = (_signed(value) for value in (worth.share, worth.low, worth.high))
-    return share, f"{low} to {high}"
-
-
-def _signed(share: float) -> str:
-    if not math.isfinite(share):
-        return "?"
-    return f"-{percent(-share)}" if share < 0 else percent(share)
 
 
 def learned_words(diag: Findings) -> list[str]:
@@ -53,7 +29,7 @@ def learned_words(diag: Findings) -> list[str]:
         sentences.append(
             f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
             f"{'' if law.form else ', for which no closed form was found'}. Of the squared error "
-            f"over whole runs of {logs} it removes {share_words(law.worth)}; with it the NRMSE "
+            f"over whole runs of {logs} it removes {law.worth}; with it the NRMSE "
             f"there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
             f"{_range_words(law)}"
         )
@@ -65,10 +41,7 @@ def learned_words(diag: Findings) -> list[str]:
         ]
         if law.superfluous:
             names = joined(humanize(name) for name in law.superfluous)
-            sentences.append(
-                f"{capitalised(names)} only imitated it, or change"
-                f"{'s' if len(law.superfluous) == 1 else ''} nothing beside it."
-            )
+            sentences.append(f"{capitalised(names)} only imitated it, or did nothing beside it.")
     return sentences
 
 
@@ -135,8 +108,3 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
         f"{name.rpartition('.')[2]} = {size}" for name, size in zip(names, sizes, strict=True)
     )
     return f"{subject} {verb}{times}{play}: {tried.formula.expression}, with {listed}"
-
-
-def effects_of(diag: Findings) -> tuple[Effect, ...]:
-    """What a model would have of all that was found: named effects, and what was learned."""
-    return (*diag.best, *(law.form.formula if law.form else law.curve for law in diag.laws))

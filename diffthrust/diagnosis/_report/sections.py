@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
+from diffthrust._support.literals import ToCopy
 from diffthrust._support.page import glossary, page, spec_section
 from diffthrust._support.report import (
     Bullets,
@@ -19,41 +21,31 @@ from diffthrust._support.report import (
     closing_section,
     notes,
 )
-from diffthrust.diagnosis._findings import Findings
-from diffthrust.diagnosis._report.figures import (
-    learned_figure,
-    missing_figure,
-    ranking_figure,
-    stages_figure,
-)
+from diffthrust._support.words import capitalised, humanize, joined, number, percent, probability
+from diffthrust.comparison._compare import Comparison
+from diffthrust.diagnosis._candidates import place_words, words_and_unit
+from diffthrust.diagnosis._findings import Findings, Missing, Remaining
+from diffthrust.diagnosis._report import figures, tables
 from diffthrust.diagnosis._report.learned import learned_words
-from diffthrust.diagnosis._report.own_effect import HOW, own_effect
-from diffthrust.diagnosis._report.remarks import (
-    bound_words,
-    caution_words,
-    closing_words,
-    dropped_words,
-    failure_words,
-    group_words,
-    headroom_words,
-    missing_sentences,
-    refused_words,
-    silent_words,
+from diffthrust.diagnosis._report.text import (
+    an_effect,
+    beyond_bound,
+    measured,
+    model_words,
+    odd_words,
+    remaining_words,
+    rival_words,
+    stage_words,
+    summary,
+    verdict_words,
 )
-from diffthrust.diagnosis._report.tables import (
-    check_rows,
-    form_rows,
-    headroom_rows,
-    log_rows,
-    meaning_rows,
-    ranking_rows,
-    stage_parameter_rows,
-    stage_rows,
-    untestable_rows,
-    worth_rows,
-)
-from diffthrust.diagnosis._report.text import model_words, remaining_words, summary, verdict_words
+from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.effects import Formula
+from diffthrust.effects._class_text import class_name, effect_class_text
+from diffthrust.estimation._origin import effects_line, form_lines, python_line
 from diffthrust.experiments._result import Experiment
+from diffthrust.logs._units import same_unit
+from diffthrust.models._base.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,46 +69,53 @@ _GLOSSARY = {
     "p": "How often chance alone would make the effect look as useful, with noise that is "
     "correlated in time; for this effect alone, of all that were tried.",
 }
+_EFFECT_NAME = "my_effect"
+_EFFECT_USE = """
+
+# In Python:
+#     fit = dft.fit(model + {cls}(), logs, holdout=unseen)
+# In a spec file:
+#     {line}
+"""
 
 
 def diagnosis_report(diag: Findings) -> Report:
     """All sections; pages add the figures, and explanations for readers without the library."""
     style = "good" if diag.verdict == "adequate" else "doubtful"
     outcome = Outcome("Verdict", Styled(verdict_words(diag), style), summary(diag))
+    rivals = rival_words(diag)
     return Report(
         Section("", outcome),
         _stages(diag),
         Section(
             "What each effect removes of the squared error over whole runs",
             *_explained(
-                worth_rows(diag),
+                tables.worth_rows(diag),
                 "All channels together, each in units of its own spread; the interval comes from "
                 "resampled logs and blocks of time.",
             ),
         ),
-        Section(
-            "Room for improvement",
-            *_explained(
-                headroom_rows(diag),
-                "A regression of moderate flexibility learned the error of the model on the "
-                "training logs, from its inputs, states and outputs. What it explains of the error "
-                "on logs that it has not seen is structure, whatever its form: a physical effect "
-                "can remove about as much.",
-            ),
-            Bullets(headroom_words(diag)),
-        ),
+        _headroom(diag),
         *_failures(diag),
         _missing(diag),
         _tried(diag),
-        Section("What these logs cannot tell apart", *group_words(diag)),
+        Section(
+            "What these logs cannot tell apart",
+            *(f"These logs cannot tell {an_effect(n)} from {rivals[n]}." for n in rivals),
+        ),
         _experiment(diag),
         _remaining(diag),
         _learned(diag),
-        Section("Parameters", stage_parameter_rows(diag)),
-        Section("Not testable by these logs", untestable_rows(diag)),
+        Section("Parameters", tables.stage_parameter_rows(diag)),
+        Section("Not testable by these logs", tables.untestable_rows(diag)),
         _cautions(diag),
-        closing_section(closing_words(diag)),
+        closing_section(_closing(diag)),
     )
+
+
+def _explained(rows: Rows, explanation: str) -> tuple[Part, ...]:
+    """A table, on pages under a paragraph that explains it; nothing where it is empty."""
+    return (OnPage(explanation), rows) if rows else ()
 
 
 def _stages(diag: Findings) -> Section:
@@ -128,15 +127,42 @@ def _stages(diag: Findings) -> Section:
         if several
         else "The log that the model fits worst."
     )
+    removed = joined(map(an_effect, diag.dropped))
     return Section(
         "Stages",
         OnPage(
             f"The {model_words(diag.model)} was fitted to the training logs{again}. The errors are "
             "those of a simulation over whole logs; unseen logs took no part in the fits."
         ),
-        stage_rows(diag),
-        dropped_words(diag),
-        Picture(partial(stages_figure, diag), caption),
+        tables.stage_rows(diag),
+        f"Added and later removed, superfluous beside a later effect: {removed}."
+        if removed
+        else "",
+        Picture(partial(figures.stages_figure, diag), caption),
+    )
+
+
+def _headroom(diag: Findings) -> Section:
+    if diag.headroom is None:
+        return Section("")
+    first, last = diag.headroom
+    return Section(
+        "Room for improvement",
+        *_explained(
+            tables.headroom_rows(diag),
+            "A regression of moderate flexibility learned the error of the model on the training "
+            "logs, from its inputs, states and outputs. What it explains of the error on logs that "
+            "it has not seen is structure, whatever its form: a physical effect can remove about "
+            "as much.",
+        ),
+        Bullets(
+            (
+                first.summary,
+                *[f"At the last stage: {last.summary}"] * (len(diag.stages) > 1),
+                *["One-step errors show structure nevertheless: see what remains."]
+                * (diag.remaining is not None and not last.worth),
+            )
+        ),
     )
 
 
@@ -147,7 +173,7 @@ def _failures(diag: Findings) -> list[Section]:
             "Where the model as given fails",
             OnPage(Styled(warning if hints else "", "strong")),
             OnPage(Bullets(hints)),
-            Bullets(failure_words(diag.before)),
+            _failure_bullets(diag.before),
             Picture(
                 diag.before.plot_residuals,
                 "The residuals (measured minus modelled) of the model as given: over time and over "
@@ -155,15 +181,21 @@ def _failures(diag: Findings) -> list[Section]:
                 "the signal to which they are most related.",
             ),
         ),
-        Section("Errors by log", log_rows(diag)),
+        Section("Errors by log", tables.log_rows(diag)),
     ]
+
+
+def _failure_bullets(comparison: Comparison) -> Bullets:
+    """Where the error of a model is large, and whether it is noise."""
+    tests = (capitalised(tests.sentence) for tests in comparison.tests.values())
+    return Bullets((*(regime.sentence for regime in comparison.regimes), *tests))
 
 
 def _missing(diag: Findings) -> Section:
     if not diag.missing:
         return Section("")
     picture = Picture(
-        partial(missing_figure, diag),
+        partial(figures.missing_figure, diag),
         "Left: the missing signal over time, with a band of two standard errors, in the training "
         "log where it is largest. Right: its mean over the signal that explains most of it.",
     )
@@ -173,32 +205,70 @@ def _missing(diag: Findings) -> Section:
             "What would have to be added at a port of the model as given for it to follow the "
             "training logs, estimated without assuming its form."
         ),
-        Bullets(missing_sentences(diag.missing, diag)),
-        *([picture] if any(missing.shows for missing in diag.missing) else []),
+        Bullets(missing_words(m, diag.model) for m in diag.shown(diag.missing)),
+        *[picture] * any(missing.shows for missing in diag.missing),
     )
+
+
+def missing_words(missing: Missing, model: Model) -> str:
+    """The missing signal at a port: its size, and on what it depends."""
+    place = place_words(model, missing.port)
+    if not missing.shows:
+        return f"At {place} no missing signal is significant."
+    size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
+    chance = probability(missing.p_value)
+    if missing.depends_on is not None:
+        dependence = (
+            f"it depends most on {missing.depends_on}, which explains {percent(missing.share)} of "
+            f"its variance ({chance})"
+        )
+    elif missing.p_value < SETTINGS.structure.dependence_level:
+        dependence = "no signal of the model on which it depends explains 1 % of it"
+    else:
+        dependence = f"it depends on none of the model's signals ({chance})"
+    return f"At {place} a signal of {size} (RMS) is missing; {dependence}."
 
 
 def _tried(diag: Findings) -> Section:
     picture = Picture(
-        partial(ranking_figure, diag),
+        partial(figures.ranking_figure, diag),
         "Gain in likelihood by each candidate. Filled: added. Pale: cannot be told from the one "
         "that was added.",
     )
+    silent = joined(map(an_effect, diag.silent))
     return Section(
         "Effects tried",
         *_explained(
-            ranking_rows(diag),
+            tables.ranking_rows(diag),
             "Each was added alone to the model of its stage and fitted to the errors from one "
             "sample to the next, in which random forces do not build up. The NRMSE are those of "
             "whole runs with these estimates: the fits of the stages above, made for whole runs, "
             "come closer.",
         ),
-        *refused_words(diag),
-        *bound_words(diag),
-        silent_words(diag),
-        *([picture] if diag.ranking else []),
-        OnPage(meaning_rows(diag)),
+        *(
+            f"{capitalised(an_effect(n))} was not added: it {why}."
+            for n, why in diag.refused.items()
+        ),
+        *_stopped(diag),
+        f"No improvement: {silent}." if silent else "",
+        *[picture] * bool(diag.ranking),
+        OnPage(tables.meaning_rows(diag)),
     )
+
+
+def _stopped(diag: Findings) -> list[str]:
+    """The parameters of promising effects that a bound has stopped, and the mend."""
+    stopped = {
+        (c.effect, name): e
+        for c in diag.ranking
+        if c.effect not in diag.added and (c.delta_bic < 0 or c.effect in diag.possible)
+        for name, e in c.parameters.items()
+        if e.at_bound
+    }
+    return [
+        f"{capitalised(humanize(name))} of {an_effect(effect)} {beyond_bound(measured(e))}"
+        for (effect, name), e in stopped.items()
+    ]
 
 
 def _experiment(diag: Findings) -> Section:
@@ -222,42 +292,117 @@ def _remaining(diag: Findings) -> Section:
     sentence = remaining_words(diag)
     code = ()
     if diag.remaining and not diag.laws:
-        code = (HOW, own_effect(diag.fit.model, diag.remaining, diag.missing))
-    failures = failure_words(diag.after) if len(diag.stages) > 1 else []
+        code = (
+            f"Write the law that you suspect as an effect of your own, say in {_EFFECT_NAME}.py, "
+            "and fit it:",
+            own_effect(diag.fit.model, diag.remaining, diag.missing),
+        )
+    failures = _failure_bullets(diag.after) if len(diag.stages) > 1 else Bullets()
     return Section(
         "What remains",
         sentence if diag.remaining else OnPage(sentence),
-        *missing_sentences(diag.left[:1], diag),
+        *(missing_words(m, diag.model) for m in diag.shown(diag.left[:1])),
         OnPage("The simulation errors of the last stage:" if failures else ""),
-        OnPage(Bullets(failures)),
+        OnPage(failures),
         *code,
     )
+
+
+def own_effect(model: Model, remaining: Remaining, missing: Sequence[Missing]) -> str:
+    """Python code of an effect for what no known effect explains, its port and signal filled in.
+
+    It runs as it stands: a term in proportion to the signal, in place of which the user puts a law.
+
+    Args:
+        model: the model of the last stage.
+        remaining: what no known effect explains.
+        missing: the missing signals, which know the units of their ports.
+    """
+    adds, signal, port = remaining.manner == "adds", remaining.signal, remaining.port
+    channels = {**model.outputs, **model.optional_inputs, **model.inputs}
+    units = {m.port: m.unit for m in reversed(missing)}
+    if not adds:
+        port_unit = ""
+    elif port in units:
+        port_unit = units[port]
+    else:
+        port_unit = channels[port] if port in channels else words_and_unit(model, port)[1]
+    # a rate or a past mean is no attribute of `s`: the user has to work it out first
+    derived = bool(signal.rate or signal.past is not None)
+    per_signal = port_unit
+    if not derived:
+        signals = {**model.inputs, **model.optional_inputs, **model.states, "time": "s"}
+        if signals[signal.name]:
+            per_signal = f"{_bracketed(port_unit or '1')}/{_bracketed(signals[signal.name])}"
+    term = f"strength * {signal.name}"
+    formula = Formula(
+        port,
+        term if adds else f"value * (1 + {term})",
+        strength=per_signal if same_unit(per_signal, per_signal) else "",
+    )
+    hint = f"from which to work out: {signal}; " if derived else ""
+    hint += "put your law in place of this line"
+    text = effect_class_text(formula, _EFFECT_NAME, hint=hint)
+    cls = class_name(_EFFECT_NAME)
+    line = effects_line(model, [f"{_EFFECT_NAME}.py:{cls}"])
+    return ToCopy(text + _EFFECT_USE.format(cls=cls, line=line))
+
+
+def _bracketed(unit: str) -> str:
+    return f"({unit})" if set(unit) & {"/", " "} else unit
 
 
 def _learned(diag: Findings) -> Section:
     if not diag.laws:
         return Section("")
     picture = Picture(
-        partial(learned_figure, diag),
+        partial(figures.learned_figure, diag),
         "The learned curve with its band, the closed forms that were tried, and below how many "
         "samples the logs hold.",
     )
-    return Section("What was learned", *learned_words(diag), picture, *form_rows(diag))
+    return Section("What was learned", *learned_words(diag), picture, *tables.form_rows(diag))
 
 
 def _cautions(diag: Findings) -> Section:
     seconds = ", ".join(f"{step} {time:.1f} s" for step, time in diag.seconds.items())
     return Section(
         "How far to trust this",
-        OnPage(check_rows(diag)),
+        OnPage(tables.check_rows(diag)),
         *notes(caution_words(diag)),
         OnPage(f"Time spent: {seconds}."),
     )
 
 
-def _explained(rows: Rows, explanation: str) -> tuple[Part, ...]:
-    """A table, on pages under a paragraph that explains it; nothing where it is empty."""
-    return (OnPage(explanation), rows) if rows else ()
+def caution_words(diag: Findings) -> list[str]:
+    """What weakens the outcome: fits that did not converge, and their notes."""
+    sentences = [
+        f"The fit of stage {i} ({stage_words(diag, i)}) has the status "
+        f"'{stage.fit.status.value}': {stage.fit.message}"
+        for i, stage in enumerate(diag.stages)
+        if not stage.fit.status.ok
+    ]
+    if diag.stages[-1].holdout is None:
+        sentences.append(
+            "No log was kept unseen: the errors are those of the logs that the models were fitted "
+            "to, which every effect lowers. Give holdout logs."
+        )
+    return [*sentences, *odd_words(diag), *diag.notes, *diag.fit.notes]
+
+
+def _closing(diag: Findings) -> list[str]:
+    """The last lines: date, versions, hashes, and the model with all that was found, to copy."""
+    laws = (law.form.formula if law.form else law.curve for law in diag.laws)
+    effects, freed = (*diag.best, *laws), ", ".join(f'"{name}"' for name in diag.held)
+    keys = (f'"{name}"' if "." in name else name for name in diag.held)
+    return [
+        *(diag.origin.sentences if diag.origin else ()),
+        "To copy into a spec file, and into Python:",
+        effects_line(diag.model, effects),
+        *form_lines((*diag.model.effects, *effects)),
+        *(f"[parameters] {key} = {{ fixed = false }}" for key in keys),
+        python_line(diag.model, effects),
+        *[f"model = model.free({freed})"] * bool(freed),
+    ]
 
 
 def diagnosis_page(diag: Findings, *, title: str = "", spec: str = "") -> str:

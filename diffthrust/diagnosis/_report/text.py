@@ -15,14 +15,13 @@ from diffthrust._support.words import (
     percent,
     with_error,
 )
-from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._candidates import place_words
 from diffthrust.diagnosis._findings import Findings, OddLog
-from diffthrust.diagnosis._ports import place_words
-from diffthrust.diagnosis._report.learned import learned_words, share_words
+from diffthrust.diagnosis._report.learned import learned_words
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors
+from diffthrust.simulation._errors import ChannelError, Errors
 
 _NAMED = 2
 """Channels that the summary names (more are summed up by their mean), and hints it repeats."""
@@ -50,8 +49,8 @@ def summary(diag: Findings) -> str:
         without = "without what was learned " if diag.laws else ""
         sentences.append(f"{capitalised(without + errors)}.")
     if diag.verdict != "undecided":
-        sentences += forced_words(diag)
-    sentences += much_words(diag)
+        sentences += growth_words(diag)
+    sentences += decisive_log_words(diag)
     if diag.before.hints:
         sentences.append("A channel may not mean what its name says:")
         sentences += diag.before.hints[:_NAMED]
@@ -62,7 +61,13 @@ def _verdict_sentences(diag: Findings) -> list[str]:
     model = model_words(diag.model)
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
-        return [f"The {model} lacks {joined(_lacking(diag))}: with {them} {gain_words(diag)}."]
+        rivals = rival_words(diag)
+        lacking = joined(
+            sized_words(name, diag.fit)
+            + (f" (these logs cannot tell it from {rivals[name]})" if name in rivals else "")
+            for name in leading(diag)
+        )
+        return [f"The {model} lacks {lacking}: with {them} {gain_words(diag)}."]
     if diag.verdict == "undecided":
         return undecided_words(diag)
     if diag.verdict == "adequate":
@@ -95,12 +100,9 @@ def verdict_words(diag: Findings) -> str:
     """The verdict as a person would say it."""
     if diag.verdict == "effects_found" and not diag.best:
         return "a fixed constant disagrees with these logs"
-    return {
-        "adequate": "adequate",
-        "effects_found": "effects found",
-        "unexplained": "something remains unexplained",
-        "undecided": "undecided",
-    }[diag.verdict]
+    if diag.verdict == "unexplained":
+        return "something remains unexplained"
+    return humanize(diag.verdict)
 
 
 def model_words(model: Model) -> str:
@@ -110,6 +112,16 @@ def model_words(model: Model) -> str:
 
 
 # -- effects ---------------------------------------------------------------------------------------
+
+
+def an_effect(name: str) -> str:
+    """An effect by its name in words, with its article.
+
+    Example:
+        >>> an_effect("command_deadband")
+        'a command dead band'
+    """
+    return an(humanize(name))
 
 
 def sized_words(name: str, fit: Fit) -> str:
@@ -128,9 +140,9 @@ def sized_words(name: str, fit: Fit) -> str:
     formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
     values = {key: measured(e) for key, e in estimates.items()}
     if len(values) == 1:
-        return f"{an(humanize(name))} of {next(iter(values.values()))}{formed}"
+        return f"{an_effect(name)} of {next(iter(values.values()))}{formed}"
     listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())
-    return f"{an(humanize(name))} ({listed}{formed})" if listed else an(humanize(name))
+    return f"{an_effect(name)} ({listed}{formed})" if listed else an_effect(name)
 
 
 def measured(estimate: Estimate) -> str:
@@ -141,7 +153,7 @@ def measured(estimate: Estimate) -> str:
 
 
 def leading(diag: Findings) -> tuple[str, ...]:
-    """The added effects, what is worth most first."""
+    """The added effects, the one that removes most of the error first."""
     worth = {name: diag.worth[name].share for name in diag.added if name in diag.worth}
     return tuple(sorted(diag.added, key=lambda name: -worth.get(name, math.inf)))
 
@@ -157,14 +169,13 @@ def stage_words(diag: Findings, index: int) -> str:
     return ", ".join(changes)
 
 
-def _lacking(diag: Findings) -> list[str]:
-    """The added effects with their values, and what each cannot be told from."""
-    words, groups = [], dict(zip(diag.added, diag.groups, strict=True))
-    for name in leading(diag):
-        rivals = joined((an(humanize(rival)) for rival in groups[name] if rival != name), "or")
-        untold = f" (these logs cannot tell it from {rivals})" if rivals else ""
-        words.append(sized_words(name, diag.fit) + untold)
-    return words
+def rival_words(diag: Findings) -> dict[str, str]:
+    """For each added effect that has rivals, what these logs cannot distinguish from it."""
+    return {
+        name: joined((an_effect(rival) for rival in group if rival != name), "or")
+        for name, group in zip(diag.added, diag.groups, strict=True)
+        if len(group) > 1
+    }
 
 
 # -- errors and what reduces them ------------------------------------------------------------------
@@ -212,30 +223,34 @@ def level_words(diag: Findings) -> str:
     """How large the error of each channel is at the last stage."""
     logs, errors = judged_errors(diag)
     return joined(
-        f"the {humanize(name)} error{'' if i else f' on {logs}'} is {_sized(*e.shown)} "
-        f"(NRMSE {number(e.nrmse, 2)})"
+        f"the {humanize(name)} error{'' if i else f' on {logs}'} is {_error_size(e)}"
         for i, (name, e) in enumerate(errors.channels.items())
     )
 
 
+def _error_size(error: ChannelError) -> str:
+    return f"{_sized(*error.shown)} (NRMSE {number(error.nrmse, 2)})"
+
+
 def worth_words(diag: Findings) -> list[str]:
-    """Of several effects what each is worth; and those that are certain and change nothing."""
-    logs = errors_of(diag)[0]
+    """The share that each effect removes, and the effects that change nothing over whole runs."""
     sentences, judged = [], [name for name in leading(diag) if name in diag.worth]
     if len(judged) > 1:
-        shares = joined(f"{humanize(name)} {share_words(diag.worth[name])}" for name in judged)
-        sentences.append(f"Of the squared error over whole runs of {logs} each removes: {shares}.")
+        shares = joined(f"{humanize(name)} {diag.worth[name]}" for name in judged)
+        sentences.append(
+            f"Of the squared error over whole runs of {errors_of(diag)[0]} each removes: {shares}."
+        )
     if diag.detectable:
-        several = len(diag.detectable) > 1
         groups = diag.detectable_groups or [(name,) for name in diag.detectable]
-        sized = (
-            " or ".join(map(an, map(humanize, group))) + _at_most(diag.worth.get(group[0]))
+        listed = joined(
+            " or ".join(map(an_effect, group))
+            + (f" (it removes {worth} of the squared error)" if worth else "")
             for group in groups
+            for worth in (diag.worth.get(group[0]),)
         )
         sentences.append(
-            f"These logs also show {joined(sized)}: {'they are' if several else 'it is'} certain "
-            "from one sample to the next, but over whole runs "
-            f"{'they change' if several else 'it changes'} nothing that surely matters."
+            f"These logs also show {listed}: certain from one sample to the next, but over whole "
+            "runs without a change that surely matters."
         )
     return sentences
 
@@ -246,39 +261,35 @@ def undecided_words(diag: Findings) -> list[str]:
     name = next(iter(diag.far), next(iter(errors.channels)))
     error = errors.channels[name]
     multiple = number(error.rmse / diag.one_step.get(name, math.nan), 2)
+    if diag.experiment and diag.possible:
+        deciding = f"A further record would decide: {diag.experiment.sentence}"
+    else:
+        deciding = (
+            "To decide, record a run that repeats the inputs of one of these logs: errors that "
+            "recur are physics, the others are random forces."
+        )
     return [
-        f"Undecided: over whole runs of {logs} the {humanize(name)} error is "
-        f"{_sized(*error.shown)} (NRMSE {number(error.nrmse, 2)}), {multiple} times that from one "
-        "sample to the next; on these logs random forces explain it as well as missing physics.",
+        f"Undecided: over whole runs of {logs} the {humanize(name)} error is {_error_size(error)}, "
+        f"{multiple} times that from one sample to the next; on these logs random forces explain "
+        "it as well as missing physics.",
         *possible_words(diag),
-        deciding_words(diag),
+        deciding,
     ]
 
 
 def possible_words(diag: Findings) -> list[str]:
-    """The effects that only whole runs speak for."""
-    logs = errors_of(diag)[0]
-    shares = [f"{an(humanize(name))} {share_words(worth)}" for name, worth in diag.possible.items()]
+    """The effects that whole runs support, and one-step errors do not."""
+    shares = joined((f"{an_effect(name)} {worth}" for name, worth in diag.possible.items()), "or")
     if not shares:
         return []
     return [
-        f"Possible, judged by whole runs alone, with the share of the squared error on {logs} "
-        f"that each would remove: {joined(shares, 'or')}."
+        "Possible, judged by whole runs alone, with the share of the squared error on "
+        f"{errors_of(diag)[0]} that each would remove: {shares}."
     ]
 
 
-def deciding_words(diag: Findings) -> str:
-    """Which record would decide."""
-    if diag.experiment and diag.possible:
-        return f"A further record would decide: {diag.experiment.sentence}"
-    return (
-        "To decide, record a run that repeats the inputs of one of these logs: errors that recur "
-        "are physics, the others are random forces."
-    )
-
-
-def forced_words(diag: Findings) -> list[str]:
-    """How much of the error over whole runs is left, and what it is attributed to."""
+def growth_words(diag: Findings) -> list[str]:
+    """How much larger errors are over whole runs than from sample to sample, and why."""
     logs, errors = judged_errors(diag)
     growth = {
         n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step
@@ -291,18 +302,12 @@ def forced_words(diag: Findings) -> list[str]:
         f"From one sample to the next the {humanize(name)} is predicted to within "
         f"{_sized(size / growth[name], unit)}, over whole runs of {logs} to {_sized(size, unit)}"
     )
-    if diag.verdict == "undecided":
-        return [f"{words}."]
     if diag.verdict == "unexplained":
         return [f"{words}: missing physics and random forces add up."]
     return [
         f"{words}: the difference is attributed to random forces and lasting sensor errors, which "
         "no signal of these logs surely explains."
     ]
-
-
-def _at_most(worth: Worth | None) -> str:
-    return "" if worth is None else f" (it removes {share_words(worth)} of the squared error)"
 
 
 # -- what remains ----------------------------------------------------------------------------------
@@ -313,11 +318,9 @@ def remaining_words(diag: Findings) -> str:
     remaining = diag.remaining
     if remaining is None:
         if diag.verdict == "unexplained":
-            return (
-                repeating_words(diag)
-                if diag.repeating
-                else "Structure remains that no known effect explains; its place is not clear."
-            )
+            if diag.repeating:
+                return _repeating_words(diag)
+            return "Structure remains that no known effect explains; its place is not clear."
         if diag.verdict == "undecided":
             return "What remains is lasting, and cannot be told from random forces."
         return "What remains cannot be told from noise."
@@ -330,26 +333,24 @@ def remaining_words(diag: Findings) -> str:
     )
 
 
-def repeating_words(diag: Findings) -> str:
+def _repeating_words(diag: Findings) -> str:
     """That large errors over whole runs repeat, as a flexible model shows."""
-    room = diag.room.channels if diag.room else {}
-    logs = judged_errors(diag)[0]
-    shares = [
-        f"{percent(room[name].share)} ({percent(max(room[name].low, 0.0))} to "
-        f"{percent(room[name].high)}) of the squared {humanize(name)} error"
+    channels = diag.room.channels if diag.room else {}
+    shares = joined(
+        "{2} ({3})".format(*channels[name].cells) + f" of the squared {humanize(name)} error"
         for name in diag.repeating
-    ]
+    )
     return (
-        f"Structure remains that no known effect explains: over whole runs of {logs} a flexible "
-        f"model of these signals explains {joined(shares)}, so it is repeatable; where it enters "
-        "is not clear."
+        f"Structure remains that no known effect explains: over whole runs of "
+        f"{judged_errors(diag)[0]} a flexible model of these signals explains {shares}, so it is "
+        "repeatable; where it enters is not clear."
     )
 
 
 # -- what was given: logs that deviate, fixed constants, narrow bounds -----------------------------
 
 
-def much_words(diag: Findings) -> list[str]:
+def decisive_log_words(diag: Findings) -> list[str]:
     """The deviating logs that carry enough of the error to decide, and whether they do."""
     sentences = [_odd_log(odd) for odd in diag.odd_logs if odd.much]
     if diag.apart:
@@ -397,7 +398,7 @@ def stopped_words(diag: Findings) -> list[str]:
         ['alpha stopped at its bound of 0.2 1/s: these logs favour a higher value. ...']
     """
     first, last = _stopped(diag.stages[0].fit), _stopped(diag.fit)
-    added = joined(an(humanize(name)) for name in diag.added)
+    added = joined(map(an_effect, diag.added))
     sentences = []
     for full, (name, amount, way) in {**first, **last}.items():
         if full in diag.model.parameters and full in last:
@@ -444,7 +445,7 @@ def _stopped(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
         vanished = e.value == p.null or (p.transform == "log" and low <= 0 and not above)
         if e.at_bound and not vanished:
             effect, _, name = full.rpartition(".")
-            words = capitalised(f"{humanize(name)} of {an(humanize(effect))}") if effect else name
+            words = capitalised(f"{humanize(name)} of {an_effect(effect)}") if effect else name
             amount = _amount(f"{e.shown[0]:.4g}", e.shown[2])
             stopped[full] = words, amount, "higher" if above else "lower"
     return stopped

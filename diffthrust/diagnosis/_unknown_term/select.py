@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import drop, refitted_stage, remaining_share
+from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
 from diffthrust.diagnosis._explained_share import Worth, matters
 from diffthrust.diagnosis._findings import Remaining, Stage
@@ -20,7 +21,6 @@ from diffthrust.diagnosis._innovations_fit import (
     with_values,
 )
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._ports import DrivingPort
 from diffthrust.diagnosis._residual_structure import downstream_ports
 from diffthrust.diagnosis._search_state import (
     LEARNING,

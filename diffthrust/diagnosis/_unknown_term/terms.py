@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust.diagnosis._candidates import DrivingPort, words_and_unit
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
 from diffthrust.diagnosis._residual_structure import (
     ObservedSignals,
     Wave,

@@ -1,1 +1,1 @@
-"""Logs of robots and autopilots: series of their own clocks, put on one time base."""
+"""Logs of robots and autopilots: series with separate clocks, put on one time base."""

@@ -126,7 +126,7 @@ def _step_and_stamps(
             raise InputError(
                 f"{file}: expected a channel as time base, one of {listing(series)}, found "
                 f"{base!r}{'; ' + near if near else ''}.",
-                "name the channel whose stamps are to be taken, write 'messages' for those of all, "
+                "name the channel whose stamps to use, write 'messages' for those of all, "
                 "or give a step in seconds.",
             )
         if series[base].time.size < 2:

@@ -91,6 +91,7 @@ class Fleet(Result):
             if entry.vehicle != vehicle or not entry.usable or error is None:
                 continue
             at = float(axis.coordinate(value))
+            # A negative estimate of a positive quantity has no logarithm.
             if np.isfinite(at):
                 points.append((time, at, error / float(axis.slope(value))))
         times, values, errors = np.array(points, float).reshape(-1, 3).T
@@ -341,6 +342,7 @@ def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
         numbers, unit = np.array(times, float), "unit of time"
     else:
         try:
+            # UTC: dates with and without a time zone cannot be subtracted.
             dates = pd.to_datetime(pd.Series(list(times)), utc=True, format="ISO8601")
         except (ValueError, TypeError) as error:
             raise InputError(

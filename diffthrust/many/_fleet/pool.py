@@ -75,6 +75,8 @@ def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], 
                 f"parameters: no fit of the fleet estimated '{name}'; there are {listing(counts)}.",
                 "Correct the name.",
             )
+    # Without a list the parameters that too few vehicles have are noted and left out; one that the
+    # user names is an error.
     few = [name for name in names if counts[name] < _FEWEST]
     kept = [name for name in names if counts[name] >= _FEWEST]
     if not kept or (few and wanted is not None):
@@ -86,6 +88,7 @@ def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], 
         )
     for entry in fleet.entries:
         described = entry.fit.model.parameters if entry.fit is not None else {}
+        # A prior in each of ten fits would enter the pooled estimate ten times.
         prior = [n for n in kept if n in described and described[n].prior is not None]
         if prior:
             raise InputError(
@@ -103,6 +106,7 @@ def _ruler(fleet: Estimates, names: Sequence[str]) -> Ruler:
     middle = []
     for name in names:
         every = [fleet.series(vehicle, name)[1] for vehicle in fleet.vehicles]
+        # A median: one vehicle whose fit ran away must not move the origin of the scale.
         middle.append(float(np.median([np.mean(values) for values in every if values.size])))
     return Ruler(tuple(fleet.axes[name] for name in names), np.array(middle))
 

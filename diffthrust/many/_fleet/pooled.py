@@ -128,6 +128,7 @@ class Pooled(Result):
                 self.post.posterior[f"{axis.name}.mean"].values, self.level
             )
             spread = _quantiles(self.post.posterior[f"{axis.name}.between"].values, self.level)
+            # The spread is that of a logarithm: times the median it has the parameter's unit.
             per = float(axis.slope(np.asarray(median)))
             rows.append(
                 {

@@ -78,6 +78,7 @@ def _rows(table: Any) -> list[Any]:
 
 
 def _interval(median: float, low: float, high: float) -> tuple[str, str, str]:
+    # Half the half-width of a 95 % interval: about the standard error, which sets the digits.
     error = 0.25 * (high - low)
     return with_error(median, error)[0], with_error(low, error)[0], with_error(high, error)[0]
 

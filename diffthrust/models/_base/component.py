@@ -153,6 +153,7 @@ class _Described:
         self.component = component
         self.names = tuple(component._parameters)
         described = [replace(p, value=0.0) for p in component._parameters.values()]
+        # numbers are leaves and left out: models that differ in values share one compiled program
         self.key = (component.structure, self.names, tuple(described))
 
     def __eq__(self, other: object) -> bool:
@@ -195,6 +196,7 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
             )
         return replace(old, **new)
     try:
+        # float("3") and float(True) would pass: a word of a spec file is an error
         if isinstance(new, bool | str):
             raise TypeError
         return old.with_value(float(new))

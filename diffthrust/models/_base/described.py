@@ -78,6 +78,8 @@ def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str
         numbers = [fields[n] for n in ("value", "null") if fields.get(n) is not None]
         probes = fields.get("probes", ())
         numbers += (*probes.factors, probes.power) if isinstance(probes, Relative) else probes
+        # one attempt to use every field: what cannot be hashed or compared is refused here with its
+        # name
         hash((*fields.values(), *map(math.isfinite, numbers)))
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(

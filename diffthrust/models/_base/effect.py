@@ -45,8 +45,8 @@ class Effect(Component):
     ports: ClassVar[tuple[str, ...]] = ()
     reads: tuple[str, ...] = ()
     """Signals that it reads, where these are known; a model refuses one that it does not have."""
-    told: ClassVar[tuple[str, ...]] = ("name", "port")
-    """What each class of effects must say of itself."""
+    required: ClassVar[tuple[str, ...]] = ("name", "port")
+    """Fields that each class of effects must set."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -60,7 +60,7 @@ class Effect(Component):
                 "underscores.",
                 "Write it like the names of Python: my_effect.",
             )
-        missing = [field for field in cls.told if not getattr(cls, field)]
+        missing = [field for field in cls.required if not getattr(cls, field)]
         if missing:
             raise InputError(
                 f"Effect {cls.__name__}: expected {' and '.join(missing)} in the class body.",

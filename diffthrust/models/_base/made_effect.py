@@ -27,7 +27,7 @@ class MadeEffect(Effect):
     equations, and its constructor ends with `_make`.
     """
 
-    told: ClassVar[tuple[str, ...]] = ()
+    required: ClassVar[tuple[str, ...]] = ()
     library: ClassVar[dict[str, type[MadeEffect]]] = {}  # pyright: ignore[reportIncompatibleVariableOverride]
     options: ClassVar[tuple[str, ...]] = ("name", "port")
     main: ClassVar[str] = ""

@@ -15,7 +15,7 @@ from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.quadratic_load import QuadraticLoad
-from diffthrust.models._base.readable import told_at
+from diffthrust.models._base.readable import reported_at
 from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
@@ -72,7 +72,8 @@ class Model(Component):
                 "Give the port another name.",
             )
         if "equations" in vars(cls) and "quadratic_load" not in vars(cls):
-            # what a parent class says of its equations need not hold for others
+            # closed forms of a parent need not hold for other equations: a subclass of Thruster
+            # with changed ones would otherwise get its formulas silently
             type.__setattr__(cls, "quadratic_load", Model.quadratic_load)
 
     def __init__(self, *, command: str = "", **parameters: float | Parameter) -> None:
@@ -136,7 +137,7 @@ class Model(Component):
         """The numbers of a torque against a quadratic load, of a model that obeys these equations.
 
         ``None`` for other models. Effects are not counted. A class with equations of its own
-        says this anew: it is not inherited from a parent with other equations.
+        must define it as well: it is not inherited from a parent with other equations.
 
         Example:
             >>> dft.Thruster(beta=40.0).quadratic_load.drive_gain
@@ -288,6 +289,7 @@ class Model(Component):
                     f"'{self.name}' does not have; it has {listing(places)}.",
                     "Use an effect made for one of these ports.",
                 )
+            # a channel is a recorded series, on which nothing is integrated
             if other.states and port not in self.ports:
                 raise InputError(
                     f"Effect '{other.name}' has states of its own and acts on the channel "
@@ -319,7 +321,7 @@ class Model(Component):
         names = ("time", *self.inputs, *self.optional_inputs)
         if port in self.ports:
             names = ("time", *self.inputs, *self.states, *self.optional_inputs)
-            names += told_at(self.equations, names, port)
+            names += reported_at(self.equations, names, port)
         elif port in self.outputs:
             names = ("time", *self.inputs, *self.states, *self.outputs, *self.optional_inputs)
         return tuple(dict.fromkeys(names))

@@ -163,6 +163,7 @@ class Parameter:
                 f"Parameter '{name}': the lower bound {low:g} is not below the upper one {high:g}.",
                 "Swap the bounds; to hold a parameter at a value, give fixed = true.",
             )
+        # an infinite limit is how a saturation does nothing: allowed as a null only
         infinite = not math.isfinite(self.value) and self.value != self.null
         if infinite or not low <= self.value <= high:
             raise InputError(
@@ -271,6 +272,7 @@ def _spelt(pattern: str, units: Mapping[str, str]) -> str:
     above, _, below = pattern.partition("/")
     if place in above:
         return f"{unit}/{below}" if unit and below else unit
+    # "rad/(V s^2)" reads well; a command without a symbol is spelt out: "rad/s^2 per full effort"
     if unit and unit != "effort" and unit.isalpha():
         return pattern.replace(place, unit)
     remaining = below.strip("()").replace(place, "").strip()
@@ -279,7 +281,7 @@ def _spelt(pattern: str, units: Mapping[str, str]) -> str:
 
 
 def _of(number: object) -> Any:
-    """The library whose functions suit: JAX takes a hundred times as long for a plain number."""
+    """NumPy or JAX, by the number: JAX takes a hundred times as long for a plain number."""
     return jnp if isinstance(number, jax.Array) else np
 
 

@@ -12,8 +12,8 @@ from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.signals import Signal, Signals
 
 
-def told_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> tuple[str, ...]:
-    """What equations tell the effects at a port, besides the signals that they are given.
+def reported_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> tuple[str, ...]:
+    """The signals that equations report to the effects at a port, besides their own inputs.
 
     Args:
         equations: a model's.
@@ -28,6 +28,7 @@ def told_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> t
         equations(s, _Noting(s, noted))
         return values["time"]
 
+    # an abstract evaluation: the equations are walked through once, nothing is computed
     jax.eval_shape(run, {name: jnp.asarray(0.5) for name in ("time", *signals)})
     return tuple(name for name in noted.get(port, ()) if name not in ("time", *signals))
 

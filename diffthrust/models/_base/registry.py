@@ -27,6 +27,7 @@ def catalogue() -> Mapping[str, type[Effect]]:
         InputError: an entry point that is not an effect, or one with a name that is taken.
     """
     import_module(_GROUP)
+    # sorted, since the order of registration follows what happens to be imported first
     classes = dict(sorted(EFFECTS.items(), key=lambda e: (e[1].__module__, e[1].__qualname__)))
     for point in entry_points(group=_GROUP):
         cls = point.load()

@@ -25,7 +25,7 @@ class Relaxing(NamedTuple):
         decay: a non-negative estimate of -d(rate)/d(state) [1/s] from parameters and inputs; where
             it reads a state, the value at the start of the log is used throughout. The integrator
             treats this part exactly, so that a time constant far below the step neither blows up
-            nor lies.
+            nor gives a wrong answer.
 
     Example:
         >>> rate = dft.models.Relaxing(rate=(1.0 - 0.2) / 0.1, decay=1 / 0.1)
@@ -57,6 +57,7 @@ class Signals(Mapping[str, Signal]):
         self._values: dict[str, Any] = dict(values)
 
     def __getattr__(self, name: str) -> Signal:
+        # copy and pickle look for special methods on half-made objects: no message for those
         if name.startswith("__"):
             raise AttributeError(name)
         try:
