@@ -82,6 +82,7 @@ class Selection(Result):
     @property
     def chosen(self) -> Candidate:
         """The candidate with the least criterion, among converged ones if there are any."""
+        # the least BIC of all may be that of a search which broke off
         sound = [row for row in self.candidates if row.model and row.model.status.ok]
         return min(sound or self.candidates, key=self._score)
 

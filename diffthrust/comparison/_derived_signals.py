@@ -77,6 +77,8 @@ def derived_signals(
         derived[f"d({name})/dt"] = (rate, unit)
         derived[f"|d({name})/dt|"] = (np.abs(rate), unit)
         if name in both:
+            # positive while it speeds up to either side: friction and added mass differ by this,
+            # not by the sign of the rate
             derived[f"d|{name}|/dt"] = (np.sign(values) * rate, unit)
     return derived
 

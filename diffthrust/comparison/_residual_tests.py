@@ -174,6 +174,8 @@ def residual_tests(
     longest = max(residual.size for residual in residuals)
     ours = autocorrelation(residuals, longest // 2)
     inflation = integral(ours)
+    # correlated samples count as fewer: the variance of the mean grows by the sum of the
+    # autocorrelation
     effective = pooled.size / inflation
     lags = max(1, min(20, ours.size - 1, pooled.size // 5))
     reach = int(np.clip(math.ceil(3 * inflation), 10, max(10, longest // 4)))

@@ -122,5 +122,6 @@ def rate_of(
         ()
     """
     ahead = (value - last) / (smoothing + period)
+    # without it the first difference is that from zero: a step of the whole measurement
     rate = begun * ahead
     return rate, jnp.where(begun > 0, last + period * ahead, value)

@@ -129,7 +129,10 @@ def loop_signals(
         )
         previous = {n: carry[n] for n in ("line", "command", "taken", "motor_command", "path")}
         line = jnp.concatenate([control["output"][None], previous["line"][:-1]])
+        # a line of outputs and not an index into the past: the loop's body stays one kernel
         command = line[timing.late]
+        # faults act on what arrives, after the dead time and before the motor controller's own
+        # effects
         taken = faults.command(command, previous["taken"], now)
         inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
         inputs = {**inflow, **signals, "time": now, "command": taken}

@@ -145,6 +145,7 @@ class Trajectory(Brief):
         """Value, rate and acceleration at instants [s]."""
         rows = (np.asarray(row) for row in (self.value, self.rate, self.acceleration))
         value, rate, curve = (np.interp(time, np.asarray(self.time), row) for row in rows)
+        # constant beyond its ends: a rate there would drive a controller's feed-forward on
         within = (time >= self.time[0]) & (time <= self.time[-1])
         return value, np.where(within, rate, 0.0), np.where(within, curve, 0.0)
 

@@ -135,6 +135,8 @@ class AdaptiveSliding(Sliding):
         free, memory, swept, rate = self._free(thrust, s, kept, period, load, inertia)
         command = jnp.clip(free, -self.limit, self.limit)
         error = memory["sliding_error"]
+        # a dead zone of adaptation: inside the layer the error is noise and unmodelled dynamics, by
+        # which estimates would drift (Slotine & Coetsee 1986)
         outside = error - jnp.clip(error, -self.width, self.width)
         # both estimates move the command against the error: where that is away from the limit that
         # holds it, as at 30 V for a motor that takes 10, nothing is learned

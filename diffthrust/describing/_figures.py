@@ -25,6 +25,7 @@ def map_figure(result: DescribingValues) -> Figure:
     """Gain and phase: maps with contours, or curves where there are few amplitudes."""
     result = result.shown
     gain = np.where(result.settled, result.gain, np.nan)
+    # a gain of zero (within a dead band) has no logarithm: it is hatched
     gain = np.where(gain > 0, gain, np.nan)
     title = f"{result.model}: {result.input} to {result.output}, {result.method.replace('_', ' ')}"
     labels = bracketed("gain", result.gain_unit), "phase [deg]"

@@ -19,11 +19,10 @@ from diffthrust.diagnosis._findings import Refusal, Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, with_values
 from diffthrust.diagnosis._rating import Tried
 from diffthrust.diagnosis._residual_structure import gain_of
-from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
+from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
-from diffthrust.simulation._record import Record
-from diffthrust.simulation._runs import runs_over
+from diffthrust.simulation._runs import Run
 
 
 def admit(
@@ -108,13 +107,13 @@ def _of_stage(state: SearchState) -> tuple[str, ...]:
 
 
 def record_stage(
-    context: SearchContext, state: SearchState, fitted: Stage, name: str
+    context: SearchContext, state: SearchState, fitted: FittedStage, name: str
 ) -> SearchState:
     """Record the newly fitted effect as a stage, or as only detectable."""
     last = state.stages[-1]
     without = [share for share in state.stages if {*share.effects} <= {*fitted.effects} - {name}]
-    trained = errors_between(without[-1], fitted, context.fitter.records, trained=True)
-    unseen = errors_between(without[-1], fitted, context.unseen)
+    trained = errors_between(without[-1].runs, fitted.runs)
+    unseen = errors_between(without[-1].unseen_runs, fitted.unseen_runs)
     worth, everywhere = explained_share(unseen or trained), explained_share([*trained, *unseen])
     share = worth.of(remaining_share(state, without[-1]))
     state = replace(state, worth={**state.worth, name: share})
@@ -125,27 +124,14 @@ def record_stage(
     return replace(state, detectable=(*state.detectable, name))
 
 
-def errors_between(
-    baseline: Stage, updated: Stage, records: Sequence[Record], trained: bool = False
-) -> list[dict[str, BeforeAfter]]:
-    """The errors of two stages over whole runs, log by log."""
-    if not records:
-        return []
-    early, late = (
-        runs_over(
-            stage.fit.model,
-            records,
-            initial=stage.fit.initial if trained else None,
-            substeps=stage.fit.substeps,
-        )
-        for stage in (baseline, updated)
-    )
+def errors_between(baseline: Sequence[Run], updated: Sequence[Run]) -> list[dict[str, BeforeAfter]]:
+    """The errors of two models over whole runs of the same logs, log by log."""
     return [
         {
             name: BeforeAfter(trace.measured, trace.residual, new.channels[name].residual)
             for name, trace in old.channels.items()
         }
-        for old, new in zip(early, late, strict=True)
+        for old, new in zip(baseline, updated, strict=True)
     ]
 
 
@@ -194,7 +180,7 @@ def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:
     return state
 
 
-def refitted_stage(context: SearchContext, state: SearchState) -> Stage:
+def refitted_stage(context: SearchContext, state: SearchState) -> FittedStage:
     """The current model without the effects that are only detectable, fitted to whole runs.
 
     The fit starts from the values of the trial, and from the last stage with the new effects at
@@ -209,4 +195,5 @@ def refitted_stage(context: SearchContext, state: SearchState) -> Stage:
         null = candidates[name].at_null()._parameters
         start |= {f"{name}.{n}": p.value for n, p in null.items() if math.isfinite(p.value)}
     free = {n for n, p in model.parameters.items() if not p.fixed}
-    return Stage(names, context.refit(model, [{n: v for n, v in start.items() if n in free}]))
+    guess = {n: v for n, v in start.items() if n in free}
+    return FittedStage(names, *context.refit(model, [guess]))

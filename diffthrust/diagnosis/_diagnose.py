@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
-from diffthrust.comparison._compare import Comparison, comparison_of
+from diffthrust.comparison._compare import comparison_of
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
@@ -19,6 +19,7 @@ from diffthrust.diagnosis._findings import (
     Missing,
     OddLog,
     Selection,
+    Stage,
     headroom_between,
     verdict_evidence,
 )
@@ -31,6 +32,7 @@ from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search_state import (
     LEARNING,
     SOUGHT,
+    FittedStage,
     SearchContext,
     SearchState,
     compiled_fitter,
@@ -45,13 +47,11 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
-from diffthrust.simulation._record import Record, bind
-from diffthrust.simulation._remembered import simulated_once
-from diffthrust.simulation._runs import runs_over
+from diffthrust.simulation._record import bind
+from diffthrust.simulation._runs import Run, runs_over
 
 
 @progressing
-@simulated_once()
 def diagnose(
     fit: Fit | Model,
     logs: Log | Sequence[Log],
@@ -177,18 +177,16 @@ def assessed(
         no_longer_odd: logs that a learned law has shown to agree with the others.
     """
     fitter, unseen, state = context.fitter, context.unseen, search.state
-    trial, first, last = state.current.trial, state.stages[0].fit, state.stages[-1].fit
-    trained = compare_ends(first, last, fitter.records, trained=True)
-    judged = compare_ends(first, last, unseen) if unseen else trained
-    runs = (*trained[1].runs, *(judged[1].runs if unseen else ()))
+    trial, first, last = state.current.trial, state.stages[0], state.stages[-1]
+    runs = (*last.trained.runs, *(last.judged.runs if unseen else ()))
     odd = odd_logs(fitter, trial, runs)
     with context.clock("remaining"):
         remaining = state.current.remaining
     selection = selection_of(context, search)
     assessment = Assessment(
-        before=judged[0],
-        after=judged[1],
-        trained=trained,
+        before=first.judged,
+        after=last.judged,
+        trained=(first.trained, last.trained),
         one_step=one_step_sizes(fitter, trial),
         remaining=remaining,
         odd_logs=tuple(log for log in odd if log.log not in no_longer_odd),
@@ -199,7 +197,7 @@ def assessed(
         or bool(verdict_evidence(selection, assessment).far)
     )
     if is_open:
-        assessment = set_aside(context, last, trained[1], assessment)
+        assessment = set_aside(context, last, assessment)
     return Outcome(search, selection, assessment)
 
 
@@ -212,7 +210,7 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
     return Selection(
         best=tuple(last.fit.model.effects[len(context.given.effects) :]),
         groups=search.groups,
-        stages=state.stages,
+        stages=tuple(Stage(stage.effects, stage.fit) for stage in state.stages),
         ranking=state.ranking,
         untestable={n: why for n, why in state.untestable.items() if n not in present},
         dropped=state.dropped,
@@ -225,31 +223,12 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
     )
 
 
-def compare_ends(
-    first: Fit, last: Fit, records: Sequence[Record], trained: bool = False
-) -> tuple[Comparison, Comparison]:
-    """The models of the first and the last stage against records; see `compare_records`.
-
-    Where no effect was added both are the same comparison.
-    """
-    before = compare_records(first, records, trained)
-    return before, before if last is first else compare_records(last, records, trained)
-
-
-def compare_records(fit: Fit, records: Sequence[Record], trained: bool = False) -> Comparison:
-    """The model of a fit against records, from its initial states where it was fitted to them."""
-    initial = fit.initial if trained else None
-    return comparison_of(fit, runs_over(fit.model, records, initial=initial))
-
-
 def one_step_sizes(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
     """Standard deviations of the one-step errors of a trial, by channel."""
     return dict(zip(fitter.channels, map(float, trial.quadratic.sigma), strict=True))
 
 
-def set_aside(
-    context: SearchContext, last: Fit, trained: Comparison, assessment: Assessment
-) -> Assessment:
+def set_aside(context: SearchContext, last: FittedStage, assessment: Assessment) -> Assessment:
     """The assessment without the odd logs that carry much of the error.
 
     A log that disagrees with the others may say nothing about what all of them lack, and bends the
@@ -258,8 +237,7 @@ def set_aside(
 
     Args:
         context: what the search worked with.
-        last: the last fit.
-        trained: it against the training logs.
+        last: the last stage.
         assessment: with the odd logs.
 
     Returns:
@@ -270,30 +248,25 @@ def set_aside(
     if not odd:
         return assessment
     records, unseen = context.fitter.records, context.unseen
-    kept = _except(odd, records, trained), _except(odd, unseen, assessment.after) if unseen else []
-    removed = len(records) + len(unseen) - sum(map(len, kept))
-    if removed > len(odd) or (unseen and not kept[1]):  # several logs may bear one name
+    trained, judged = (
+        tuple(run for run in runs if run.name not in odd)
+        for runs in (last.trained.runs, last.judged.runs if unseen else ())
+    )
+    removed = len(records) + len(unseen) - len(trained) - len(judged)
+    if removed > len(odd) or (unseen and not judged):  # several logs may bear one name
         return assessment
-    if len(kept[0]) < len(records):
+    if len(trained) < len(records):
         context.say("without the odd logs", 1.0)
-        last = context.refit(last.model, records=kept)
-        fitter, trial = compiled_fitter(last, (), (), *kept)
+        kept = [run.record for run in trained], [run.record for run in judged]
+        last = FittedStage(last.effects, *context.refit(last.fit.model, records=kept))
+        fitter, trial = compiled_fitter(last.fit, (), (), *kept)
         assessment = replace(
             assessment,
             remaining=remaining_structure(fitter, trial),
             one_step=one_step_sizes(fitter, trial),
         )
-    training = compare_records(last, kept[0], trained=True)
-    held_out = compare_records(last, kept[1]) if kept[1] else training
-    return replace(assessment, apart=(training, held_out))
-
-
-def _except(
-    names: Collection[str], records: Sequence[Record], comparison: Comparison
-) -> list[Record]:
-    """The records whose runs bear none of some names."""
-    pairs = zip(records, comparison.runs, strict=True)
-    return [record for record, run in pairs if run.name not in names]
+        return replace(assessment, apart=(last.trained, last.judged))
+    return replace(assessment, apart=(last.trained, comparison_of(last.fit, judged)))
 
 
 def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Outcome:
@@ -328,11 +301,11 @@ def agrees_with_law(
     """Whether logs that were odd err no more than the others in a fit with the law."""
     if not odd or assessment.trained is None:
         return not odd
-    records, unseen = context.fitter.records, context.unseen
-    before, after = assessment.trained[1].runs, compare_records(fit, records, trained=True).runs
-    if unseen:
+    before: tuple[Run, ...] = assessment.trained[1].runs
+    after = runs_over(fit.model, context.fitter.records, initial=fit.initial)
+    if context.unseen:
         before = (*before, *assessment.after.runs)
-        after = (*after, *compare_records(fit, unseen).runs)
+        after = (*after, *runs_over(fit.model, context.unseen))
     return no_longer_odd(odd, before, after)
 
 

@@ -134,7 +134,7 @@ def proposal(
         try:
             for name in group[1:3]:
                 rival = with_candidates(context.given, [*kept, name or ""], fitter.candidates)
-                rivals.append(context.refit(rival))
+                rivals.append(context.refit(rival).fit)
             with context.clock("experiment"):
                 return suggest_experiment(
                     rivals,

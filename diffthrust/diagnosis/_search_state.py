@@ -13,6 +13,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, subtask
+from diffthrust.comparison._compare import Comparison, comparison_of
 from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
 from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._explained_share import Worth
@@ -22,14 +23,14 @@ from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._arguments import FitOptions
-from diffthrust.estimation._fit import fit_records
+from diffthrust.estimation._fit import FitRuns, fit_records
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._levels import levels_when_asked
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._runs import pooled_errors, runs_over
+from diffthrust.simulation._runs import Run, pooled_errors, runs_over, with_steps
 from diffthrust.simulation._step_size import CoarseStepWarning
 
 FITTED = 0.1
@@ -92,8 +93,8 @@ class Refit:
         records: tuple[Sequence[Record], Sequence[Record]] | None = None,
         segments: bool = False,
         substeps: int = 0,
-    ) -> Fit:
-        """Fit a model.
+    ) -> FitRuns:
+        """Fit a model; its unseen runs have the integrator steps of the fit, too.
 
         Args:
             model: the model.
@@ -114,12 +115,18 @@ class Refit:
                 settled = {n: v for n, v in self.settled.items() if not segments or n != "horizon"}
                 settled |= {"substeps": substeps} if substeps else {}
                 chosen = FitOptions(**options, **settled)
-                fitted = fit_records(model, *records, chosen, progress).fit
+                fitted = fit_records(model, *records, chosen, progress)
                 if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in caught):
-                    return fitted
-                if math.isfinite(fitted.train.nrmse):  # finer steps have a nearby optimum
-                    model, options = fitted.model, {**options, "starts": 1, "guesses": ()}
-            return fit_records(model, *records, FitOptions(**options), progress).fit
+                    return _with_its_steps(fitted)
+                if math.isfinite(fitted.fit.train.nrmse):  # finer steps have a nearby optimum
+                    model, options = fitted.fit.model, {**options, "starts": 1, "guesses": ()}
+            return _with_its_steps(fit_records(model, *records, FitOptions(**options), progress))
+
+
+def _with_its_steps(fitted: FitRuns) -> FitRuns:
+    """A fit whose unseen runs have its integrator steps, too, so that stages compare by them."""
+    fit, _, unseen_runs = fitted
+    return fitted._replace(holdout_runs=with_steps(fit.model, unseen_runs, fit.substeps))
 
 
 @dataclass(frozen=True)
@@ -182,6 +189,32 @@ class CurrentModel:
         return self._without[name]
 
 
+@dataclass(frozen=True, repr=False, eq=False)
+class FittedStage(Stage):
+    """A stage of the search with the whole runs of its fit, which everything later works on.
+
+    Args:
+        runs: over the training logs, with the integrator steps of the fit.
+        unseen_runs: over the unseen ones.
+    """
+
+    runs: tuple[Run, ...]
+    unseen_runs: tuple[Run, ...]
+
+    @cached_property
+    def trained(self) -> Comparison:
+        """The stage against the training logs, with as many integrator steps as each needs."""
+        return self._compared(self.runs)
+
+    @cached_property
+    def judged(self) -> Comparison:
+        """The stage against the unseen logs, or the training logs if there are none."""
+        return self._compared(self.unseen_runs) if self.unseen_runs else self.trained
+
+    def _compared(self, runs: Sequence[Run]) -> Comparison:
+        return comparison_of(self.fit, with_steps(self.fit.model, runs))
+
+
 @dataclass(frozen=True)
 class SearchState:
     """The results of a search so far.
@@ -203,7 +236,7 @@ class SearchState:
     """
 
     current: CurrentModel
-    stages: tuple[Stage, ...]
+    stages: tuple[FittedStage, ...]
     untestable: Mapping[str, str]
     ranking: tuple[TriedEffect, ...] = ()
     dropped: tuple[str, ...] = ()
@@ -248,10 +281,13 @@ def start_search(
     options = fit.options if isinstance(fit, Fit) else {}
     refit = Refit(train, unseen, {"seed": seed, **options}, clock)
     progress = subtask(say, 0.0, FITTED)
-    first = fit if isinstance(fit, Fit) else refit(fit, progress=progress)
-    guess = first.guess
-    if first is fit and not _is_of_these_logs(first, train, unseen):
-        first = refit(first.model, progress=progress)
+    if isinstance(fit, Fit):
+        fitted = _with_its_runs(fit, train, unseen) or refit(fit.model, progress=progress)
+        guess = fit.guess
+    else:
+        fitted = refit(fit, progress=progress)
+        guess = fitted.fit.guess
+    first = fitted.fit
     settled = {"substeps": first.substeps}
     refit = replace(refit, settled=settled | ({"horizon": None} if first.horizon is None else {}))
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
@@ -262,19 +298,24 @@ def start_search(
         constants = constants_of(first.model, wanted)
         fitter, trial = compiled_fitter(first, effects, constants, train, unseen)
     context = SearchContext(first.model, fitter, tuple(unseen), refit, guess, say, clock)
-    return context, SearchState(CurrentModel(fitter, trial), (Stage((), first),), untestable)
+    stage = FittedStage((), *fitted)
+    return context, SearchState(CurrentModel(fitter, trial), (stage,), untestable)
 
 
-def _is_of_these_logs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) -> bool:
-    """Whether the errors of a fit agree with its errors on the logs of this diagnosis."""
+def _with_its_runs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) -> FitRuns | None:
+    """A fit with its runs over the logs of this diagnosis; ``None`` if it is of other logs.
+
+    It is of these logs if its errors agree with those of the runs.
+    """
     if len(fit.initial) != len(train) or (fit.holdout is None) == bool(unseen):
-        return False
+        return None
     runs = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
+    unseen_runs = runs_over(fit.model, unseen, substeps=fit.substeps) if unseen else ()
     pairs = [(fit.train, pooled_errors(runs))]
     if fit.holdout:
-        runs = runs_over(fit.model, unseen, substeps=fit.substeps)
-        pairs.append((fit.holdout, pooled_errors(runs)))
-    return all(math.isclose(a.nrmse, b.nrmse, rel_tol=1e-6) for a, b in pairs)
+        pairs.append((fit.holdout, pooled_errors(unseen_runs)))
+    alike = all(math.isclose(a.nrmse, b.nrmse, rel_tol=1e-6) for a, b in pairs)
+    return FitRuns(fit, runs, unseen_runs) if alike else None
 
 
 def compiled_fitter(

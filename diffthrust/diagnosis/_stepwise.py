@@ -186,7 +186,7 @@ def _multistart_fit(
 
     The fit of a model that lacks a large effect may have ended at values that hide this effect.
     """
-    fit = context.refit(state.stages[-1].fit.model + context.fitter.candidates[name])
+    fit = context.refit(state.stages[-1].fit.model + context.fitter.candidates[name]).fit
     values = {**base.values, **{n: p.value for n, p in fit.model.parameters.items()}}
     simulation = simulation_fitter(context.fitter)
     return simulation.solve((*base.effects, name), values, None, base.clip)

@@ -178,5 +178,6 @@ class ThrustDegradation(Effect):
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust with what is lost by now."""
+        # a step has no slope by its instant: the ramp lets a fit move it
         lost = jnp.clip(0.5 + (s.time - self.instant) / self.transition, 0.0, 1.0)
         return value * (1.0 - self.fraction * lost)

@@ -61,8 +61,9 @@ from diffthrust.simulation._runs import (
     runs_over,
     shown_of,
     start_notes,
+    step_choice,
 )
-from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
+from diffthrust.simulation._step_size import CoarseStepWarning
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._doubts import doubts as doubts_of
 
@@ -359,7 +360,10 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     states = tuple(final.initial_states(search.best.z))
     failed = not np.isfinite(search.best.quadratic.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
-    needed = _substeps(model, runs)
+    # the log with the longest step tells how many integrator steps all of them need
+    k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
+    choice = step_choice(model, runs[k])
+    runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
     return _Optimum(search, final, length, silent, model, states, runs, substeps, needed, notes)
 
 
@@ -421,13 +425,6 @@ def _of_noise(problem: Problem, best: Solved) -> dict[str, Any]:
         "limits": limits_of(problem) if limited else None,
         "reach": float(problem.numbers.reach),
     }
-
-
-def _substeps(model: Model, runs: Sequence[Run]) -> int:
-    """What the log with the longest step needs, from its estimated initial states on."""
-    run = max(runs, key=lambda run: (run.record.step, run.time.size))
-    simulated = run.signals if run.substeps == 1 else None
-    return fewest_steps(model, run.record, run.start, simulated).substeps
 
 
 def _estimates(

@@ -157,6 +157,7 @@ def _staircase(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
 
 
 def _random_staircase(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
+    # seeded by the space: equal designs have equal sequences, so that rankings can be repeated
     levels = np.random.default_rng(space.seed).uniform(-1.0, 1.0, _count(t, hold).max() + 1)
     return levels[_count(t, hold)] / np.abs(levels).max()
 

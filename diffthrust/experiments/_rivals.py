@@ -108,6 +108,7 @@ def _precision(
     # rcond
     correlation = covariance[np.ix_(kept, kept)] / np.outer(size, size)
     weight = np.array(slopes) / size
+    # directions that the logs do not determine get no weight: the rival may move along them freely
     inverse = np.linalg.pinv(correlation, rcond=1e-13, hermitian=True)
     where = [list(free).index(names[i]) for i in kept]
     out[np.ix_(where, where)] = inverse * np.outer(weight, weight)

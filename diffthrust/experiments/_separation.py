@@ -153,6 +153,7 @@ def imitated_from_afar(
     low, high = rival.limits
     spread = np.linalg.inv(rival.precision + np.eye(low.size) / _SCATTER**2)
     draws = np.random.default_rng(seed).standard_normal((CHUNK, low.size))
+    # the estimate itself is among the starts: more starts never raise a separation
     draws[0] = 0.0
     starts = np.clip(rival.start + draws @ np.linalg.cholesky(spread).T, low, high)
     series = {name: np.repeat(values, CHUNK, axis=0) for name, values in inputs.items()}

@@ -201,6 +201,7 @@ def lines_of(
             language.used.add(operation.name)
             made = Term(remember(operation, parts), ATOM)
         else:
+            # a divisor made of parameters alone is known not to be zero: no guard is written for it
             safe = operation.name == "div" and bool(_value(operation.operands[1], constants))
             made = language.expression(operation, parts, safe)
         called = operations.called.get(number)

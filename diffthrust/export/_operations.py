@@ -63,6 +63,7 @@ class Operations:
             return Constant(0.0)
         if operation.name == "add" and last == Constant(0.0):
             return first
+        # x != x is how isnan is traced; not every language lets a comparison with itself stand
         if operation.name == "ne" and first == last:
             operation = operation._replace(name="is_nan", operands=(first,))
         # two equal delays are two memories: each holds its own samples

@@ -110,6 +110,7 @@ def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
         first = Signals(signals(signals_in, inputs))
         bound = model.bind(signals_in)
         initial = bound.initial(first) if any(n in model.states for n in states) else {}
+        # NaN stands for "not given": the exported reset takes it where a caller leaves a state open
         chosen = {
             name: jnp.where(jnp.isnan(signals_in[name]), initial.get(name, 0.0), signals_in[name])
             for name in model.states

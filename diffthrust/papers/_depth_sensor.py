@@ -220,6 +220,8 @@ def calibrate(
     tests = {
         name: _f(apart[name] - remaining[name], 2, remaining[name], free, level) for name in columns
     }
+    # against a line for each reading: if these differ among themselves, one pooled line would hide
+    # it in its scatter
     tests["together"] = _f(sum(apart.values()) - scatter, 2 * count, scatter, count * free, level)
     joint = _squares(all_y - together(together.x))
     same = _f(joint - scatter, 2 * (count - 1), scatter, count * free, level)

@@ -89,6 +89,7 @@ def manoeuvres(
     by_kind: dict[str, list[Log]] = {"steady": [], "accelerating": [], "turning": []}
     for log, u, r in zip(logs, surge, yaw, strict=True):
         line = np.abs(r) <= ahead
+        # the mean slope over a portion's length: a single gust does not end a steady run
         change = least * without_noise(log.time, np.gradient(u, log.time), least)
         even = np.abs(change) <= steady * fastest
         kinds = {

@@ -103,6 +103,7 @@ def speed_loop(motor: DCMotorThruster | None = None, *, limit: float = SUPPLY) -
         >>> round(float(run["speed"][-1]))
         180
     """
+    # the paper prints no anti-windup: the time constant is the usual kp / ki
     controller = PID(kp=5.0, ki=15.0, limit=limit, unwinding=5.0 / 15.0)
     return Loop(thruster=motor or thruster(), controller=controller, rate=200.0)
 

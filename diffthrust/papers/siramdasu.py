@@ -292,5 +292,6 @@ def _steady_speed(straight: Sequence[Log], settle: float) -> tuple[FittedLine, f
             f"{n.min():.3g} rev/s and surge from {u.min():.3g} m/s.",
             "Leave out runs at rest or astern.",
         )
+    # n^C = d11 u in the steady state: its logarithm is a line of slope C with the intercept -ln d11
     line = fit_line(np.log(n), np.log(u), "sequential, exponent and d11")
     return line, float(np.exp(-line.intercept))

@@ -15,7 +15,6 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._remembered import remembered
 from diffthrust.simulation._trajectory import Grid, Key, driven, trajectory
 
 
@@ -52,11 +51,7 @@ def simulate_fixed(
     """
     start = {**record.start, **checked_initial(model, initial)}
     values = {name: p.value for name, p in model.parameters.items()}
-    key = Key(model)
-    # id, not the content: hashing a long log costs more than its simulation. `remembered` keeps the
-    # record alive, so that its id is not reused.
-    request = (key, *values.values(), id(record), *sorted(start.items()), substeps)
-    return remembered(request, record, lambda: simulated_from(key, values, record, start, substeps))
+    return simulated_from(Key(model), values, record, start, substeps)
 
 
 def simulated_from(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,13 @@ from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._overflow import overflow, too_large
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._starts import estimated_start, unknown_starts
-from diffthrust.simulation._step_size import simulate_over
+from diffthrust.simulation._step_size import (
+    StepChoice,
+    fewest_steps,
+    simulate_chosen,
+    sufficient_steps,
+    warn_if_coarse,
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,6 +54,7 @@ class Run(Brief):
         estimated: names of the latter: no sensor tells where they begin.
         substeps: integrator steps per sample.
         failure: when and by which state the simulation left the finite numbers; mostly empty.
+        choice: how many steps it needs, where that was examined.
     """
 
     name: str
@@ -61,6 +68,7 @@ class Run(Brief):
     substeps: int
     estimated: tuple[str, ...] = ()
     failure: str = ""
+    choice: StepChoice | None = field(default=None, repr=False)
 
     @property
     def log(self) -> Log:
@@ -122,6 +130,41 @@ def runs_over(
     return runs
 
 
+def with_steps(model: Model, runs: Sequence[Run], substeps: int | None = None) -> tuple[Run, ...]:
+    """Whole runs with other integrator steps; a run that has them already is kept.
+
+    Args:
+        model: the model of the runs.
+        runs: the runs.
+        substeps: integrator steps per sample; chosen for each run where ``None``.
+    """
+    return tuple(_with_steps(model, run, substeps) for run in runs)
+
+
+def _with_steps(model: Model, run: Run, substeps: int | None) -> Run:
+    choice = run.choice
+    if substeps is None:
+        choice = step_choice(model, run)
+        warn_if_coarse(run.record, choice)
+        substeps = choice.substeps
+    if substeps == run.substeps:
+        return replace(run, choice=choice)
+    return _run(model, run.record, _given_start(run), substeps, choice)
+
+
+def step_choice(model: Model, run: Run) -> StepChoice:
+    """How many integrator steps a run needs; its own simulation is not made again."""
+    if run.choice is not None:
+        return run.choice
+    existing = {} if run.estimated else {run.substeps: run.signals}
+    return fewest_steps(model, run.record, _given_start(run), existing)
+
+
+def _given_start(run: Run) -> dict[str, float]:
+    """The initial states of a run that were not estimated from it."""
+    return {name: value for name, value in run.start.items() if name not in run.estimated}
+
+
 def are_tables(model: Model, runs: Sequence[Run]) -> bool:
     """Whether all runs are tables of readings, without a time of their own."""
     # `read_log(time=None)` counts the rows of a static table 0, 1, 2, ... in place of seconds.
@@ -129,10 +172,21 @@ def are_tables(model: Model, runs: Sequence[Run]) -> bool:
     return counted and not model.states
 
 
-def _run(model: Model, record: Record, start: Mapping[str, float], substeps: int | None) -> Run:
-    modelled, substeps = simulate_over(model, record, start, substeps)
+def _run(
+    model: Model,
+    record: Record,
+    start: Mapping[str, float],
+    substeps: int | None,
+    choice: StepChoice | None = None,
+) -> Run:
+    if substeps is None:
+        choice = sufficient_steps(model, record, start)
+        substeps = choice.substeps
     if estimated := unknown_starts(model, record, start):
         start = {**start, **estimated_start(model, record, start, estimated, substeps)}
+    if choice and choice.substeps == substeps and not estimated:
+        modelled = simulate_chosen(model, record, start, choice)
+    else:
         modelled = simulate_fixed(model, record, start, substeps)
     traces = {name: _trace(model, record, name, modelled[name]) for name in record.measured}
     pairs = {n: [(t.measured, t.residual)] for n, t in traces.items()}
@@ -149,6 +203,7 @@ def _run(model: Model, record: Record, start: Mapping[str, float], substeps: int
         substeps=substeps,
         estimated=estimated,
         failure=overflow(model, record, modelled) or too_large(model, record, modelled),
+        choice=choice,
     )
 
 

@@ -11,7 +11,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._overflow import SimulationFailedWarning, overflow
 from diffthrust.simulation._record import bind
-from diffthrust.simulation._step_size import simulate_over
+from diffthrust.simulation._step_size import StepChoice, simulate_chosen, sufficient_steps
 
 
 def simulate(
@@ -42,7 +42,11 @@ def simulate(
         (240,)
     """
     (record,) = bind(model, [log], compared=False)
-    modelled, _ = simulate_over(model, record, initial, substeps)
+    if substeps is None:
+        choice = sufficient_steps(model, record, initial)
+    else:
+        choice = StepChoice(substeps, {})
+    modelled = simulate_chosen(model, record, initial, choice)
     if failure := overflow(model, record, modelled):
         warnings.warn(failure, SimulationFailedWarning, stacklevel=2)
     return modelled

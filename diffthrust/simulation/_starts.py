@@ -23,7 +23,6 @@ from diffthrust.simulation._dependence import dependence, states_behind
 from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._fixed_step import simulated_from, starting_states
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._remembered import remembered
 from diffthrust.simulation._trajectory import Key
 
 _ROUNDS = 20
@@ -116,16 +115,11 @@ def estimated_start(
         start = {**fixed, **dict(zip(names, map(float, x), strict=True))}
         return simulated_from(key, values, record, start, substeps)
 
-    def search() -> dict[str, np.ndarray]:
-        begin = starting_states(model, record)
-        x = _least_squares(
-            simulate, lambda path: _errors(model, record, path), {n: begin[n] for n in names}
-        )
-        return {name: np.asarray(value) for name, value in zip(names, x, strict=True)}
-
-    starts = sorted(given_start.items())
-    request = ("start", key, *values.values(), id(record), *starts, *names, substeps)
-    return {name: float(value) for name, value in remembered(request, record, search).items()}
+    begin = starting_states(model, record)
+    x = _least_squares(
+        simulate, lambda path: _errors(model, record, path), {n: begin[n] for n in names}
+    )
+    return dict(zip(names, map(float, x), strict=True))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are reported elsewhere

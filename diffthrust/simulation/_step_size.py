@@ -123,20 +123,25 @@ def fewest_steps(
     model: Model,
     record: Record,
     initial: Mapping[str, float] | None,
-    first: Mapping[str, np.ndarray] | None = None,
+    existing: Mapping[int, Mapping[str, np.ndarray]] | None = None,
     *,
     tolerance: float = _TOLERANCE,
 ) -> StepChoice:
     """As `choose_substeps`, with the errors that remain and the simulation that was made for it.
 
-    ``first`` is the simulation with one step per sample, where it exists already.
+    ``existing`` are simulations that were made already, by their steps per sample.
     """
     if not model.all_states or len(record.original) < 2 or not record.measured:
         return StepChoice(1, {})
-    noise, substeps = _noise_levels(record), 1
-    coarse = simulate_fixed(model, record, initial, 1) if first is None else first
+
+    def simulated(substeps: int) -> Mapping[str, np.ndarray]:
+        if existing and substeps in existing:
+            return existing[substeps]
+        return simulate_fixed(model, record, initial, substeps)
+
+    noise, substeps, coarse = _noise_levels(record), 1, simulated(1)
     while True:
-        fine = simulate_fixed(model, record, initial, 2 * substeps)
+        fine = simulated(2 * substeps)
         errors = _errors(coarse, fine, noise)
         # The error of the coarse one, by comparison with half the step: of order four, the fine one
         # errs by a sixteenth of it.
@@ -154,6 +159,12 @@ def sufficient_steps(
 ) -> StepChoice:
     """As `fewest_steps`, with a `CoarseStepWarning` where even the finest ones are too coarse."""
     choice = fewest_steps(model, record, initial, tolerance=tolerance)
+    warn_if_coarse(record, choice, tolerance)
+    return choice
+
+
+def warn_if_coarse(record: Record, choice: StepChoice, tolerance: float = _TOLERANCE) -> None:
+    """Give a `CoarseStepWarning` where even the finest steps are too coarse."""
     if max(choice.errors.values(), default=0.0) > tolerance:
         worst = max(choice.errors, key=lambda name: choice.errors[name])
         warnings.warn(
@@ -161,28 +172,17 @@ def sufficient_steps(
             f"'{worst}' is still {choice.errors[worst]:.2g} of the sensor noise (allowed: "
             f"{tolerance:g}). The model is too fast for the log's sample rate at these parameters.",
             CoarseStepWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
-    return choice
 
 
-class Simulated(NamedTuple):
-    """A simulation and the integrator steps per sample with which it was made."""
-
-    series: dict[str, np.ndarray]
-    substeps: int
-
-
-def simulate_over(
-    model: Model, record: Record, initial: Mapping[str, float] | None, substeps: int | None
-) -> Simulated:
-    """Simulate a model over a record, with steps that are chosen where ``substeps`` is ``None``."""
-    if substeps is None:
-        choice = sufficient_steps(model, record, initial)
-        substeps = choice.substeps
-        if choice.simulated is not None:
-            return Simulated(dict(choice.simulated), substeps)
-    return Simulated(simulate_fixed(model, record, initial, substeps), substeps)
+def simulate_chosen(
+    model: Model, record: Record, initial: Mapping[str, float] | None, choice: StepChoice
+) -> dict[str, np.ndarray]:
+    """The simulation with chosen steps: that by which they were chosen, if there is one."""
+    if choice.simulated is not None:
+        return dict(choice.simulated)
+    return simulate_fixed(model, record, initial, choice.substeps)
 
 
 def _noise_levels(record: Record) -> dict[str, float]:

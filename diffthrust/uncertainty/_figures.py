@@ -141,6 +141,7 @@ def _smooth(p: Profile) -> tuple[np.ndarray, np.ndarray]:
     """A curve through the points: the signed root of the drop is nearly a straight line."""
     from scipy.interpolate import PchipInterpolator  # slow to import
 
+    # a walk that was blocked by bounds may repeat a point: the interpolation needs rising ones
     rising = np.concatenate([[True], np.diff(p.grid) > 0])
     x, y = p.grid[rising], np.maximum(p.drop[rising], 0.0)
     if x.size < 2:

@@ -43,6 +43,8 @@ def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
     Undetermined directions are left out: the result sets only step lengths, never intervals.
     """
     low, high = problem.limits()
+    # a coordinate at its bound does not move with the others: it would widen steps that cannot be
+    # taken
     inside = (point.z > low + 1e-9) & (point.z < high - 1e-9)
     information = np.asarray(point.quadratic.information) * np.outer(inside, inside)
     length = np.sqrt(np.maximum(np.diagonal(information), 0.0))
@@ -71,6 +73,7 @@ class ParameterLine:
         variance = spread(self.problem, self.best)[i, i]
         if variance > 1e-24:  # smaller values are rounding errors of a coordinate at its bound
             return float(min(np.sqrt(variance), 1.0))
+        # at a bound the cost rises by its slope, not by its curvature: both bound the distance
         steep = np.sqrt(max(float(q.information[i, i]), 0.0)) + abs(float(q.gradient[i]))
         return float(np.clip(1.0 / max(steep, 1.0), 1e-12, 1.0))
 

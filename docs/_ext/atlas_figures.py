@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import diffthrust as dft
 
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.55"
-"""Okabe & Ito 2008: told apart with every kind of colour vision."""
+"""Okabe & Ito 2008: distinct with every kind of colour vision."""
 _BINS = 16
 
 
@@ -24,9 +24,9 @@ class Shown:
         record: with the measured channels.
         channel: the one on which the effect shows most.
         modelled: what the fitted model gives for it.
-        signal: name of the signal that tells most of the residual.
+        signal: name of the signal that explains most of the residual.
         values: its course.
-        share: how much of the residual it tells, 0 to 1.
+        share: how much of the residual it explains, 0 to 1.
     """
 
     record: dft.Log
@@ -62,12 +62,12 @@ def shown(bench: Bench, effect: dft.Effect, name: str) -> Shown:
         f"rate of {n}": np.gradient(known[n], inputs.time)
         for n in (*bench.model.inputs, *bench.noise)
     }
-    told = {n: _told(np.asarray(v), residual) for n, v in {**known, **rates}.items()}
-    # a step of the command is a stretch of time: only what changes for good is told by time
-    told["time"] = _told(np.floor(4.0 * np.linspace(0, 0.999, residual.size)), residual)
-    signal = max(told, key=lambda n: told[n])
+    shares = {n: _explained(np.asarray(v), residual) for n, v in {**known, **rates}.items()}
+    # a step of the command is a stretch of time: time explains only what changes for good
+    shares["time"] = _explained(np.floor(4.0 * np.linspace(0, 0.999, residual.size)), residual)
+    signal = max(shares, key=lambda n: shares[n])
     values = np.asarray({**known, **rates}[signal])
-    return Shown(record, channel, best[channel], signal, values, told[signal])
+    return Shown(record, channel, best[channel], signal, values, shares[signal])
 
 
 def _bins(values: np.ndarray) -> np.ndarray:
@@ -76,8 +76,8 @@ def _bins(values: np.ndarray) -> np.ndarray:
     return np.digitize(values, edges[1:-1])
 
 
-def _told(values: np.ndarray, residual: np.ndarray) -> float:
-    """The share of the residual that its mean over bins of a signal tells, beyond chance."""
+def _explained(values: np.ndarray, residual: np.ndarray) -> float:
+    """The share of the residual that its mean over bins of a signal explains, beyond chance."""
     if not np.ptp(values) > 1e-9 * (1.0 + np.abs(values).max()):
         return 0.0
     place = _bins(values)
@@ -90,13 +90,13 @@ def _told(values: np.ndarray, residual: np.ndarray) -> float:
 
 
 def effect_figure(one: Shown, units: dict[str, str], title: str) -> Figure:
-    """Measured against modelled, the residual in time, and against the signal that tells most."""
+    """Measured and modelled, the residual in time, and against the signal that explains most."""
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
     axes = figure.subplot_mosaic(
-        [["run", "told"], ["left", "told"]], width_ratios=[1.9, 1], height_ratios=[1.5, 1]
+        [["run", "against"], ["left", "against"]], width_ratios=[1.9, 1], height_ratios=[1.5, 1]
     )
     time, unit = one.record.time, units.get(one.channel, "")
-    run, left, told = axes["run"], axes["left"], axes["told"]
+    run, left, against = axes["run"], axes["left"], axes["against"]
     run.plot(time, one.record.measured[one.channel], ".", ms=3, color=GREY, label="measured")
     run.plot(time, one.modelled, color=BLUE, lw=1.6, label="modelled without it, at its best")
     run.set_ylabel(_label(one.channel, unit))
@@ -110,17 +110,17 @@ def effect_figure(one: Shown, units: dict[str, str], title: str) -> Figure:
     left.set_ylabel(_label("residual", unit))
     left.set_xlabel("time [s]")
     left.sharex(run)
-    told.axhline(0.0, color="0.3", lw=0.8)
-    told.plot(one.values, one.residual, ".", ms=3, color=VERMILLION, alpha=0.5, label="residual")
+    against.axhline(0.0, color="0.3", lw=0.8)
+    against.plot(one.values, one.residual, ".", ms=3, color=VERMILLION, alpha=0.5, label="residual")
     place = _bins(one.values)
     count = np.maximum(np.bincount(place), 1)
     x, y = np.bincount(place, one.values) / count, np.bincount(place, one.residual) / count
     kept = np.bincount(place) > 0
-    told.plot(x[kept], y[kept], "o-", color="black", ms=4, lw=1.2, label="its mean")
-    told.set_xlabel(_label(one.signal, units.get(one.signal, "")))
-    told.set_ylabel(_label(f"residual of {one.channel}", unit))
-    told.set_title(f"{one.signal.replace('_', ' ')} tells {one.share:.0%} of it", fontsize=10)
-    told.legend(fontsize=8, frameon=False)
+    against.plot(x[kept], y[kept], "o-", color="black", ms=4, lw=1.2, label="its mean")
+    against.set_xlabel(_label(one.signal, units.get(one.signal, "")))
+    against.set_ylabel(_label(f"residual of {one.channel}", unit))
+    against.set_title(f"{one.signal.replace('_', ' ')} explains {one.share:.0%} of it", fontsize=10)
+    against.legend(fontsize=8, frameon=False)
     for axis in axes.values():
         axis.spines[["top", "right"]].set_visible(False)
     return figure

@@ -37,7 +37,7 @@ import diffthrust as dft  # noqa: E402
 from diffthrust.effects import EFFECTS  # noqa: E402
 
 MADE = ("curve", "formula")
-"""Effects that are made of what a user writes; the guide to effects tells of them."""
+"""Effects that are made of what a user writes; the guide to effects describes them."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def neighbours(name: str) -> list[tuple[str, Answer, dict[str, Answer]]]:
 
 def make(folder: Path, say: Any = print) -> None:
     """Write all pages and figures."""
-    begun = time.monotonic()
+    started = time.monotonic()
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     for name, entry in entries().items():
@@ -135,7 +135,7 @@ def make(folder: Path, say: Any = print) -> None:
     for old in folder.glob("*.md"):
         if old.name not in kept:
             old.unlink()
-    say(f"atlas: {len(entries())} pages in {time.monotonic() - begun:.0f} s")
+    say(f"atlas: {len(entries())} pages in {time.monotonic() - started:.0f} s")
 
 
 def stamp() -> str:
@@ -143,10 +143,10 @@ def stamp() -> str:
     package = HERE.parents[1] / "diffthrust"
     folders = ("effects", "models", "simulation", "estimation")
     files = [*HERE.glob("atlas_*.py"), *(f for d in folders for f in (package / d).rglob("*.py"))]
-    told = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in sorted(files):
-        told.update(re.sub(rb"\s+", b" ", file.read_bytes()))
-    return told.hexdigest()
+        digest.update(re.sub(rb"\s+", b" ", file.read_bytes()))
+    return digest.hexdigest()
 
 
 def _when_built(app: Any) -> None:

@@ -67,7 +67,7 @@ def page(
 ) -> str:
     """The page of an effect."""
     cls, bench, effect = type(entry.effect), entry.bench, entry.effect
-    told = parts(cls)
+    described = parts(cls)
     answer = entry.found[entry.record]
     units = units_of(bench)
     port_texts = "\n".join(
@@ -84,11 +84,11 @@ def page(
             None,
             [
                 f"# {spoken(name)}",
-                f"{told['first']} In spec files `{name}`, in Python "
+                f"{described['first']} In spec files `{name}`, in Python "
                 f"{{py:class}}`dft.effects.{cls.__name__} <diffthrust.effects.{cls.__name__}>`.",
                 "## Equation",
-                told["body"],
-                f"It does nothing where {told['null']}." if told["null"] else "",
+                described["body"],
+                f"It does nothing where {described['null']}." if described["null"] else "",
                 f"```python\n{_code(cls)}\n```",
                 "## Where it acts",
                 port_texts,
@@ -106,12 +106,12 @@ def page(
                 "## Parameters",
                 _parameters(effect),
                 "## Source",
-                told["source"],
+                described["source"],
                 "## Use it",
                 f"```python\nmodel = {bench.code} + {call}\nfit = dft.fit(model, logs, "
                 f"holdout=unseen)\n```",
                 f'In a spec file: `effects = ["{name}"]`. A diagnosis tries it wherever the logs '
-                "can tell of it.",
+                "can show it.",
             ],
         )
     )
@@ -164,21 +164,21 @@ def _taken(answer: Answer, effect: dft.Effect, units: dict[str, str]) -> str:
         for name, p in effect.declared.items()
         if not p.fixed
     )
-    begun = f"Drawn with {values}." if values else ""
+    drawn = f"Drawn with {values}." if values else ""
     moves = {n: v for n, v in answer.taken.items() if abs(v) > 0.02}
     raw = float(np.sum(answer.raw**2))
     share = 1.0 - float(np.sum(answer.left**2)) / raw if raw else 0.0
-    told = ", ".join(f"`{n}` by {100 * v:+.0f} %" for n, v in moves.items())
-    told = f" They would move to first order: {told}." if told else ""
+    listed = ", ".join(f"`{n}` by {100 * v:+.0f} %" for n, v in moves.items())
+    moving = f" They would move to first order: {listed}." if listed else ""
     if answer.absorbed:
         return (
-            f"{begun} The model's own parameters take it up as a whole: no log of this kind can "
-            f"tell them from it.{told} Fix those that you know."
+            f"{drawn} The model's own parameters take it up as a whole: no log of this kind can "
+            f"distinguish them from it.{moving} Fix those that you know."
         )
     return (
-        f"{begun} Of the squared change of this record the model's own parameters can take up "
-        f"{share:.0%}.{told} What is left is what a fit sees: {answer.size:.2g} times the noise of "
-        "the sensors."
+        f"{drawn} Of the squared change of this record the model's own parameters can take up "
+        f"{share:.0%}.{moving} The remainder is what a fit sees: {answer.size:.2g} times the noise "
+        "of the sensors."
     )
 
 
@@ -203,7 +203,7 @@ def _alike(entry: Entry, answer: Answer, alike: list[tuple[str, Answer, dict[str
         return "Nothing but the model's own parameters."
     if not rows:
         return "No other effect of the catalogue looks like it on this record."
-    headings = ("effect", "likeness here", "left here", "told apart best by", "left there")
+    headings = ("effect", "likeness here", "left here", "separated best by", "left there")
     return table(headings, rows) + (
         "\n\nLikeness is the cosine between what two effects leave, 0 to 1. Left is the rms of "
         "what stays when the other imitates this one at its best size, over the noise of the "

@@ -11,7 +11,7 @@ _LITERAL = re.compile(r"(``.+?``|`[^`]+`)")
 
 def as_rst(lines: Sequence[str]) -> list[str]:
     """Bars, stars and trailing underscores as text; indented equations as literal blocks."""
-    told: list[str] = []
+    converted: list[str] = []
     inside, code = "", False
     for number, line in enumerate(lines):
         if _SECTION.match(line):
@@ -23,10 +23,10 @@ def as_rst(lines: Sequence[str]) -> list[str]:
         if code and line and not line.startswith("    "):
             code = False
         if not inside and line.startswith("    ") and blank_before and not code:
-            told += ["::", ""]
+            converted += ["::", ""]
             code = True
-        told.append(line if example or code else _plain(line))
-    return told
+        converted.append(line if example or code else _plain(line))
+    return converted
 
 
 def _plain(line: str) -> str:

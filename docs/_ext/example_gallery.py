@@ -15,7 +15,7 @@ SAVED = DOCS / "_build" / "examples"
 
 MEASURED = (
     "Not run when this page was made: it takes measured logs, which the repository does not "
-    "hold, and whose licences do not let figures of them stand here. ``diffthrust datasets`` tells "
+    "hold, and whose licences do not let figures of them stand here. ``diffthrust datasets`` says "
     "where they are published."
 )
 PRINTED = Path(__file__).parent / "printed"
@@ -115,9 +115,11 @@ def finish_page(app: Any, docname: str, source: list[str]) -> None:
     printed = PRINTED / f"{name}.txt"
     if printed.exists():
         lines = indent(printed.read_text(encoding="utf-8").strip(), "   ")
-        told = f"\n\nWhat it printed where the logs were:\n\n.. code-block:: none\n\n{lines}\n\n"
+        printed_text = (
+            f"\n\nWhat it printed where the logs were:\n\n.. code-block:: none\n\n{lines}\n\n"
+        )
         at = source[0].find(".. _sphx_glr_download")
-        source[0] = source[0][:at] + told + source[0][at:]
+        source[0] = source[0][:at] + printed_text + source[0][at:]
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def write(path: Path, text: str) -> None:
-    """Write a page; one that is the same keeps its time, and is not read anew."""
+    """Write a page; an unchanged page keeps its time stamp, so that it is not read again."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = text.rstrip("\n") + "\n"
     if not path.exists() or path.read_text(encoding="utf-8") != text:

@@ -44,8 +44,8 @@ def _first(command: Any) -> str:
     return _text(command.help or "").split("\n\n")[0]
 
 
-def _text(told: str) -> str:
-    return re.sub(r"[\b\f]", "", told).strip()
+def _text(source: str) -> str:
+    return re.sub(r"[\b\f]", "", source).strip()
 
 
 def _usage(name: str, command: Any) -> str:
@@ -64,10 +64,10 @@ def _row(one: Any, kinds: Mapping[str, Any]) -> tuple[str, str, str, str]:
     shown = (one.metavar or one.name or "").upper() if argument else ""
     name = f"`{shown}`" if argument else ", ".join(f"`{o}`" for o in one.opts + one.secondary_opts)
     default = one.default
-    told = "" if default in (None, False, ()) or callable(default) else f"`{default}`"
-    told = "must be given" if one.required else told
+    shown = "" if default in (None, False, ()) or callable(default) else f"`{default}`"
+    shown = "must be given" if one.required else shown
     takes = _kind(kinds.get(one.name), one.metavar or "")
-    return name, takes, told, _text(getattr(one, "help", None) or "")
+    return name, takes, shown, _text(getattr(one, "help", None) or "")
 
 
 def _kind(kind: Any, metavar: str) -> str:

@@ -72,7 +72,7 @@ def _of(path: Path) -> Iterator[Message]:
         and isinstance(node.targets[0], ast.Name)
         and isinstance(node.value, ast.Constant)
     }
-    for name in ast.walk(tree):  # constants of the file are told as they are
+    for name in ast.walk(tree):  # constants of the file are shown as they are
         for field, value in ast.iter_fields(name):
             if isinstance(value, ast.Name) and value.id in fixed:
                 setattr(name, field, ast.Constant(fixed[value.id]))
@@ -180,7 +180,7 @@ def _mend(text: str) -> str:
     if not text:
         return "The message says all there is."
     if not re.sub(r"«[^»]*»|\W", "", text):
-        return "The mend depends on what was found, and is told there."
+        return "The mend depends on what was found, and is given there."
     return _shown(text)
 
 

@@ -43,7 +43,7 @@ AREAS = {
     "many": ("Many logs, campaigns, fleets, checks", ("many", "checks")),
     "export": ("Export", ("export",)),
 }
-"""Pages, each with its title and the folders that it tells of."""
+"""Pages, each with its title and the folders that it describes."""
 FOLDER_TITLES = {
     "survey": "What is in a file",
     "soundness": "Is a log what it says",
@@ -112,8 +112,8 @@ def _from_private(cls: type) -> list[tuple[str, str]]:
         for name, raw in vars(base).items():
             inner = raw.fget if isinstance(raw, property) else getattr(raw, "__func__", raw)
             kind = "property" if isinstance(raw, property) else "method"
-            told = inspect.isfunction(inner) and inner.__doc__
-            if told and not name.startswith("_") and name not in {*vars(cls), *HIDDEN}:
+            documented = inspect.isfunction(inner) and inner.__doc__
+            if documented and not name.startswith("_") and name not in {*vars(cls), *HIDDEN}:
                 found.setdefault(name, kind)
     return sorted(found.items())
 
@@ -176,7 +176,7 @@ def index() -> str:
             "`import diffthrust as dft`. Numbers are in SI unless a name says otherwise; arrays "
             "are of NumPy, and their shapes stand with them.",
             table(("names in Python", "folders", "names"), rows),
-            table(("besides", "what it tells"), other),
+            table(("besides", "what it gives"), other),
             "```{toctree}\n:hidden:\n:maxdepth: 1\n\n" + "\n".join(files) + "\n```",
         ]
     )

@@ -37,8 +37,8 @@ def spec_page() -> str:
         "the nearest known one named. {py:func}`dft.load_spec <diffthrust.load_spec>` reads it.",
     ]
     for heading, model in TABLES.items():
-        told = " ".join((inspect.getdoc(model) or "").split())
-        lines += [f"## {heading}", told, table(("key", "type", "default", "meaning"), _rows(model))]
+        text = " ".join((inspect.getdoc(model) or "").split())
+        lines += [f"## {heading}", text, table(("key", "type", "default", "meaning"), _rows(model))]
     return "\n\n".join(lines)
 
 
@@ -47,21 +47,21 @@ def meanings(model: type[BaseModel]) -> dict[str, str]:
     body = ast.parse(inspect.getsource(model)).body[0]
     assert isinstance(body, ast.ClassDef)
     found: dict[str, str] = {}
-    for key, told in zip(body.body, body.body[1:], strict=False):
+    for key, following in zip(body.body, body.body[1:], strict=False):
         if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name):
-            constant = getattr(getattr(told, "value", None), "value", None)
+            constant = getattr(getattr(following, "value", None), "value", None)
             found[key.target.id] = constant if isinstance(constant, str) else ""
     return found
 
 
 def _rows(model: type[BaseModel]) -> list[tuple[str, str, str, str]]:
-    told = meanings(model)
+    meaning_of = meanings(model)
     rows = []
     for name, field in model.model_fields.items():
         limits = " ".join(_limit(m) for m in field.metadata)
         words = _words(field.metadata)
         kind = f"{_quoted(words) if words else _kind(field.annotation)} {limits}".strip()
-        meaning = re.sub(r"``(.+?)``", r"`\1`", told.get(name, ""))
+        meaning = re.sub(r"``(.+?)``", r"`\1`", meaning_of.get(name, ""))
         rows.append((f"`{name}`", kind, _default(field), meaning))
     return rows
 

@@ -11,12 +11,12 @@ import diffthrust as dft
 from diffthrust.diagnosis import _admission  # private: one step alone
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Refusal,
-    Stage,  # private: made by hand
     TriedEffect,
 )
 from diffthrust.diagnosis._rating import other_values, stopped  # private: one step alone
 from diffthrust.diagnosis._search_state import (  # private: one step alone
     CurrentModel,
+    FittedStage,
     SearchState,
 )
 from diffthrust.diagnosis._settings import SETTINGS  # private: its numbers
@@ -167,22 +167,18 @@ MEASURED, REST = RNG.standard_normal(600), RNG.standard_normal(600)
 
 
 @pytest.fixture
-def recorded(monkeypatch):
+def recorded():
     """What a search knows after an effect by which errors over whole runs shrink to so much."""
-
-    def runs_over(size, logs, initial, substeps):
-        trace = SimpleNamespace(measured=MEASURED, residual=size * REST)
-        return [SimpleNamespace(channels={"speed": trace}) for _ in logs]
-
-    monkeypatch.setattr(_admission, "runs_over", runs_over)
 
     def after(left, effects=("lag", "wind"), unseen=("C",), held=()):
         def stage(size, *names):
             error = SimpleNamespace(nrmse=size)
-            known = {"initial": None, "substeps": 1, "train": error, "holdout": error}
-            return Stage(names, SimpleNamespace(model=size, **known))
+            trace = SimpleNamespace(measured=MEASURED, residual=size * REST)
+            run = SimpleNamespace(channels={"speed": trace})
+            fit = SimpleNamespace(train=error, holdout=error)
+            return FittedStage(names, fit, (run, run), tuple(run for _ in unseen))
 
-        trials = SimpleNamespace(records=("A", "B"), constants=held)
+        trials = SimpleNamespace(constants=held)
         tools = SimpleNamespace(fitter=trials, unseen=unseen)
         known = SearchState(None, (stage(2.0), stage(1.0, "lag")), {})
         return _admission.record_stage(tools, known, stage(left, *effects), "wind")

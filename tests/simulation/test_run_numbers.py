@@ -104,7 +104,7 @@ def test_steps_are_halved_until_the_error_is_a_hundredth_of_the_noise(monkeypatc
     most = {"speed": pytest.approx(30.0 / 32**4)}
     assert chosen(None, tolerance=1e-9) == (32, most)
     asked.clear()
-    chosen(None, {"speed": np.full(5, 2.0)}, tolerance=3.0)
+    chosen(None, {1: {"speed": np.full(5, 2.0)}}, tolerance=3.0)
     assert asked == [2]  # the first was given
     table = Log(np.arange(5.0), {"depth": np.ones(5)}, {"reading": np.ones(5)})
     sensor = dft.LinearSensor()
@@ -174,10 +174,11 @@ def test_steps_that_are_chosen_hand_on_their_simulation(monkeypatch):
         return plain(model, record, initial, substeps)
 
     monkeypatch.setattr(_step_size, "simulate_fixed", simulated)
-    series, substeps = _step_size.simulate_over(dft.Thruster(), record, None, None)
+    choice = _step_size.sufficient_steps(dft.Thruster(), record, None)
+    series = _step_size.simulate_chosen(dft.Thruster(), record, None, choice)
     assert asked == [2**k for k in range(len(asked))]  # none twice
-    assert substeps == asked[-2]
-    for name, values in plain(dft.Thruster(), record, None, substeps).items():
+    assert choice.substeps == asked[-2]
+    for name, values in plain(dft.Thruster(), record, None, choice.substeps).items():
         np.testing.assert_array_equal(series[name], values)
 
 

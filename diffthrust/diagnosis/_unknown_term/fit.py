@@ -15,7 +15,6 @@ import numpy as np
 
 from diffthrust.diagnosis._admission import errors_between
 from diffthrust.diagnosis._explained_share import Worth, explained_share
-from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._residual_structure import downstream_ports
@@ -50,6 +49,7 @@ from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import Run, runs_over
 from diffthrust.simulation._step_size import fewest_steps
 
 _RULES, _FORM_RULES = SETTINGS.unknown_term, SETTINGS.closed_form
@@ -77,24 +77,38 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
         segments: whether it is fitted to segments first.
     """
     substeps = few_substeps(baseline, context.fitter.records)
-    fit = context.refit(model, starts=1, segments=segments, substeps=substeps)
+    fit = context.refit(model, starts=1, segments=segments, substeps=substeps).fit
     if math.isfinite(fit.train.nrmse):
         return fit
-    return context.refit(model, starts=1, segments=segments)  # a stiff curve overflows with few
+    # a stiff curve overflows with few
+    return context.refit(model, starts=1, segments=segments).fit
 
 
 def worth_between_fits(context: SearchContext, baseline: Fit, updated: Fit) -> Worth:
     """The share of the whole-run error that a fit removes, on unseen logs if there are any."""
-    records, trained = (context.unseen, False) if context.unseen else (context.fitter.records, True)
-    stages = Stage((), baseline), Stage((), updated)
-    return explained_share(errors_between(*stages, records, trained=trained))
+    trained = not context.unseen
+    runs = (_runs_of(context, fit, trained) for fit in (baseline, updated))
+    return explained_share(errors_between(*runs))
 
 
 def surely_better(context: SearchContext, fit: Fit, rival: Fit) -> bool:
     """Whether whole runs, training and unseen together, are surely better than a rival's."""
-    stages = Stage((), rival), Stage((), fit)
-    trained = errors_between(*stages, context.fitter.records, trained=True)
-    return explained_share([*trained, *errors_between(*stages, context.unseen)]).low > 0
+    first, second = (
+        (*_runs_of(context, fitted, trained=True), *_runs_of(context, fitted, trained=False))
+        for fitted in (rival, fit)
+    )
+    return explained_share(errors_between(first, second)).low > 0
+
+
+def _runs_of(context: SearchContext, fit: Fit, trained: bool) -> tuple[Run, ...]:
+    """The whole runs of a fit over the training logs, or over the unseen ones, if any."""
+    if trained:
+        records, initial = context.fitter.records, fit.initial
+    else:
+        records, initial = context.unseen, None
+    if not records:
+        return ()
+    return runs_over(fit.model, records, initial=initial, substeps=fit.substeps)
 
 
 def error_within(fit: Fit, reference: Fit, factor: float) -> bool:
@@ -171,7 +185,7 @@ def refine_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> Lear
     needed = fewest_steps(fit.model, records[k], fit.initial[k]).substeps
     if needed <= fit.substeps:
         return law
-    fit = context.refit(fit.model, starts=1)
+    fit = context.refit(fit.model, starts=1).fit
     if not math.isfinite(fit.train.nrmse):
         return law
     effect = fit.model.effects[-1]

@@ -85,6 +85,7 @@ def band_of(
         InputError: no draw gives a finite prediction.
     """
     unit = drawn.model.outputs[channel]
+    # the sensor gives the size: bands of the signed output would reach below zero
     if channel in record.unsigned:
         mean = np.abs(mean)
         shown = None if shown is None else np.abs(shown)

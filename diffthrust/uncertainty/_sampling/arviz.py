@@ -38,6 +38,8 @@ def write_posterior(post: Any, path: Path | str) -> None:
     ending(path, ".nc")
     try:
         with TemporaryDirectory() as folder:
+            # netCDF writes in pieces: made elsewhere and moved whole, so that an interrupt leaves
+            # no half file
             made = Path(folder) / "posterior.nc"
             post.to_netcdf(str(made))
             data = made.read_bytes()

@@ -77,6 +77,8 @@ def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...])
     and a resumed run gives the same file as an uninterrupted one.
     """
     steps, walkers, dim = stored.chain.shape
+    # never a file that is open: a process killed while HDF5 writes leaves a file that no one can
+    # read
     with h5py.File("memory", "w", driver="core", backing_store=False) as f:
         g = f.create_group("mcmc")
         g.attrs["version"] = emcee.__version__

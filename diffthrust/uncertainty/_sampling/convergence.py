@@ -54,8 +54,8 @@ class Convergence:
         draws: draws of all chains.
 
     Example:
-        >>> told = dft.uncertainty.convergence(post)
-        >>> told.status.value, sorted(told.r_hat)[:3]
+        >>> mixing = dft.uncertainty.convergence(post)
+        >>> mixing.status.value, sorted(mixing.r_hat)[:3]
         ('converged', ['alpha', 'beta', 'ct'])
     """
 
@@ -87,8 +87,8 @@ def convergence(post: Any) -> Convergence:
         InputError: there is no posterior.
 
     Example:
-        >>> told = dft.uncertainty.convergence(post)
-        >>> told.draws > 0
+        >>> mixing = dft.uncertainty.convergence(post)
+        >>> mixing.draws > 0
         True
     """
     from emcee.autocorr import integrated_time

@@ -210,6 +210,8 @@ def sample_target(
     """
     report = reporter(progress)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
+    # in whitened coordinates: spread as the posterior is, so that R-hat can see chains that do not
+    # mix
     starts = jax.random.normal(begin, (chains, dim))
     report("warmup", 0.0)
     keys = jax.random.key_data(jax.random.split(adapt, chains))
@@ -217,6 +219,7 @@ def sample_target(
     parts = []
     for block in range(-(-draws // _BLOCK)):
         report("drawing", (warmup + block * _BLOCK) / (warmup + draws))
+        # by the number of the block: more draws continue the same stream
         keys = jax.random.split(jax.random.fold_in(on, block), (chains, _BLOCK))
         numbers = (data, state, step, mass, jax.random.key_data(keys))
         state, block_draws = run_program(draw_block, target, numbers, rows=chains)

@@ -239,6 +239,8 @@ def _contradiction(fit: Fit, name: str, value: float, prior: Normal) -> float:
     if not variance > 0:
         return abs(value - prior.mean) / prior.std
     information = max(1 / variance - 1 / prior.std**2, 1e-12 / variance)  # information of the logs
+    # the posterior mean is a weighted mean: dividing the prior out moves it back to the logs' own
+    # value
     apart = abs(value - prior.mean) * (1 + 1 / (information * prior.std**2))
     return apart / math.sqrt(prior.std**2 + 1 / information)
 
