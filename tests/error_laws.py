@@ -1,11 +1,13 @@
 """The laws of errors as densities, which SciPy's are held against."""
 
-from diffthrust.estimation._censored import (  # private: logs without a fit
+from diffthrust.estimation._laws import (  # private: logs without a fit  # private: likewise
+    TAIL,
     Censored,  # private: a spec knows laws by their words
+    Gaussian,
+    StudentT,
     are_censored,
     rail_notes,
 )
-from diffthrust.estimation._laws import TAIL, Gaussian, StudentT  # private: likewise
 
 __all__ = [
     "TAIL",

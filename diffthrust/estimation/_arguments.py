@@ -14,8 +14,7 @@ from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, short_repr
-from diffthrust.estimation._censored import Censored, are_censored
-from diffthrust.estimation._laws import Gaussian, Law, StudentT
+from diffthrust.estimation._laws import Censored, Gaussian, Law, StudentT, are_censored
 from diffthrust.estimation._noise import AR1, NoiseModel, White
 from diffthrust.estimation._residuals import Innovations, Likelihood, SimulationError
 from diffthrust.logs._log import Log

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust._support._running.batching import is_unbatched, padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.estimation._censored import at_rails
+from diffthrust.estimation._laws import at_rails
 from diffthrust.estimation._numbers import Batch, ProblemNumbers, Restart
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Likelihood, SimulationError

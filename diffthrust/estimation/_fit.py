@@ -26,9 +26,9 @@ from diffthrust.estimation._arguments import (
     listed,
 )
 from diffthrust.estimation._arrange import build
-from diffthrust.estimation._censored import rail_notes
 from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
 from diffthrust.estimation._insensitive import alive, vanished_notes, without_silent
+from diffthrust.estimation._laws import rail_notes
 from diffthrust.estimation._likelihood import noise_levels
 from diffthrust.estimation._multistart import Search
 from diffthrust.estimation._origin import origin_of
