@@ -158,8 +158,8 @@ def found_numbers(fit: Fit) -> dict[str, FoundNumber]:
         if not e.fixed:
             has_error = e.std_error is not None and math.isfinite(e.std_error)
             number = FoundNumber(e.value, e.std_error if has_error else None)
-            # An estimate at a bound stops within the solver's tolerance of it (1e-13 or 1e-9 of
-            # its size), and the difference means nothing.
+            # An estimate at a bound stops somewhere within the solver's tolerance of it: its
+            # distance from the bound is arbitrary.
             if e.at_bound:
                 number = number._replace(least=_RELATIVE * fit.model.parameters[name].scale)
             out[f"parameters.{name}"] = number

@@ -101,7 +101,7 @@ def candidates_of(
 
 
 def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, ...]:
-    """The held parameters of a model to try: all beside the catalogue, else those that are named.
+    """The fixed parameters of a model to try: all with the catalogue, else those that are named.
 
     Example:
         >>> constants_of(dft.Vessel()), constants_of(dft.Vessel(), "wind")

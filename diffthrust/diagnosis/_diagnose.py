@@ -286,7 +286,7 @@ def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Out
         return outcome
     updated, law = learned
     odd = [log for log in assessment.odd_logs if log.much] if assessment.apart else []
-    agree = agrees_with_law(context, odd, assessment, law.told)
+    agree = agrees_with_law(context, odd, assessment, law.reported)
     if not agree and assessment.remaining is None:
         return outcome
     if updated is not search or (odd and agree):

@@ -71,7 +71,7 @@ class Worth:
         return self.low > 0 and self.share > SETTINGS.whole_runs.negligible_share
 
     def of(self, remaining: float) -> Worth:
-        """The same as a share of a larger error, of which ``remaining`` was left before."""
+        """The same as a share of a larger error, a share ``remaining`` of which is left before."""
         remaining = remaining if math.isfinite(remaining) else 1.0
         return Worth(self.share * remaining, self.low * remaining, self.high * remaining)
 
@@ -91,7 +91,7 @@ def share_words(share: float) -> str:
 
 
 def explained_share(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:
-    """What removes errors is worth.
+    """The share of the squared errors that a change removes, with its interval.
 
     Args:
         logs: for each log the errors of its channels.
@@ -117,7 +117,7 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
     """Whether whole runs are surely better by an effect, over all channels or one of them by much.
 
     Args:
-        worth: on unseen logs; must be more than a trifle.
+        worth: on unseen logs; must not be negligible.
         everywhere: on training and unseen logs together: where random forces last for as long as
             an unseen log does, only all logs together can be sure.
     """
@@ -155,7 +155,7 @@ def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> l
             errors = log[name]
             finite = np.isfinite(errors.measured)
             for k, residual in enumerate((errors.before, errors.after)):
-                with np.errstate(over="ignore"):  # of a run that went astray
+                with np.errstate(over="ignore"):  # of a run that diverges
                     squares[finite, c, k] = (
                         np.where(np.isfinite(residual), residual, np.inf)[finite] ** 2
                     )
@@ -169,14 +169,15 @@ def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> l
 
 
 def _lasting(residual: np.ndarray) -> float:
-    """For how many samples errors last."""
+    """The number of samples over which errors are correlated."""
     finite = residual[~np.isnan(residual)]
     fewest = SETTINGS.whole_runs.fewest_blocks
     if finite.size < fewest or not np.all(np.isfinite(finite)) or not np.ptp(finite) > 0:
         return 1.0
-    unit = np.abs(finite).max()  # of a run that went astray the squares would overflow
+    unit = np.abs(finite).max()  # the squares of a run that diverges would overflow
     read = integral(autocorrelation([finite / unit], finite.size // fewest))
-    return read * residual.size / finite.size  # of a held sensor readings are apart
+    # a sensor that repeats values has fewer readings than samples
+    return read * residual.size / finite.size
 
 
 def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:
@@ -200,7 +201,7 @@ def _interval(drawn: np.ndarray, total: np.ndarray) -> Worth:
 
 
 def _removed(sums: np.ndarray) -> np.ndarray:
-    """The share that is gone of squared errors before and after, ``(n, 2)``."""
+    """The share that is removed of squared errors, from those before and after, ``(n, 2)``."""
     baseline, updated = sums.T
     finite = (baseline > 0) & np.isfinite(baseline)
     remaining = np.divide(updated, baseline, out=np.ones_like(baseline), where=finite)

@@ -1,4 +1,4 @@
-"""Headroom: how much of what the physics leaves could any model explain, on unseen records."""
+"""Headroom: how much of the remaining error any model could explain, on unseen records."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _STRETCHES = 4
 """Numerics: stretches into which one record or two are cut, so that some can be left out and
 halved."""
 _FEWEST_RECORDS = 3
-"""Numerics: records from which on none is cut."""
+"""Numerics: with at least this number of records none is cut."""
 _MOST_SAMPLES = 20_000
-"""Numerics: samples that are used; more are thinned, so that the regressions stay quick."""
+"""Numerics: above this number samples are thinned, so that the regressions stay quick."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class ChannelHeadroom:
         physics: NRMSE of the model on those records.
         corrected: NRMSE with the correction.
         share: of the squared error that the correction explains; below zero where it harms.
-        low: lower end of the 90 % interval of what corrections could explain that learn from
-            records without end.
+        low: lower end of the 90 % interval of the share that a correction could explain if it
+            learned from unlimited records.
         high: upper end.
         rung: the form of the correction.
         signals: the signals that enter it.
-        samples: that it learned from; of a sensor that is held its readings.
+        samples: that it learned from; of a sensor with repeated values, its readings.
     """
 
     physics: float

@@ -52,11 +52,11 @@ class LearnedLaw(Brief):
         fit: the last stage's model with it, fitted to the logs.
         worth: share of the given model's squared whole-run error of unseen logs that it removes; of
             its closed form if that names it.
-        evidence: logarithm of the likelihood ratio by which one-step errors ask for it, with its
+        evidence: logarithm of the likelihood ratio by which one-step errors support it, with its
             coefficients integrated out.
         forms: closed forms that were tried in its place, first the one that is reported, the others
             by their likelihood.
-        named: whether the first of them is as good as the curve, and names the law.
+        named: whether the first of them fits as well as the curve, and names the law.
         superfluous: effects that were found without it, and do nothing that matters beside it.
         samples: values of the signal in the training logs, ``(N,)``.
         factors: values of the curve's factor there; ``None`` for none.
@@ -102,7 +102,7 @@ class LearnedLaw(Brief):
         return tuple(form for form in near if len(form.formula.declared) <= size)
 
     @property
-    def told(self) -> Fit:
+    def reported(self) -> Fit:
         """The model with the law as it is reported: in its closed form, or as a curve."""
         return self.form.fit if self.form else self.fit
 
@@ -155,5 +155,5 @@ class LearnedLaw(Brief):
             "form": self.form.name if self.form else None,
             "alike": [form.name for form in self.alike],
             "worth": self.worth.to_json(),
-            "holdout": self.told.holdout.to_json() if self.told.holdout else None,
+            "holdout": self.reported.holdout.to_json() if self.reported.holdout else None,
         }

@@ -65,16 +65,19 @@ class LinearResponse:
         """
         if ends is None:
             ends = [np.concatenate([s[..., 1:], s[..., -1:]], axis=-1) for s in series]
-        # straight between samples, so its mean pushes the state; constant under zero-order hold
-        held = [dict(grid.hold).get(place) == "zero" for grid in self.problem.layout.grids]
+        # between samples the series is a straight line, and its mean drives the state; under
+        # zero-order hold it is constant
+        zero_order = [dict(grid.hold).get(place) == "zero" for grid in self.problem.layout.grids]
         return [
             _response_to(
                 slopes,
                 slopes.places.index(place),
                 start,
-                start if is_held else 0.5 * (start + end),
+                start if is_constant else 0.5 * (start + end),
             )
-            for slopes, start, end, is_held in zip(self.slopes, series, ends, held, strict=True)
+            for slopes, start, end, is_constant in zip(
+                self.slopes, series, ends, zero_order, strict=True
+            )
         ]
 
     def quadratic(
@@ -175,8 +178,8 @@ class LinearResponse:
             information += (flat @ flat.transpose(0, 2, 1)).sum(axis=0)
         return information, np.concatenate(scores, axis=1)
 
-    def held(self, gradient: np.ndarray) -> np.ndarray:
-        """Which coordinates of a `quadratic` lie at a bound that the gradient moves them beyond."""
+    def at_bound(self, gradient: np.ndarray) -> np.ndarray:
+        """Which coordinates of a `quadratic` lie at a bound and would be moved beyond it."""
         (low, high), z = self.problem.limits(), self.problem.start()
         shared, more = self.problem.shared, gradient.size - z.size
         low, high, z = (

@@ -227,7 +227,8 @@ def smoothed_signals(
     if not noise > 0 or not unit > 0:
         sizes = (run.innovation.size for run in runs)
         return [(np.zeros(size), np.full(size, np.nan)) for size in sizes]
-    # a signal that is added to the measurement cannot be told from lasting noise of the sensor
+    # A signal that is added to the measurement itself is indistinguishable from lasting noise of
+    # the sensor: only one that acts through a state is estimated beside such noise.
     through_state = all(np.all(run.direct == 0) for run in runs)
     lasting_sizes = _LASTING_SIZES if through_state else (0.0,)
     grid = np.array(list(product(_SIGNAL_SIZES / unit, _SIGNAL_MEMORIES, lasting_sizes)))

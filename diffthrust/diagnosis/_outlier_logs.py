@@ -1,6 +1,6 @@
 """Logs that disagree with the others, by the size of their errors and by their parameters.
 
-The parameters are tested log by log: do the one-step errors of a log ask for another value than
+The parameters are tested log by log: do the one-step errors of a log support another value than
 those of all other logs? The gradient of their likelihood is projected onto what neither the shared
 parameters nor the log's own initial states explain (Neyman 1959). Its scatter over blocks of time
 gives its standard error, and the scatter of the other logs how much logs differ anyway.
@@ -36,15 +36,15 @@ it."""
 
 
 def odd_logs(fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddLog, ...]:
-    """The logs that are unlike the others.
+    """The logs that deviate from the others.
 
-    Either the error over the whole run stands out, or the one-step errors ask for another value of
+    Either the error over the whole run stands out, or the one-step errors support another value of
     a parameter than those of all other logs, and with it the error over the whole run falls.
 
     Args:
         fitter: the fits.
         trial: the last model.
-        runs: it over all logs, training logs first, then unseen ones, at its whole-run parameters.
+        runs: its runs over all logs, training logs first, at its whole-run parameters.
 
     Returns:
         The odd logs, those that carry most of the error first.

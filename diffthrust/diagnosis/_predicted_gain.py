@@ -130,7 +130,7 @@ def _gain_from(
         return nothing
     slopes = changes if probe.near else [change[:, 1:] for change in changes]
     q = response.quadratic(slopes, own_change)
-    size, movable = response.problem.shared, ~response.held(q.gradient)
+    size, movable = response.problem.shared, ~response.at_bound(q.gradient)
     for i, name in enumerate(probe.moved):
         p = effect._parameters[name]
         if probe.near and p.null is not None:  # a bound at the null blocks one direction

@@ -2,9 +2,10 @@
 
 At each place a function of one signal is tried, with as few assumptions as possible: a sum of
 piecewise-linear hats, whose coefficients are tested together (`score_test`). Signals are taken as
-they are, from their recent past, and as the heat of their squares. A ripple of so many per turn, of
-the teeth of a gear or the poles of a motor, has more waves over a log than a function has pieces:
-the periodogram of the errors over the position shows how long its waves are (Schuster 1898).
+they are, from their recent past, and as the heat of their squares. A ripple with
+a fixed number of waves per turn, from the teeth of a gear or the poles of a motor, has more waves
+over a log than the function has pieces: the periodogram of the errors over the position gives
+their length (Schuster 1898).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result, Findings):
-    """What is missing from a model, and how it is told; the fields are those of `Findings`.
+    """What is missing from a model, and its report; the fields are those of `Findings`.
 
     Example:
         >>> diag.verdict, diag.added
@@ -57,7 +57,7 @@ class Diagnosis(Result, Findings):
 
     @showing
     def plot(self) -> Figure:
-        """The stages: training and held-out error falling, and the last model on the logs.
+        """The stages: training and holdout error falling, and the last model on the logs.
 
         Example:
             >>> figure = diag.plot()
@@ -91,7 +91,7 @@ class Diagnosis(Result, Findings):
 
         Args:
             path: the file to write: ``.html`` for one page that can be read without the library,
-                ``.json`` for all that was found, with the logs that it was held against.
+                ``.json`` for all findings, with the logs that the model was compared with.
             title: heading of the page; by default it names the model.
             spec: text of a spec file, shown at the end of the page.
 
@@ -120,7 +120,7 @@ class Diagnosis(Result, Findings):
             >>> list(diag.to_json())[:4]
             ['schema', 'verdict', 'added', 'detectable']
         """
-        remaining, room = self.remaining, self.headroom
+        remaining, headroom = self.remaining, self.headroom
         return {
             "schema": 1,
             "verdict": self.verdict,
@@ -162,7 +162,9 @@ class Diagnosis(Result, Findings):
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
             "held": {name: asdict(value) for name, value in self.held.items()},
             "untestable": dict(self.untestable),
-            "headroom": {"before": room[0].to_json(), "after": room[1].to_json()} if room else None,
+            "headroom": {"before": headroom[0].to_json(), "after": headroom[1].to_json()}
+            if headroom
+            else None,
         }
 
 

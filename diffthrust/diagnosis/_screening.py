@@ -260,7 +260,7 @@ def promising_constants(
         if not all(np.all(np.isfinite(slope)) for slope in slopes):
             continue
         q = response.quadratic(slopes)
-        if 2 * promised_gain(q, ~response.held(q.gradient)) >= worth:
+        if 2 * promised_gain(q, ~response.at_bound(q.gradient)) >= worth:
             promising.append(name)
     return promising
 

@@ -109,7 +109,7 @@ class Admission:
 
 @dataclass(frozen=True)
 class WholeRuns:
-    """What an effect is worth over whole simulated runs, and when whole runs speak for it."""
+    """What an effect is worth over whole simulated runs, and when whole runs support it."""
 
     negligible_share: float = 0.03
     """An effect that removes no more of the squared whole-run error is detectable and not added.
@@ -146,7 +146,7 @@ class WholeRuns:
     Origin: the tenth that the bench allows a learned law. Lower: noise decides between names.
     Higher: wrong names are offered, and a law that is behind is fitted on."""
     most_possible: int = 4
-    """The number of effects that only whole runs speak for which are tried again, and listed.
+    """The number of effects supported by whole runs alone that are tried again, and listed.
     Origin: chosen, a list to plan a test by. Lower: the right one may be missing. Higher: more
     trials that random forces win."""
     most_user_effects: int = 3
@@ -224,7 +224,7 @@ class Structure:
     Origin: of two logs the F-test of seven values at 1e-4 then asks for 2 % more than chi-square.
     Lower: 8 % at 12 blocks. Higher: blocks shorter than errors last, and false alarms."""
     fewest_blocks: int = 3
-    """Of what shows in fewer blocks of time nothing is said to be sure.
+    """Structure that shows in fewer blocks of time is never significant.
     Origin: two blocks leave one degree of freedom, Cauchy's distribution. Lower: a single event
     decides. Higher: what acts in one manoeuvre only is ignored."""
     least_waves: float = 4.0
@@ -232,7 +232,7 @@ class Structure:
     Origin: the six straight pieces of a function follow three waves at most. Lower: curves are
     reported as ripples. Higher: ripples that neither finds."""
     wave_power: float = 10.0
-    """A wave is tried if its power is so far above log n, the largest of n powers of white errors.
+    """A wave is tried if its power exceeds log n, the largest of n powers of white errors, by this.
     Origin: these are exponential (Schuster): the largest exceeds it with e^-10, 5e-5. Lower: tests
     of noise, for all of which the false alarms are divided. Higher: faint ripples are missed."""
     dependence_level: float = 0.05
@@ -254,7 +254,7 @@ class OutlierLogs:
     """Which logs disagree with the others."""
 
     false_alarms: float = 0.01
-    """Share of sets of sound logs in which a parameter of any is said to differ.
+    """Share of sets of sound logs in which some parameter of some log is reported to differ.
     Origin: Bonferroni over logs and parameters. Lower: a log of another plant passes. Higher: this
     share of sound sets loses a log."""
     blocks: int = 24
@@ -262,7 +262,7 @@ class OutlierLogs:
     Origin: of three logs the t-test at 1e-4 then asks for 6 % more than a normal. Lower: less
     power. Higher: blocks shorter than errors last, and false alarms."""
     fewest_logs: int = 3
-    """Of fewer logs none is the odd one.
+    """The smallest number of logs among which one can deviate.
     Origin: of two each disagrees with the other. Lower: has no meaning. Higher: three logs are not
     judged."""
     most_error_left: float = 0.9

@@ -112,8 +112,8 @@ def _made(
         text = program.text()
         late = to == "c" and "delayed" in program.memories.values()
         notes = [
-            f"A delay remembers {HISTORY} samples: where it is longer than so many calls, it is "
-            f"cut; #define {name.upper()}_HISTORY before the #include gives it more room."
+            f"A delay remembers {HISTORY} samples, and a delay of more calls than that is cut; "
+            f"#define {name.upper()}_HISTORY before the #include gives it more room."
         ] * late
         return text, notes
     return {"gz": to_gz, "uuv": to_uuv, "stonefish": to_stonefish}[to](source, name, limits)

@@ -142,7 +142,7 @@ def _sines(begin: float, end: float, step: float) -> np.ndarray:
     base = 2.0 * math.pi / (samples * step)
     order = np.arange(1, math.floor(end / base * (1.0 + 1e-9)) + 1)
     phase = -math.pi * order * (order - 1) / order.size
-    # One inverse transform, since a sum over thousands of sines takes minutes.
+    # One inverse transform, instead of a sum over thousands of sines.
     lines = np.zeros(samples // 2 + 1, complex)
     lines[order] = np.exp(1j * phase)
     sines = np.fft.irfft(lines, samples)

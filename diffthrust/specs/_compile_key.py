@@ -21,7 +21,7 @@ def compile_key(file: Path) -> str:
     fixed = {
         name: entry.fixed for name, entry in spec.parameters.items() if entry.fixed is not None
     }
-    # Lines, not samples: parsing every log of a campaign only to sort its tasks would take minutes.
+    # Lines, not samples: no log is parsed only to sort the tasks of a campaign.
     lengths = [_lines(file.parent / name) for name in (*spec.logs.train, *spec.logs.holdout)]
     return repr((spec.model, spec.effects, spec.options, channels, fixed, spec.fit, lengths))
 

@@ -199,7 +199,7 @@ _DOTTED = re.compile(r"(?:\.[ \t]{0,9}[\w\"'-]{1,99}[ \t]{0,9}){50}")
 
 
 def check_keys(text: str, file: Path | str) -> None:
-    """Refuse a key of many dots, which takes tomllib minutes (quadratic in their number).
+    """Refuse a key of many dots, which takes tomllib minutes.
 
     Raises:
         InputError: there is such a key.

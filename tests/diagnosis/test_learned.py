@@ -369,10 +369,12 @@ def test_what_only_imitates_the_law_is_dropped_and_what_is_there_beside_it_is_ke
     (law,) = diag.laws
     assert law.superfluous == ("load_exponent",)
     assert "load_exponent" in diag.dropped
-    assert {"command_deadband", law.form.formula.name} <= {e.name for e in law.told.model.effects}
+    assert {"command_deadband", law.form.formula.name} <= {
+        e.name for e in law.reported.model.effects
+    }
     assert "load exponent only imitated it" in diag.summary.lower()
     # shares are of what the model as given leaves: together they leave what the last model does
-    left = (law.told.holdout.nrmse / diag.stages[0].holdout.nrmse) ** 2
+    left = (law.reported.holdout.nrmse / diag.stages[0].holdout.nrmse) ** 2
     told = (
         law.worth.share + 1.0 - (diag.stages[1].holdout.nrmse / diag.stages[0].holdout.nrmse) ** 2
     )

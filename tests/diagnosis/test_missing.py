@@ -251,10 +251,10 @@ def test_a_ripple_of_a_screw_is_learned_by_its_pitch():
     (law,) = diag.laws
     assert law.curve.port == "friction"
     assert law.signals == ("sin(wave_number * position + phase)",)
-    assert 2 * np.pi / law.told.parameters["curve_form.wave_number"].value == pytest.approx(
+    assert 2 * np.pi / law.reported.parameters["curve_form.wave_number"].value == pytest.approx(
         0.02, rel=2e-3
     )
-    assert abs(law.told.parameters["curve_form.a"].value) == pytest.approx(2.0, rel=0.05)
-    assert law.told.holdout.nrmse < 0.2 * diag.stages[0].holdout.nrmse
+    assert abs(law.reported.parameters["curve_form.a"].value) == pytest.approx(2.0, rel=0.05)
+    assert law.reported.holdout.nrmse < 0.2 * diag.stages[0].holdout.nrmse
     assert "waves of position, 0.020 m long" in diag.summary
     assert "model = Screw() + dft.effects.Formula(" in diag.report()

@@ -517,6 +517,14 @@ def test_a_unit_of_the_wrong_dimension_is_refused():
         simulate(Counted(), log)
 
 
+def test_the_unit_of_a_measured_output_matters_only_where_it_chooses_the_step():
+    time = 0.1 * np.arange(20)
+    log = Log(time, {"command": np.ones(20)}, {"thrust": np.ones(20)}, units={"thrust": "rad/s"})
+    assert np.isfinite(simulate(dft.Thruster(), log, substeps=2)["thrust"]).all()
+    with pytest.raises(InputError, match="channel 'thrust'"):
+        simulate(dft.Thruster(), log)
+
+
 def test_milliseconds_declared_as_seconds_are_seen():
     time = np.arange(0.0, 10_000.0, 50.0)
     log = Log(time, {"command": np.sin(time)}, name="run3.csv")

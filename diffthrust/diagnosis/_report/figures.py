@@ -256,7 +256,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
     position = law.shown.value * x
     _banded(panel, position, mean, error, BLUE)
     panel.plot(position, mean, color=BLUE, linewidth=1.8, label="learned curve")
-    worst = _WORSE * min(fit.train.nrmse for fit in (law.fit, law.told))
+    worst = _WORSE * min(fit.train.nrmse for fit in (law.fit, law.reported))
     drawn = (tried for tried in law.forms if tried.fit.train.nrmse <= worst)
     for colour, tried in zip(_COLOURS[1:], drawn, strict=False):
         values = _form_over(law, tried, x)

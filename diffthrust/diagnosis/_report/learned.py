@@ -22,7 +22,7 @@ def learned_words(diag: Findings) -> list[str]:
     """Of each learned law: where it acts, what it is worth, its form, and what it replaces."""
     sentences = []
     for law in diag.laws:
-        baseline, updated = diag.stages[0].fit, law.told
+        baseline, updated = diag.stages[0].fit, law.reported
         unseen = baseline.holdout is not None and updated.holdout is not None
         logs = "unseen logs" if unseen else "the training logs"
         first, last = (f.holdout if unseen and f.holdout else f.train for f in (baseline, updated))

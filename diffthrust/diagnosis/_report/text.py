@@ -72,7 +72,7 @@ def _verdict_sentences(diag: Findings) -> list[str]:
         return undecided_words(diag)
     if diag.verdict == "adequate":
         return [_adequate_words(diag, model)]
-    if diag.held:  # `held_words` follows, and says it
+    if diag.held:  # `held_words` says it, and follows
         return []
     return [f"The {model} lacks something that no known effect explains."]
 
@@ -391,7 +391,7 @@ def held_words(diag: Findings) -> list[str]:
 def stopped_words(diag: Findings) -> list[str]:
     """Every parameter of the model as given that a bound has stopped.
 
-    Also those that a bound held until effects were added: these may stand in for what lies beyond.
+    Also those at a bound until effects were added, which may stand in for values beyond it.
 
     Example:
         >>> stopped_words(diag)

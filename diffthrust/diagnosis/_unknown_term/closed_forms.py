@@ -129,7 +129,7 @@ More are found by the periodogram (`wave_along`)."""
 
 
 class Match(NamedTuple):
-    """A form that one-step errors ask for.
+    """A form that one-step errors support.
 
     Args:
         form: the form.

@@ -34,7 +34,7 @@ _SIZES = np.geomspace(0.003, 1.0, 6)
 """Numerics: sizes of the curve that are tried, over the signal at the port (over 1 if it scales
 that)."""
 _REDUNDANT = 0.01
-"""Numerics: a coefficient that keeps less of its information beside the model's parameters is held
+"""Numerics: a coefficient that keeps less of its information beside the model's parameters is fixed
 at zero: these do its work already, and a fit of both would be ill-conditioned."""
 _SLOPE_INDEX = 1
 """Numerics: index of the slope among the coefficients of a curve."""
@@ -57,7 +57,7 @@ fit that begins on a bound has no gradient there."""
 
 
 class LikelyCurve(NamedTuple):
-    """A curve that one-step errors ask for.
+    """A curve that one-step errors support.
 
     Args:
         term: where it acts and on what.
@@ -303,8 +303,8 @@ def evidence_of_fit(law: LearnedLaw) -> LinearizedEvidence:
 def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
     """A law's model without its curve, as whole runs would have it with another shape.
 
-    A curve may do a part of the work of other parameters. These follow its coefficients to first
-    order. They do not follow coefficients that are held because parameters can do all their work.
+    A curve may replace a part of what other parameters do. These follow its coefficients to first
+    order. They do not follow coefficients that are fixed because parameters can replace them.
 
     Args:
         law: the law; the covariance of the curve's coefficients must be finite.

@@ -180,7 +180,7 @@ def term_of(context: SearchContext, trial: TrialFit, curve: Curve) -> Term:
 
 def refine_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
     """A law fitted again if the model that is reported needs more integrator steps."""
-    fit, records = law.told, context.fitter.records
+    fit, records = law.reported, context.fitter.records
     k = max(range(len(records)), key=lambda k: (records[k].log.step, len(records[k].log)))
     needed = fewest_steps(fit.model, records[k], fit.initial[k]).substeps
     if needed <= fit.substeps:

@@ -82,7 +82,7 @@ def learned_law(
     if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
         imitated = _RULES.imitated_share * (first.cost - trial.cost)
         law = _learned_beside(context, initial.fit, first, place, imitated)
-        if law and not error_within(law.told, last.fit, _RULES.replacing_error):
+        if law and not error_within(law.reported, last.fit, _RULES.replacing_error):
             law = None
     if law is None:
         base, law = last, _learned_beside(context, last.fit, trial, place)
@@ -95,7 +95,7 @@ def learned_law(
             relearned = _relearned_beside(
                 context, stage.fit, reduced.state.current.trial, relearned
             )
-        if relearned and relearned.worth.sure and error_within(relearned.told, last.fit, 1.0):
+        if relearned and relearned.worth.sure and error_within(relearned.reported, last.fit, 1.0):
             search, law = reduced, relearned
         elif base is not last:
             return None  # it was learned in the place of the effects, and loses against them
@@ -137,9 +137,9 @@ def _learned_beside(
 def _relearned_beside(
     context: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw
 ) -> LearnedLaw | None:
-    """A law fitted again beside other effects; ``None`` if one-step errors do not ask for it there.
+    """A law fitted again beside other effects; ``None`` if one-step errors do not support it.
 
-    Coefficients of its curve were held where the effects that are now dropped could do their work.
+    Coefficients of its curve were fixed where the effects that are now dropped could replace them.
     """
     likely = likely_curves(context.fitter, trial, [term_of(context, trial, law.curve)])
     relearned = fit_curve(context, baseline, trial, likely[0]) if likely else None
@@ -150,8 +150,8 @@ def _relearned_beside(
 
 
 def _doubt(law: LearnedLaw) -> tuple[bool, float]:
-    """Sorts laws that are surely worth something first, then by their error over whole runs."""
-    return not law.worth.sure, law.told.train.nrmse
+    """Sort key: laws that surely remove error first, then the least error over whole runs."""
+    return not law.worth.sure, law.reported.train.nrmse
 
 
 def _place(context: SearchContext, remaining: Remaining) -> DrivingPort:
@@ -225,13 +225,13 @@ def backward_elimination(
 ) -> tuple[SearchResult, LearnedLaw]:
     """The effects that are missing beside a law, and the law with its superfluous effects recorded.
 
-    All effects that were found without the law are put beside it. Those are taken out that the
-    information criterion does not ask for, or that change nothing over whole runs: the law is only
-    learned, and its small errors look like small effects.
+    All effects that were found without the law are put beside it. An effect is dropped if the
+    information criterion does not support it or if it changes nothing over whole runs: the law is
+    an estimate, and its small errors look like small effects.
 
     Args:
         context: what the search worked with.
-        search: what it found without the law.
+        search: its result without the law.
         first: the trial of the model as given.
         law: as it was learned, beside the model as given or beside all that was found.
     """
@@ -262,7 +262,7 @@ def _start_elimination(
     context: SearchContext, law: LearnedLaw, trial: TrialFit
 ) -> tuple[CandidateFitter, CurrentModel] | None:
     """The effects of a trial beside a law, fitted together; ``None`` if that cannot be fitted."""
-    fitter, fit, names = context.fitter, law.told, trial.effects
+    fitter, fit, names = context.fitter, law.reported, trial.effects
     values = {n: p.value for n, p in fit.model.parameters.items()}
     model = context.given + fit.model.effects[-1]
     # a constant that effects freed keeps its given value, to which eliminating it goes back

@@ -1,7 +1,8 @@
 """Terms that may be missing at a port: a function of a signal or of its past, times another signal.
 
-Each is evaluated along a trial's path, at every sample and as the next one comes: an input may be
-held between samples, so what it drives does not run straight to its value at the next sample.
+Each is evaluated along a trial's path, at every sample and just before the next one: under
+zero-order hold an input keeps its value until then, and what it drives is no straight line between
+the samples.
 """
 
 from __future__ import annotations
@@ -72,8 +73,8 @@ class Regressors(NamedTuple):
 def regressors_of(fitter: CandidateFitter, trial: TrialFit) -> Regressors:
     """The signals of the training logs along a trial."""
     current = observed_signals(fitter, trial)
-    # An input under zero-order hold is still the old one as the next sample comes. Taken as
-    # straight between samples, a share of a held drive looked like what no parameter can do.
+    # An input under zero-order hold keeps its value until the next sample. When it was taken as a
+    # straight line between samples, a share of a constant drive looked like a missing term.
     paths = [
         {
             name: series if record.hold.get(name) == "zero" else np.append(series[1:], series[-1:])

@@ -56,7 +56,7 @@ def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> di
                 "write it as 'actuator_outputs.output[0]' or 'esc_status[1].esc[0].esc_rpm'.",
             )
         targets[column] = (match[1], None if match[2] is None else int(match[2]), key)
-    # pyulog parses only the named messages: a flight log of an hour has a hundred kinds.
+    # pyulog parses only the named messages: a flight log has many more.
     log = _load(path, [name for name, _, _ in targets.values()])
     datasets = {column: _dataset(path, log, column, *t[:2]) for column, t in targets.items()}
     origin = min(int(data.data["timestamp"].min()) for data in datasets.values())

@@ -1,0 +1,125 @@
+"""Measured logs as plain arrays, and the SciPy figures of them.
+
+    python -m reference.measured_runs blueboat emps [starts]
+
+NRMSE over whole unseen runs (three starts): EMPS, position, velocity and both together
+
+| equations | position | velocity | all |
+| --- | --- | --- | --- |
+| viscous | 1.136 | 0.255 | 0.823 |
+| viscous, offset | 0.087 | 0.164 | 0.131 |
+| viscous, dry (vanishes) | 1.136 | 0.255 | 0.823 |
+| viscous, dry, offset | 0.066 | 0.064 | 0.065 |
+| quadratic drag alone | 0.506 | 0.293 | 0.413 |
+
+with mass 93.5 kg, viscous 193 N s/m, dry 21.7 N, offset -3.34 N in the fourth row. The dry
+friction is seen only beside the offset, and two of three starts reach the fourth row.
+
+Read with NumPy alone, from the folder that DIFFTHRUST_DATA names (or ``../shared/data``).
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from . import whole_runs as wr
+
+BLUEBOAT_TRAIN = (216, 218, 220, 221, 222, 223, 224, 225, 226)
+BLUEBOAT_UNSEEN = (228, 230, 232)
+
+
+def folder() -> Path:
+    """Where the measured logs are."""
+    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
+    return Path(os.environ.get("DIFFTHRUST_DATA", beside))
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    """The columns of a CSV file; NaN where a cell is empty."""
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))
+    cells = [[float(x) if x.strip() else np.nan for x in row] for row in rows[1:] if any(row)]
+    return {name: column for name, column in zip(rows[0], np.array(cells).T, strict=True)}
+
+
+def blueboat(numbers: tuple[int, ...], every: int = 1) -> list[wr.Run]:
+    """Runs of the BlueBoat; means over ``every`` samples."""
+    return [_blueboat(number, every) for number in numbers]
+
+
+def _blueboat(number: int, every: int) -> wr.Run:
+    t = table(folder() / "blueboat" / f"run_{number}.csv")
+    keep = np.isfinite(t["original_timestamp"]) & np.isfinite(t["left_force"])
+    t = {name: column[keep] for name, column in t.items()}
+    seconds = (t["original_timestamp"] - t["original_timestamp"][0]) / 1e3
+    inputs = {n: _means(t[n], every) for n in ("left_force", "right_force")}
+    measured = {n: _means(t[n], every) for n in ("surge", "sway", "yaw_rate")}
+    at = _means(seconds, every)
+    return wr.Run(at, inputs, measured, name=f"run_{number}")
+
+
+def _means(x: np.ndarray, every: int) -> np.ndarray:
+    return x[: len(x) // every * every].reshape(-1, every).mean(axis=1) if every > 1 else x
+
+
+def emps() -> tuple[list[wr.Run], list[wr.Run]]:
+    """The run to train on and the unseen one of EMPS."""
+    runs = []
+    for name in ("DATA_EMPS_SC", "DATA_EMPS_PULSES_SC"):
+        t = table(folder() / "emps" / f"{name}.csv")
+        measured = {"position": 0.125 * t["q_meas"], "velocity": 0.125 * t["v_est"]}
+        runs.append([wr.Run(t["time_exp"], {"force": 35.15 * t["u_in"]}, measured, name=name)])
+    return runs[0], runs[1]
+
+
+def _told(name: str, found: wr.Found, unseen: list[wr.Run], begun: float) -> None:
+    errors = wr.errors(found.system, unseen, found.values)
+    train = found.errors["all"]
+    row = ", ".join(f"{c} {e:.3f}" for c, e in errors.items())
+    values = ", ".join(f"{n} {v:.4g}" for n, v in found.values.items())
+    costs = " ".join(f"{c:.4f}" for c in sorted(found.costs))
+    print(
+        f"{name}: unseen {row}; train {train:.3f}; {values}; costs {costs}; "
+        f"{time.perf_counter() - begun:.0f} s",
+        flush=True,
+    )
+
+
+def main(names: list[str], starts: int = 1) -> None:
+    """Print the figures of the data sets that are named."""
+    if "blueboat" in names:
+        train, unseen = blueboat(BLUEBOAT_TRAIN), blueboat(BLUEBOAT_UNSEEN)
+        held = {"m11": (20.0, 15.0, 200.0), "m22": (20.0, 15.0, 1e4), "d33": (5.0, 0.0, 20.0)}
+        for label, exchanged, drag in (
+            ("as given", False, ()),
+            ("exchanged", True, ()),
+            ("exchanged, quadratic surge drag", True, ("surge",)),
+            ("exchanged, all drags", True, ("surge", "sway", "yaw")),
+        ):
+            begun = time.perf_counter()
+            system = wr.twin_boat(exchanged=exchanged, drag=drag).ranged(**held).fixed(i33=1.7)
+            _told(f"blueboat {label}", wr.fit(system, train, starts=starts), unseen, begun)
+    if "emps" in names:
+        train, unseen = emps()
+        for label, options in (
+            ("quadratic drag alone (AxisVehicle)", {"viscous": False, "quadratic": True}),
+            ("viscous", {}),
+            ("viscous, offset", {"offset": True}),
+            ("viscous, dry", {"dry": True}),
+            ("viscous, dry, offset", {"dry": True, "offset": True}),
+        ):
+            begun = time.perf_counter()
+            found = wr.fit(wr.rail_axis(**options), train, starts=starts, most=40)
+            _told(f"emps {label}", found, unseen, begun)
+
+
+if __name__ == "__main__":
+    words = [word for word in sys.argv[1:] if not word.isdigit()]
+    count = next((int(word) for word in sys.argv[1:] if word.isdigit()), 1)
+    main(words or ["blueboat", "emps"], count)
