@@ -5,9 +5,9 @@ import os
 from functools import lru_cache
 
 import jax
+from processes import programs
 
 import diffthrust  # noqa: F401  (switches double precision on)
-from diffthrust._support._running import programs  # private: how many are kept
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")

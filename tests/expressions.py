@@ -2,5 +2,10 @@
 
 from diffthrust.effects._grammar import expression_of  # private: a Formula asks for parameters, too
 from diffthrust.effects._memory import values_along  # private: its integrals against closed forms
+from diffthrust.effects._recorded import (  # private: the series alone
+    delayed,
+    lagged,
+    rate_limited,
+)
 
-__all__ = ["expression_of", "values_along"]
+__all__ = ["delayed", "expression_of", "lagged", "rate_limited", "values_along"]

@@ -1,9 +1,7 @@
 """The lines by which reports say how a model is made again, and what a spec makes of an entry."""
 
-from diffthrust.estimation._origin import (  # private: a report ends with them, after a fit
-    effects_line,
-    python_line,
-)
+from problems import effects_line, python_line
+
 from diffthrust.specs._effects import effect_of  # private: an entry of any data, without a file
 
 __all__ = ["effect_of", "effects_line", "python_line"]

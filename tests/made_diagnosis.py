@@ -6,17 +6,10 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from measures import Worth
 from reference import inputs, noise, thruster
+from steps import Missing, Remaining, SignalForm, Stage, TriedEffect, Worth
 
 import diffthrust as dft
-from diffthrust.diagnosis._findings import (  # private: made by hand
-    Missing,
-    Remaining,
-    SignalForm,
-    Stage,
-    TriedEffect,
-)
 from diffthrust.effects import ActuatorLag, CommandDeadband
 
 BAND = 0.4  # hidden dead band [V]

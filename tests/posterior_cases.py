@@ -6,6 +6,16 @@ import numpy as np
 from reference import inputs, thruster
 
 import diffthrust as dft
+from diffthrust.uncertainty import (  # private: its limits
+    _intervals as intervals_module,
+)
+from diffthrust.uncertainty import _profile as profile_module
+from diffthrust.uncertainty import _scores as scores_module
+from diffthrust.uncertainty._interval_words import (  # private: the sentences alone
+    Evidence,
+    heading,
+    sentences,
+)
 from diffthrust.uncertainty._intervals_row import (  # private: rows that no logs give
     Interval,
     Row,
@@ -14,7 +24,25 @@ from diffthrust.uncertainty._intervals_row import (  # private: rows that no log
 from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: a closed form
 from diffthrust.uncertainty._prediction.draws import draws_of  # private: no result keeps its draws
 from diffthrust.uncertainty._prediction.tables import interval_text  # private: digits alone
+from diffthrust.uncertainty._profile import (  # private: the threshold alone
+    threshold_of,
+)
 from diffthrust.uncertainty._profile_curve import Profile  # private: with arms that no logs give
+from diffthrust.uncertainty._profile_lines import (  # private: a line of one's own
+    ParameterLine,
+    ProfilePoint,
+    QuantityLine,
+    spread,
+)
+from diffthrust.uncertainty._profile_result import (  # private: made by a call
+    Better,
+    Profiles,
+)
+from diffthrust.uncertainty._profile_walk import (  # private: the walk alone
+    DeeperError,
+    root,
+    walk,
+)
 from diffthrust.uncertainty._sampling import chain_file, nuts  # private: coordinates; marks
 from diffthrust.uncertainty._sampling.arviz import arviz  # private: without its warning
 from diffthrust.uncertainty._sampling.identity import problem_identity  # private: whose a file is
@@ -27,21 +55,34 @@ from diffthrust.uncertainty._sampling.posterior import (
     posterior_of,  # private: its density alone
 )
 from diffthrust.uncertainty._sampling.propriety import open_ends  # private: before any draw
+from diffthrust.uncertainty._scores import (  # private: the parts alone
+    sample_scores,
+    summed,
+)
 
 __all__ = [
     "NOISE",
     "PRIORS",
     "PROFILE",
     "TRUE",
+    "Better",
+    "DeeperError",
+    "Evidence",
     "Interval",
+    "ParameterLine",
     "Posterior",
+    "ProfilePoint",
+    "Profiles",
+    "QuantityLine",
     "Row",
     "arviz",
     "chain_file",
     "draws_of",
     "exact_line",
+    "heading",
     "independent_proposals",
     "interval_text",
+    "intervals_module",
     "learned",
     "line",
     "mixed_quantile",
@@ -49,9 +90,18 @@ __all__ = [
     "open_ends",
     "posterior_of",
     "problem_identity",
+    "profile_module",
+    "root",
+    "sample_scores",
     "scaled",
+    "scores_module",
+    "sentences",
+    "spread",
+    "summed",
+    "threshold_of",
     "thruster_fit",
     "thruster_log",
+    "walk",
 ]
 
 NOISE = 0.2

@@ -3,20 +3,68 @@
 They are held against closed forms, finite differences and SciPy at points that no fit returns.
 """
 
-from diffthrust.estimation import _arguments, _arrange  # private: logs as a search has them
+from diffthrust._support.box import (  # private: the solver alone
+    least_in_box,
+)
+from diffthrust.estimation import (  # private: logs as a search has them
+    _arguments,
+    _arrange,
+)
+from diffthrust.estimation import _insensitive as insensitive_module
+from diffthrust.estimation import _likelihood as likelihood_module
+from diffthrust.estimation import _refine as refine_module
+from diffthrust.estimation import _status as status_module
 from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._arrange import restarts  # private: segments of another length
 from diffthrust.estimation._horizons import folds, without  # private: what a choice hides
+from diffthrust.estimation._insensitive import (  # private: each alone
+    alive,
+    vanished,
+    vanished_notes,
+)
 from diffthrust.estimation._likelihood import (  # private: costs and slopes beside the optimum
     Quadratic,
     errors_at,
     evaluate,
+    gram,
     jacobians,
+    noise_levels,
 )
-from diffthrust.estimation._noise import linked  # private: which samples a noise links
+from diffthrust.estimation._multistart import (  # private: a search that stopped early
+    Search,
+    distinct,
+)
+from diffthrust.estimation._noise import (  # private: which samples a noise links
+    AR1,
+    RANGE,
+    Gaps,
+    White,
+    linked,
+)
+from diffthrust.estimation._one_step import (  # private: as a diagnosis calls it
+    nrmse,
+)
+from diffthrust.estimation._origin import (  # private: the lines alone
+    Origin,
+    effects_line,
+    form_lines,
+    origin_of,
+    python_line,
+)
 from diffthrust.estimation._rebuild import problem_of  # private: what a stored fit has solved
-from diffthrust.estimation._residuals import SimulationError  # private: with any law and noise
-from diffthrust.estimation._solver import solve  # private: from any point, for any budget
+from diffthrust.estimation._refine import (  # private: the end alone
+    polished,
+    rounding_of,
+)
+from diffthrust.estimation._residuals import (  # private: with any law and noise
+    Innovations,
+    SimulationError,
+)
+from diffthrust.estimation._solver import (  # private: from any point, for any budget
+    BoundedLevenbergMarquardt,
+    Solved,
+    solve,
+)
 from diffthrust.estimation._status import (  # private: the checks of any point
     GRADIENT_LIMIT,
     RANK_LIMIT,
@@ -25,32 +73,61 @@ from diffthrust.estimation._status import (  # private: the checks of any point
     failed_over,
     judge,
     marginal_spread,
+    unstable_advice,
 )
 from diffthrust.simulation._record import bind  # private: logs as a model reads them
 
 __all__ = [
+    "AR1",
     "GRADIENT_LIMIT",
     "LOSSES",
     "NOISE_MODELS",
+    "RANGE",
     "RANK_LIMIT",
+    "BoundedLevenbergMarquardt",
+    "Gaps",
+    "Innovations",
     "Local",
+    "Origin",
     "Quadratic",
+    "Search",
     "SimulationError",
+    "Solved",
+    "White",
+    "alive",
     "bind",
     "build",
+    "distinct",
+    "effects_line",
     "errors_at",
     "evaluate",
     "examine",
     "failed_over",
     "folds",
+    "form_lines",
+    "gram",
+    "insensitive_module",
     "jacobians",
     "judge",
+    "least_in_box",
+    "likelihood_module",
     "likelihood_of",
     "linked",
     "marginal_spread",
+    "noise_levels",
+    "nrmse",
+    "origin_of",
+    "polished",
     "problem_of",
+    "python_line",
+    "refine_module",
     "restarts",
+    "rounding_of",
     "solve",
+    "status_module",
+    "unstable_advice",
+    "vanished",
+    "vanished_notes",
     "without",
 ]
 

@@ -1,11 +1,39 @@
 """Processes that answer a line with a line: what campaigns and checks run in, made to fail here."""
 
-from diffthrust._support._running.pool import on_processes  # private: likewise
+from diffthrust._support._running import (  # private: the programs alone
+    cache,
+    programs,
+)
+from diffthrust._support._running.batching import (  # private: runs is_unbatched
+    SharedRuns,
+    run_stacked,
+)
+from diffthrust._support._running.pool import (  # private: likewise
+    Groups,
+    on_processes,
+)
 from diffthrust._support._running.process import (  # private: users see what they compute
     LineProcess,
     ProcessDied,
     ProcessLate,
     ProcessNotStarted,
 )
+from diffthrust._support._running.programs import (  # private: what is asked for
+    KEPT,
+    program,
+)
 
-__all__ = ["LineProcess", "ProcessDied", "ProcessLate", "ProcessNotStarted", "on_processes"]
+__all__ = [
+    "KEPT",
+    "Groups",
+    "LineProcess",
+    "ProcessDied",
+    "ProcessLate",
+    "ProcessNotStarted",
+    "SharedRuns",
+    "cache",
+    "on_processes",
+    "program",
+    "programs",
+    "run_stacked",
+]

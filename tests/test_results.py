@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 from made_checks import CheckRow, FitRun
 from places import ROOT
+from presentation import Report, Rows, report_of, report_text
 
 import diffthrust as dft
-from diffthrust._support.report import Report, Rows  # private: what is shown
-from diffthrust._support.results import report_of  # private: as data
-from diffthrust._support.tables import report_text  # private: the looks of all tables
 from diffthrust.checks._result import check_report  # private: printed by a command
 from diffthrust.cli._tables import (  # private: printed by commands
     catalogue_report,

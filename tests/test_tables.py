@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from presentation import number, report_text, with_error
 
 import diffthrust as dft
-from diffthrust._support.tables import report_text  # private: what a terminal shows
-from diffthrust._support.words import number, with_error  # private: all tables' digits
 from diffthrust.cli._tables import catalogue_report  # private: printed by a command
 from diffthrust.effects import EFFECTS
 from diffthrust.models import MODELS

@@ -3,10 +3,72 @@
 `simulate` returns arrays that JAX can neither differentiate nor map, and shows no step before it.
 """
 
+from diffthrust.simulation import (  # private: a part alone
+    _fixed_step as fixed_step_module,
+)
+from diffthrust.simulation import _starts as starts_module
+from diffthrust.simulation import _step_size as step_size_module
+from diffthrust.simulation import _trajectory as trajectory_module
+from diffthrust.simulation._bare import (  # private: told by no result
+    bare,
+)
+from diffthrust.simulation._commands import (  # private: as a fit calls them
+    adopted,
+    command_kind,
+)
 from diffthrust.simulation._dependence import states_behind  # private: it decides which form runs
-from diffthrust.simulation._fixed_step import starting_states  # private: no run returns its start
+from diffthrust.simulation._errors import (  # private: each alone
+    errors,
+    unwrapped,
+    wrapped,
+)
+from diffthrust.simulation._fixed_step import (  # private: no run returns its start
+    checked_initial,
+    starting_states,
+)
 from diffthrust.simulation._gaps import bridged  # private: the time base alone
-from diffthrust.simulation._record import bind  # private: what a model reads of a log
+from diffthrust.simulation._integrate import (  # private: the integrator alone
+    integrate,
+    within,
+)
+from diffthrust.simulation._levels import (  # private: each alone
+    levels_over,
+    levels_when_asked,
+)
+from diffthrust.simulation._linearise import (  # private: told by no result
+    slopes_at,
+)
+from diffthrust.simulation._overflow import (  # private: the sentences alone
+    overflow,
+    too_large,
+)
+from diffthrust.simulation._record import (  # private: what a model reads of a log
+    bind,
+    input_ranges,
+    measured_outputs,
+)
+from diffthrust.simulation._runge_kutta import (  # private: the weights alone
+    SERIES,
+    TURN,
+    advance,
+    exponential_weights,
+    plain_rate,
+    with_push,
+)
+from diffthrust.simulation._runs import (  # private: as a fit
+    are_tables,
+    pooled_errors,
+    runs_over,
+)
+from diffthrust.simulation._starts import (  # private: each alone
+    felt,
+    following,
+    unknown_starts,
+)
+from diffthrust.simulation._step_size import (  # private: each alone
+    fewest_steps,
+    sensor_noise,
+)
 from diffthrust.simulation._trajectory import (  # private: the traced part alone
     Grid,
     Key,
@@ -16,16 +78,50 @@ from diffthrust.simulation._trajectory import (  # private: the traced part alon
 )
 
 __all__ = [
+    "SERIES",
+    "TURN",
     "Grid",
     "Key",
+    "adopted",
+    "advance",
+    "are_tables",
+    "bare",
     "bind",
     "bridged",
+    "checked_initial",
+    "command_kind",
     "equations_of",
+    "errors",
+    "exponential_weights",
+    "felt",
+    "fewest_steps",
+    "fixed_step_module",
+    "following",
     "grid_of",
+    "input_ranges",
+    "integrate",
+    "levels_over",
+    "levels_when_asked",
+    "measured_outputs",
+    "overflow",
+    "plain_rate",
+    "pooled_errors",
+    "runs_over",
+    "sensor_noise",
+    "slopes_at",
     "starting_point",
     "starting_states",
+    "starts_module",
     "states_behind",
+    "step_size_module",
+    "too_large",
     "trajectory",
+    "trajectory_module",
+    "unknown_starts",
+    "unwrapped",
+    "with_push",
+    "within",
+    "wrapped",
 ]
 
 

@@ -7,9 +7,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
-from diffthrust._support._running import programs  # private: the programs alone
-from diffthrust._support._running.programs import KEPT, program  # private: the programs alone
+from processes import KEPT, program, programs
 
 MAPS = Path("/proc/self/maps")
 

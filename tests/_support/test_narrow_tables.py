@@ -6,10 +6,7 @@ import re
 
 import numpy as np
 import pytest
-
-from diffthrust._support.notebook import notebook_html  # private: the looks of all reports
-from diffthrust._support.report import Report, Rows, Section, Styled  # private: what is shown
-from diffthrust._support.tables import plain_text, report_text  # private: the looks of all reports
+from presentation import Report, Rows, Section, Styled, notebook_html, plain_text, report_text
 
 WORDS = ("speed", "thruster", "with", "a", "command_deadband", "[rad/s]", "staircase.csv", "N")
 

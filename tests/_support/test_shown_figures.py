@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg, FigureManagerBase
 from places import ROOT
+from presentation import unseen
 
 import diffthrust as dft
-from diffthrust._support.figures import unseen  # private: what pages and commands draw with
 
 SHOWN: list[object] = []
 

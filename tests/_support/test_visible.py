@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from presentation import Report, Rows, Section, in_line, report_text, visible
+
 from diffthrust import InputError
-from diffthrust._support.report import Report, Rows, Section  # private: what is shown
-from diffthrust._support.tables import report_text  # private: what shows all reports
-from diffthrust._support.visible import in_line, visible  # private: what is tested
 
 
 def test_what_does_not_show_becomes_an_escape():

@@ -20,12 +20,12 @@ from places import ROOT
 from problems import build, evaluate, solve
 from rich.console import Console
 from rich.table import Table
+from trajectories import fixed_step_module, trajectory_module
 
 import diffthrust as dft
 from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
 from benchmarks.peers._problem import GUESS, TRUTH, guesses, record
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
-from diffthrust.simulation import _fixed_step, _trajectory
 
 pytestmark = pytest.mark.benchmark
 
@@ -73,7 +73,7 @@ def ratio_row(what: str, ours: float, peer: float, target: str = "") -> tuple[st
 def test_simulation_and_fit_of_one_log():
     log = make_log()
     model = dft.Thruster()
-    key, grid = _trajectory.Key(model), _trajectory.Grid((("command", "zero"),))
+    key, grid = trajectory_module.Key(model), trajectory_module.Grid((("command", "zero"),))
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
@@ -81,7 +81,7 @@ def test_simulation_and_fit_of_one_log():
         {"speed": jnp.asarray(0.0)},
     )
     ours, whole, peer = interleaved(
-        lambda: jax.block_until_ready(_fixed_step.compiled_simulation((key, grid), given)),
+        lambda: jax.block_until_ready(fixed_step_module.compiled_simulation((key, grid), given)),
         lambda: dft.simulate(model, log, substeps=1),
         lambda: numba_rk4(log.time, log.inputs["command"], *TRUTH, 0.0),
         repeats=101,

@@ -8,9 +8,9 @@ from collections.abc import Hashable
 
 import pytest
 from places import FITS
+from processes import Groups
 
 from diffthrust import InputError
-from diffthrust._support._running.pool import Groups  # private: who takes what
 from diffthrust.checks import check
 from diffthrust.specs._compile_key import compile_key  # private: no result shows it
 

@@ -13,10 +13,10 @@ import jax
 import pytest
 from command_line import run
 from places import FITS, ROOT
+from processes import cache
 
 import diffthrust
 import diffthrust as dft
-from diffthrust._support._running import cache  # private: its folder is looked at
 from diffthrust.cli._demo_logs import HIDDEN, hidden_folder  # private: what is hidden
 from diffthrust.specs import load_spec
 

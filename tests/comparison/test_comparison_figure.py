@@ -7,9 +7,9 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from presentation import thinned
 
 import diffthrust as dft
-from diffthrust._support.figures import thinned  # private: what a figure leaves out
 
 
 def log(name: str, n: int = 200, thrust: bool = True) -> dft.Log:

@@ -6,16 +6,10 @@ import json
 
 import numpy as np
 import pytest
+from residuals import Regime, Samples, SignalRange, derived_signals, worst_range, worst_regimes
 from test_residual_tests import coloured
 
 import diffthrust as dft
-from diffthrust.comparison._derived_signals import derived_signals  # private: of made signals
-from diffthrust.comparison._regime_search import (  # private: the search on made series alone
-    Samples,
-    SignalRange,
-    worst_range,
-)
-from diffthrust.comparison._regimes import Regime, worst_regimes  # private: on made residuals
 
 UNITS = {"command": "V", "speed": "rad/s"}
 STEP = 0.05

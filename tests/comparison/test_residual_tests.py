@@ -7,21 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from problems import LOSSES, NOISE_MODELS
+from residuals import (
+    autocorrelation,
+    covariance,
+    cross_correlation,
+    ljung_box,
+    noise_advice,
+    outstanding,
+    residual_tests,
+)
 from scipy.signal import lfilter
 from scipy.stats import norm
 from scipy.stats import t as student
-
-from diffthrust._support.correlation import (  # private: against closed forms
-    autocorrelation,
-    covariance,
-    ljung_box,
-)
-from diffthrust.comparison._noise_advice import noise_advice  # private: made residuals alone
-from diffthrust.comparison._outstanding import outstanding  # private: of errors made by hand
-from diffthrust.comparison._residual_tests import (  # private: the tests on made residuals alone
-    cross_correlation,
-    residual_tests,
-)
 
 
 def coloured(rng: np.random.Generator, n: int, pole: float) -> np.ndarray:

@@ -10,16 +10,15 @@ from importlib.metadata import EntryPoint
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from components import registry
 from one_truth import contradictions
 from reference import inputs, thruster
 from reference.hidden import THRUSTER, Effect
+from steps import bind, candidates_of
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.diagnosis._candidates import candidates_of  # private: without a search
 from diffthrust.effects import Formula
-from diffthrust.models._base import registry  # private: a catalogue of its own
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 
 def log(*, inputs=(), measured=("speed", "thrust")):

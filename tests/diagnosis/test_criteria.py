@@ -5,16 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from measures import ChannelError, Errors
-
-from diffthrust.diagnosis._criteria import (  # private: each criterion alone
-    criterion,
-    missed,
-    no_better,
-    noises,
-    wald,
-)
-from diffthrust.diagnosis._score_test import score_test  # private: the test alone
+from steps import ChannelError, Errors, criterion, missed, no_better, noises, score_test, wald
 
 
 def errors(**nrmse):

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference import inputs, noise, thruster
+from trajectories import fixed_step_module
 
 import diffthrust as dft
-from diffthrust.simulation import _fixed_step  # private: each run of a program is counted
 
 TIME = np.arange(700) * 0.05
 FEW = ("command_deadband", "linear_damping", "thrust_sensor_offset")
@@ -53,7 +53,7 @@ def simulations():
 def diag(simulations):
     *train, unseen = logs(command_deadband=0.4, thrust_sensor_offset=1.0)
     said = []
-    simulated = _fixed_step._run
+    simulated = fixed_step_module._run
 
     def counted(key, grid, values, time, inputs, start):
         numbers = jax.tree.map(lambda value: np.asarray(value).tobytes(), (values, inputs, start))
@@ -61,7 +61,7 @@ def diag(simulations):
         return simulated(key, grid, values, time, inputs, start)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_fixed_step, "_run", counted)
+        patch.setattr(fixed_step_module, "_run", counted)
         found = dft.diagnose(
             dft.Thruster(),
             train,

@@ -18,34 +18,28 @@ import made_diagnosis as made
 import numpy as np
 import pytest
 import written_fits
-from measures import ChannelError, Errors
-
-import diffthrust as dft
-from diffthrust._support.figures import unseen  # private: as a page makes them
-from diffthrust._support.words import an, distinct_numbers, humanize, joined  # private: words alone
-from diffthrust.diagnosis._candidates import place_words  # private: each port alone
-from diffthrust.diagnosis._findings import (  # private: made by hand
+from presentation import an, distinct_numbers, humanize, joined, unseen
+from steps import (
+    ChannelError,
+    Errors,
     Refusal,
     Remaining,
     SignalForm,
     Stage,
-)
-from diffthrust.diagnosis._report.figures import (  # private: each figure alone
-    missing_figure,
-    ranking_figure,
-    stages_figure,
-)
-from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
     caution_words,
     diagnosis_page,
+    log_rows,
+    missing_figure,
     missing_words,
     own_effect,
-)
-from diffthrust.diagnosis._report.tables import log_rows  # private: its cells
-from diffthrust.diagnosis._report.text import (  # private: each sentence alone
+    place_words,
+    ranking_figure,
     sized_words,
     stage_words,
+    stages_figure,
 )
+
+import diffthrust as dft
 from diffthrust.effects import EFFECTS
 
 CHROMIUM = next(

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from reference import noise
 from scipy.signal import lfilter
-
-import diffthrust as dft
-from diffthrust import InputError, effects, papers
-from diffthrust.diagnosis._explainable import (  # private: the regressions alone
+from steps import (
+    ChannelHeadroom,
     ErrorRecord,
+    Headroom,
     Rung,
     chosen,
-    explainable,  # private: against known errors
+    explainable,
     features_for,
     learners_for,
     pooled_sums,
@@ -21,7 +20,9 @@ from diffthrust.diagnosis._explainable import (  # private: the regressions alon
     ridge_solution,
     through_filters,
 )
-from diffthrust.diagnosis._headroom import ChannelHeadroom, Headroom  # private: made by hand
+
+import diffthrust as dft
+from diffthrust import InputError, effects, papers
 
 NOISE = {"speed": 0.3, "thrust": 0.15}
 

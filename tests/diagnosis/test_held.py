@@ -6,21 +6,19 @@ import made_diagnosis as made
 import numpy as np
 import pytest
 from reference import noise, vessel
-
-import diffthrust as dft
-from diffthrust.diagnosis import _search_state  # private: how a search begins
-from diffthrust.diagnosis._candidates import (  # private: names alone
+from steps import (
+    HeldValue,
+    bind,
     constants_in,
-    constants_of,  # private: names alone
+    constants_of,
     of_effect,
-    with_candidates,
-)
-from diffthrust.diagnosis._findings import HeldValue  # private: made by hand
-from diffthrust.diagnosis._report.text import (  # private: each sentence alone
+    search_state_module,
     stage_words,
     verdict_words,
+    with_candidates,
 )
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
+
+import diffthrust as dft
 
 ARM = 0.40
 
@@ -83,7 +81,7 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
     fit = dft.fit(dft.Vessel(drive="twin"), log, starts=1, doubts=False)
     records = bind(fit.model, [log])
     monkeypatch.setattr(
-        _search_state, "compiled_fitter", lambda fit, effects, held, *logs: (held, None)
+        search_state_module, "compiled_fitter", lambda fit, effects, held, *logs: (held, None)
     )
     for wanted, held in (
         (None, constants_of(fit.model)),
@@ -91,7 +89,7 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
         ("lever_arm", ("lever_arm",)),
     ):
         assert (
-            _search_state.start_search(fit, records, (), wanted, 0, lambda *_: None)[0].fitter
+            search_state_module.start_search(fit, records, (), wanted, 0, lambda *_: None)[0].fitter
             == held
         )
 

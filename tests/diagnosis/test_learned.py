@@ -10,36 +10,30 @@ import pytest
 from command_line import run
 from hidden import sets
 from scipy.stats import multivariate_normal
-
-import diffthrust as dft
-from diffthrust.diagnosis._candidates import places_of  # private: places without trials
-from diffthrust.diagnosis._learned import LearnedLaw  # private: a law without a diagnosis
-from diffthrust.diagnosis._score_test import project_out  # private: the projection alone
-from diffthrust.diagnosis._search_state import (
-    compiled_fitter,  # private: trials without a diagnosis
-)
-from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
-    evidence,
-)
-from diffthrust.diagnosis._unknown_term import fit as fitting  # private: as above
-from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms without a diagnosis
-    FORMS,  # private: as above
+from steps import (
+    FORMS,
+    LearnedLaw,
     Match,
+    PortSeries,
     as_estimated,
     as_formula,
     best_match,
-    form_values,
-    ranked_matches,
-)
-from diffthrust.diagnosis._unknown_term.terms import (  # private: as above
-    PortSeries,
+    bind,
     channel_of,
+    compiled_fitter,
+    evidence,
+    fitting,
+    form_values,
+    places_of,
+    project_out,
+    ranked_matches,
     regressors_of,
     term_along,
 )
+
+import diffthrust as dft
 from diffthrust.effects import Curve
 from diffthrust.logs import PWM, Written
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 
 def projected(information, scores, base):

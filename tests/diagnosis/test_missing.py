@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 from reference import noise
 from scipy.integrate import solve_ivp
-
-import diffthrust as dft
-from diffthrust.diagnosis import _residual_structure  # private: what no result shows
-from diffthrust.diagnosis._missing_signal import (  # private: against a known law
+from steps import (
     NONE,
     LinearErrors,
     dependence_of,
-    smoothed_signals,
-)
-from diffthrust.diagnosis._residual_structure import (  # private: the basis of that law
     hats,
     knots_of,
+    residual_structure_module,
+    smoothed_signals,
 )
+
+import diffthrust as dft
 
 
 def made(seed, logs=2, size=1500):
@@ -182,7 +180,7 @@ def test_a_wave_in_noise_is_found_where_it_is():
     x = position_of(rng)
     errors = rng.standard_normal(1500)
     errors[1:] += 0.5 * np.sin(2.7 * x[:-1] + 0.6)
-    wave = _residual_structure.wave_along(trial_of(x, errors), "position")
+    wave = residual_structure_module.wave_along(trial_of(x, errors), "position")
     span = np.ptp(x)
     assert wave.number == pytest.approx(2.7, abs=0.5 / span)
     middle = 0.5 * (x.min() + x.max())  # there the phase is told best
@@ -196,11 +194,13 @@ def test_white_errors_have_no_waves():
     rng = np.random.default_rng(4)
     for _ in range(100):
         trial = trial_of(position_of(rng), rng.standard_normal(1500))
-        assert _residual_structure.wave_along(trial, "position") is None
+        assert residual_structure_module.wave_along(trial, "position") is None
 
 
 def test_what_does_not_move_has_no_waves():
-    assert _residual_structure.wave_along(trial_of(np.ones(50), np.ones(50)), "position") is None
+    assert (
+        residual_structure_module.wave_along(trial_of(np.ones(50), np.ones(50)), "position") is None
+    )
 
 
 class Screw(dft.Model):

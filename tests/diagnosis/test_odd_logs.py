@@ -10,21 +10,19 @@ import pytest
 from one_truth import contradictions
 from reference import thruster
 from short_logs import made_log
-
-import diffthrust as dft
-from diffthrust.diagnosis._findings import OddLog  # private: made by hand
-from diffthrust.diagnosis._innovations_fit import (
+from steps import (
     CandidateFitter,
-    Programs,  # private: as a diagnosis makes them
-)
-from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
+    OddLog,
+    Programs,
     Slopes,
+    bind,
+    caution_words,
     deviations,
     no_longer_odd,
     odd_logs,
-)  # private: without a search for effects
-from diffthrust.diagnosis._report.sections import caution_words  # private: each sentence alone
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
+)
+
+import diffthrust as dft
 
 BLOCKS, SAMPLES = 24, 240
 

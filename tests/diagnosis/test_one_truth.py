@@ -5,13 +5,10 @@ from dataclasses import replace
 import made_diagnosis as made
 import numpy as np
 import pytest
-from measures import Worth
 from one_truth import contradictions
+from steps import Worth, headroom_between, missing_words, verdict_of
 
 import diffthrust as dft
-from diffthrust.diagnosis._findings import headroom_between  # private: as a diagnosis does
-from diffthrust.diagnosis._report.sections import missing_words  # private: each sentence alone
-from diffthrust.diagnosis._verdict import verdict_of  # private: the verdict alone
 
 SMALL = Worth(0.01, 0.0, 0.02)
 

@@ -7,23 +7,19 @@ import numpy as np
 import pytest
 from problems import jacobians
 from reference import inputs, noise, thruster
-
-import diffthrust as dft
-from diffthrust.diagnosis._innovations_fit import (  # private: the trials alone
+from steps import (
     CandidateFitter,
     Programs,
-)
-from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
+    bind,
+    change_between,
     error_changes,
+    fitted_beside,
+    fitted_to_runs,
     predicted_gains,
     shift_of,
 )
-from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnosis around them
-    change_between,
-    fitted_beside,
-    fitted_to_runs,
-)
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
+
+import diffthrust as dft
 
 TIME = np.arange(400) * 0.05
 NAMES = ("linear_damping", "speed_sensor_scale", "command_offset", "actuator_lag", "axial_flow")

@@ -7,24 +7,20 @@ import pytest
 from compilations import compilations
 from observers import WIDE
 from reference import inputs, noise, thruster
-
-import diffthrust as dft
-from diffthrust.diagnosis._innovations_fit import (  # private: the screen alone
+from steps import (
     CandidateFitter,
     Programs,
-)
-from diffthrust.diagnosis._predicted_gain import (
-    predicted_gains,  # private: what is hoped for, alone
-)
-from diffthrust.diagnosis._screening import (  # private: the screen alone
-    edge_of,  # private: the search alone
+    bind,
+    edge_of,
     fitted_from_fallback,
     is_at_null,
     levels_of,
-    probes,  # private: the screen alone
+    predicted_gains,
+    probes,
     screened,
 )
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
+
+import diffthrust as dft
 
 TIME = np.arange(500) * 0.05
 

@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import pytest
 from places import ROOT
-
-from diffthrust.diagnosis._settings import SETTINGS  # private: what is held here
+from steps import SETTINGS
 
 FOLDER = ROOT / "diffthrust" / "diagnosis"
 SHOWING = re.compile(r"figures|tables|page|words|text|report")

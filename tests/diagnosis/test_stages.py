@@ -5,28 +5,25 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from measures import Worth
-
-import diffthrust as dft
-from diffthrust.diagnosis import _admission  # private: one step alone
-from diffthrust.diagnosis._findings import (  # private: made by hand
-    Refusal,
-    TriedEffect,
-)
-from diffthrust.diagnosis._rating import other_values, stopped  # private: one step alone
-from diffthrust.diagnosis._search_state import (  # private: one step alone
+from steps import (
+    SCREENS,
+    SETTINGS,
     CurrentModel,
     FittedStage,
+    Refusal,
     SearchState,
-)
-from diffthrust.diagnosis._settings import SETTINGS  # private: its numbers
-from diffthrust.diagnosis._stepwise import (  # private: one step alone
-    SCREENS,
+    TriedEffect,
+    Worth,
+    admission_module,
     next_stage,
+    other_values,
     ranked,
     refusing,
     still_refused,
+    stopped,
 )
+
+import diffthrust as dft
 
 PLAIN = SETTINGS.admission.plain_bic_gain
 
@@ -181,7 +178,7 @@ def recorded():
         trials = SimpleNamespace(constants=held)
         tools = SimpleNamespace(fitter=trials, unseen=unseen)
         known = SearchState(None, (stage(2.0), stage(1.0, "lag")), {})
-        return _admission.record_stage(tools, known, stage(left, *effects), "wind")
+        return admission_module.record_stage(tools, known, stage(left, *effects), "wind")
 
     return after
 

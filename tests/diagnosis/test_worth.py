@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from measures import (
+from scipy.signal import lfilter
+from steps import (
     BeforeAfter,
     ChannelError,
     Errors,
@@ -11,7 +12,6 @@ from measures import (
     far_above_noise,
     matters,
 )
-from scipy.signal import lfilter
 
 
 def lasting(rng, size=1500, memory=0.97):

@@ -8,15 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from error_laws import TAIL
-from problems import LOSSES, SimulationError, build, evaluate, restarts
+from problems import LOSSES, SimulationError, build, evaluate, gram, likelihood_module, restarts
 from reference import inputs, noise, thruster, vessel
 from scipy.optimize import minimize_scalar
 
 import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
-from diffthrust.estimation import _likelihood  # private: its sums over blocks
-from diffthrust.estimation._likelihood import gram  # private: the likelihood alone
 
 compiled = jax.jit(evaluate, static_argnums=0)
 
@@ -416,8 +414,10 @@ def test_inner_products_tell_that_series_are_parallel():
 @pytest.mark.parametrize("count", [30, 48, 50, 1000])
 def test_products_are_summed_over_equal_blocks_of_time(count):
     products = np.random.default_rng(0).normal(size=(2, 3, 2, count))
-    found = np.asarray(_likelihood.by_blocks(jnp.asarray(products), _likelihood._BLOCKS, jnp))
-    blocks = _likelihood._BLOCKS
+    found = np.asarray(
+        likelihood_module.by_blocks(jnp.asarray(products), likelihood_module._BLOCKS, jnp)
+    )
+    blocks = likelihood_module._BLOCKS
     size = int(np.ceil(count / blocks))
     parts = [products[..., k * size : (k + 1) * size].sum(axis=(2, 3)) for k in range(blocks)]
     np.testing.assert_allclose(found, np.stack(parts, axis=-1), atol=1e-12)

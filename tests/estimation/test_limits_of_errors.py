@@ -7,14 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from error_laws import Gaussian, StudentT
-from problems import SimulationError
+from problems import Innovations, SimulationError, White, bind, refine_module
 
 import diffthrust as dft
 from diffthrust import Log
-from diffthrust.estimation import _refine  # private: the search carried on
-from diffthrust.estimation._noise import White  # private: as a fit calls it
-from diffthrust.estimation._residuals import Innovations  # private: as above
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 
 @dataclass(frozen=True)
@@ -48,14 +44,14 @@ class Searched:
 
 def test_a_law_that_does_not_forgive_limits_nothing():
     search, problem = Searched([1.0]), posed(Gaussian())
-    assert _refine.refined(search, problem) == (search, problem)
+    assert refine_module.refined(search, problem) == (search, problem)
     assert search.asked == []
 
 
 @pytest.mark.parametrize(("wide", "reach"), [(89.9, 5.0), (90.1, 1.0)])
 def test_errors_are_limited_at_four_standard_deviations_or_at_twenty(wide, reach):
     search = Searched([500.0, 300.0, 100.0, wide])
-    found, problem = _refine.refined(search, posed(StudentT()))
+    found, problem = refine_module.refined(search, posed(StudentT()))
     assert search.asked == [([2.0, 6.0], 1.0), ([4.0, 12.0], 1.0), ([4.0, 12.0], 5.0)]
     assert float(problem.numbers.reach) == reach
     assert problem.numbers.clip.tolist() == [4.0, 12.0]
@@ -71,7 +67,7 @@ def test_gains_and_memories_without_standard_errors():
     }
     values = {"a.memory": 40.0 * (1 - 0.5e-9), "a.gain": 0.5e-9, "b.gain": 2e-9, "c.gain": 0.4}
     problem = SimpleNamespace(values=lambda z: values, nuisance=named)
-    found = _refine.disturbance_of(problem, np.zeros(4))
+    found = refine_module.disturbance_of(problem, np.zeros(4))
     assert {n: e.at_bound for n, e in found.items()} == {
         "a.memory": True, "a.gain": True, "b.gain": False, "c.gain": False,
     }  # fmt: skip
@@ -81,7 +77,7 @@ def test_gains_and_memories_without_standard_errors():
         )  # fmt: skip
     layout = SimpleNamespace(channels=("x", "y"))
     told = SimpleNamespace(layout=layout, numbers=Numbers(np.array([2.0, 3.0])))
-    assert _refine.limits_of(told) == {"x": 2.0, "y": 3.0}
+    assert refine_module.limits_of(told) == {"x": 2.0, "y": 3.0}
 
 
 def test_what_each_likelihood_estimates_and_where_it_begins():

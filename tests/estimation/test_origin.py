@@ -9,15 +9,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 import short_logs as short
+from problems import Origin, effects_line, form_lines, origin_of, python_line
 
 import diffthrust as dft
-from diffthrust.estimation._origin import (  # private: the lines alone
-    Origin,
-    effects_line,
-    form_lines,
-    origin_of,
-    python_line,
-)
 
 VERSIONS = {"diffthrust": "1.2.3", "jax": "0.10.2", "numpy": "2.4.6"}
 

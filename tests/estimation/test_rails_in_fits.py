@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from error_laws import Censored, Gaussian, are_censored, rail_notes
-from problems import SimulationError, build, likelihood_of
+from problems import SimulationError, bind, build, likelihood_of
 
 import diffthrust as dft
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
 
 
 def log(count, *, censored=("thrust",), scale=1.0, **more):

@@ -6,20 +6,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-import diffthrust as dft
-from diffthrust.estimation import _insensitive, _status  # private: each alone
-from diffthrust.estimation._insensitive import (  # private: each alone
+from problems import (
+    AR1,
+    RANGE,
+    Gaps,
     alive,
+    bind,
+    insensitive_module,
+    noise_levels,
+    nrmse,
+    status_module,
+    unstable_advice,
     vanished,
     vanished_notes,
 )
-from diffthrust.estimation._likelihood import noise_levels  # private: told by no result
-from diffthrust.estimation._noise import AR1, RANGE, Gaps  # private: told by no result
-from diffthrust.estimation._one_step import nrmse  # private: as a diagnosis calls it
-from diffthrust.estimation._status import unstable_advice  # private: the sentence alone
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
-from diffthrust.simulation._runs import runs_over  # private: what it looks at
+from trajectories import runs_over
+
+import diffthrust as dft
 
 CHANNELS = ("speed", "thrust")
 NAMES = tuple(f"noise.{c}.lag_one" for c in CHANNELS)
@@ -142,13 +145,13 @@ def silent(monkeypatch, information, costs, begin=False):
         q = SimpleNamespace(information=information(z), cost=costs(z))
         return SimpleNamespace(quadratic=q)
 
-    monkeypatch.setattr(_insensitive, "solve", solve)
-    monkeypatch.setattr(_insensitive, "draw", lambda problem, count, rng: points[:count])
+    monkeypatch.setattr(insensitive_module, "solve", solve)
+    monkeypatch.setattr(insensitive_module, "draw", lambda problem, count, rng: points[:count])
     problem = SimpleNamespace(
         own=("alpha", "beta", "ct"), model=model, limits=lambda: (np.full(3, -9.0), np.full(3, 9.0))
     )
     rng = np.random.default_rng(0)
-    told = _insensitive.without_silent(problem, lambda m: m, rng, begin)
+    told = insensitive_module.without_silent(problem, lambda m: m, rng, begin)
     return told, asked, problem
 
 
@@ -156,7 +159,7 @@ def test_all_that_is_felt_is_left_free(monkeypatch):
     told, asked, problem = silent(monkeypatch, lambda z: np.eye(3), lambda z: 1.0, begin=True)
     assert told[0] is problem
     assert told[1] == ()
-    assert asked == [((0.0, 1.0, 2.0), _insensitive.FIRST_BUDGET)]
+    assert asked == [((0.0, 1.0, 2.0), insensitive_module.FIRST_BUDGET)]
     assert told[2] is not None
     told, asked, _ = silent(monkeypatch, lambda z: np.eye(3), lambda z: 1.0)
     assert told[2] is None
@@ -199,7 +202,7 @@ def test_runs_that_part_by_ten_thousand(monkeypatch, times, told):
         asked.update(initial, substeps=substeps)
         return {"speed": speed + apart}
 
-    monkeypatch.setattr(_status, "simulate_fixed", simulate_fixed)
+    monkeypatch.setattr(status_module, "simulate_fixed", simulate_fixed)
     status = dft.Status.NOT_CONVERGED
     advice = unstable_advice(status, dft.Thruster(), [run], False)
     assert ("grows 1e+04 times as large" in advice) == told

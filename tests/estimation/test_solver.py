@@ -9,17 +9,25 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 import pytest
-from problems import GRADIENT_LIMIT, Quadratic, build, examine, judge, solve
+from problems import (
+    GRADIENT_LIMIT,
+    BoundedLevenbergMarquardt,
+    Quadratic,
+    Search,
+    build,
+    examine,
+    judge,
+    least_in_box,
+    polished,
+    rounding_of,
+    solve,
+)
 from reference import inputs
 from scipy.optimize import least_squares, lsq_linear
 from test_fit import TRUE, log_of, record
 
 import diffthrust  # noqa: F401
 import diffthrust as dft
-from diffthrust._support.box import least_in_box  # private: the solver alone
-from diffthrust.estimation._multistart import Search  # private: a search that stopped early
-from diffthrust.estimation._refine import polished, rounding_of  # private: the end alone
-from diffthrust.estimation._solver import BoundedLevenbergMarquardt  # private: the solver alone
 
 
 @cache

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from presentation import listing, nearest
 
 from diffthrust import InputError
-from diffthrust._support.names import listing, nearest  # private: the words of many messages
 from diffthrust.logs._channels import CHANNELS  # private: every channel's unit is known
 from diffthrust.logs._units import convert, convert_scale, si_unit  # private: units alone
 

@@ -9,17 +9,11 @@ import jax
 import numpy as np
 import pytest
 from places import ROOT
-from problems import Quadratic
+from problems import Quadratic, Solved, distinct
+from processes import SharedRuns, program, run_stacked
 
 import diffthrust as dft
-from diffthrust._support._running.batching import (  # private: runs is_unbatched
-    SharedRuns,
-    run_stacked,
-)
-from diffthrust._support._running.programs import program  # private: what is asked for
 from diffthrust.effects import ActuatorLag
-from diffthrust.estimation._multistart import distinct  # private: optima by hand
-from diffthrust.estimation._solver import Solved  # private: an optimum by hand
 from diffthrust.many._batch import calls, maps  # private: patched, to fail
 from diffthrust.many._batch.each import ladder  # private: the cheapest lengths
 from diffthrust.many._batch.result import named_members  # private: names alone

@@ -7,15 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from components import Effect, elementwise, expect, file_of, registry
 
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.effects import ActuatorLag, CommandOffset, Curve, Formula
 from diffthrust.models import Ports, Signals
-from diffthrust.models._base import registry  # private: the catalogue of installed packages
-from diffthrust.models._base.component import file_of  # private: as scripts are kept
-from diffthrust.models._base.effect import Effect  # private: its base is built upon
-from diffthrust.models._base.signals import elementwise, expect  # private: the messages alone
 
 
 class Own(dft.Thruster):

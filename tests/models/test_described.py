@@ -5,15 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from components import changed, described_fields, plain_description
 
 import diffthrust as dft
 from diffthrust import InputError, Normal, Parameter, parameter
 from diffthrust.models import Ports, Signals, relative_to
-from diffthrust.models._base.component import changed  # private: told by no result
-from diffthrust.models._base.described import (  # private: as a formula calls them
-    described_fields,
-    plain_description,
-)
 
 # What replaces a parameter.
 

@@ -9,13 +9,12 @@ import pytest
 from reference import inputs
 from reference.thruster import exact_spin
 from scipy.integrate import solve_ivp
+from trajectories import exponential_weights, integrate
 
 import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag
 from diffthrust.models import Relaxing
-from diffthrust.simulation._integrate import integrate  # private: the integrator alone
-from diffthrust.simulation._runge_kutta import exponential_weights  # private: the weights alone
 
 # Order.
 

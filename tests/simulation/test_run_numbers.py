@@ -5,18 +5,27 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from stored_logs import thruster_logs, vessel_logs
-from trajectories import starting_states
+from trajectories import (
+    are_tables,
+    bind,
+    checked_initial,
+    errors,
+    fewest_steps,
+    overflow,
+    pooled_errors,
+    runs_over,
+    sensor_noise,
+    slopes_at,
+    starting_states,
+    starts_module,
+    step_size_module,
+    too_large,
+    unwrapped,
+    wrapped,
+)
 
 import diffthrust as dft
 from diffthrust import InputError, Log
-from diffthrust.simulation import _starts, _step_size  # private: the search, the choice alone
-from diffthrust.simulation._errors import errors, unwrapped, wrapped  # private: each alone
-from diffthrust.simulation._fixed_step import checked_initial  # private: as above
-from diffthrust.simulation._linearise import slopes_at  # private: told by no result
-from diffthrust.simulation._overflow import overflow, too_large  # private: the sentences alone
-from diffthrust.simulation._record import bind  # private: logs as a fit reads them
-from diffthrust.simulation._runs import are_tables, pooled_errors, runs_over  # private: as a fit
-from diffthrust.simulation._step_size import fewest_steps, sensor_noise  # private: each alone
 
 RNG = np.random.default_rng(6)
 
@@ -88,7 +97,7 @@ def test_steps_are_halved_until_the_error_is_a_hundredth_of_the_noise(monkeypatc
         asked.append(substeps)
         return {"speed": np.full(5, 16.0 / substeps**4), "thrust": np.zeros(5)}
 
-    monkeypatch.setattr(_step_size, "simulate_fixed", simulated)
+    monkeypatch.setattr(step_size_module, "simulate_fixed", simulated)
     log = Log(0.1 * np.arange(5), {"command": np.ones(5)}, {"speed": RNG.normal(size=5)},
               noise={"speed": 0.5})  # fmt: skip
     (record,) = bind(dft.Thruster(), [log])
@@ -112,8 +121,8 @@ def test_steps_are_halved_until_the_error_is_a_hundredth_of_the_noise(monkeypatc
     (short,) = bind(dft.Thruster(), [log.slice(0.0, 0.05)], compared=False)
     assert fewest_steps(dft.Thruster(), short, None) == (1, {}, None)
     with pytest.warns(dft.CoarseStepWarning, match=r"with 32 .* of 'speed' is still 2\.9e-05"):
-        assert _step_size.choose_substeps(dft.Thruster(), log, tolerance=1e-9) == 32
-    assert _step_size.choose_substeps(dft.Thruster(), log, tolerance=1e-9, warn=False) == 32
+        assert step_size_module.choose_substeps(dft.Thruster(), log, tolerance=1e-9) == 32
+    assert step_size_module.choose_substeps(dft.Thruster(), log, tolerance=1e-9, warn=False) == 32
 
 
 def test_where_a_simulation_leaves_the_finite_numbers():
@@ -167,15 +176,15 @@ def test_numbers_too_large_to_be_squared():
 def test_steps_that_are_chosen_hand_on_their_simulation(monkeypatch):
     log = Log(0.1 * np.arange(5), {"command": np.ones(5)}, {"speed": np.linspace(0.0, 9.0, 5)})
     (record,) = bind(dft.Thruster(), [log])
-    plain, asked = _step_size.simulate_fixed, []
+    plain, asked = step_size_module.simulate_fixed, []
 
     def simulated(model, record, initial, substeps):
         asked.append(substeps)
         return plain(model, record, initial, substeps)
 
-    monkeypatch.setattr(_step_size, "simulate_fixed", simulated)
-    choice = _step_size.sufficient_steps(dft.Thruster(), record, None)
-    series = _step_size.simulate_chosen(dft.Thruster(), record, None, choice)
+    monkeypatch.setattr(step_size_module, "simulate_fixed", simulated)
+    choice = step_size_module.sufficient_steps(dft.Thruster(), record, None)
+    series = step_size_module.simulate_chosen(dft.Thruster(), record, None, choice)
     assert asked == [2**k for k in range(len(asked))]  # none twice
     assert choice.substeps == asked[-2]
     for name, values in plain(dft.Thruster(), record, None, choice.substeps).items():
@@ -220,7 +229,7 @@ def test_the_start_with_which_a_run_errs_least():
     def off(path):
         return (measured - path["fast"] - path["slow"]) / 0.01
 
-    found = _starts._least_squares(ran, off, {"slow": 1.0, "fast": -4.0})
+    found = starts_module._least_squares(ran, off, {"slow": 1.0, "fast": -4.0})
     # a start ten sizes away counts like one sample that errs by the spread of its channel
     sizes = np.array([1.0, 4.0])
     rows = np.stack([np.exp(-0.8 * time), np.exp(-3.0 * time)], axis=1) / 0.01
@@ -229,15 +238,17 @@ def test_the_start_with_which_a_run_errs_least():
     best = np.linalg.lstsq(np.vstack([rows, pull]), np.append(measured / 0.01, held), rcond=None)
     np.testing.assert_allclose(found, best[0], rtol=1e-6)
     assert len(asked) < 15  # of three runs a step
-    far = _starts._least_squares(
+    far = starts_module._least_squares(
         lambda x: {"x": x}, lambda path: np.array([path["x"][0] - 90.0]), {"x": 1}
     )
     assert far[0] == pytest.approx((90.0 + 0.01) / 1.01, rel=1e-6)
-    bent = _starts._least_squares(
+    bent = starts_module._least_squares(
         lambda x: {"x": x}, lambda path: 1e3 * (path["x"] ** 3 - 27.0), {"x": 0.5}
     )
     assert bent[0] == pytest.approx(3.0, rel=1e-5)
-    still = _starts._least_squares(lambda x: {"x": x}, lambda path: np.full(1, np.nan), {"x": 0.5})
+    still = starts_module._least_squares(
+        lambda x: {"x": x}, lambda path: np.full(1, np.nan), {"x": 0.5}
+    )
     assert still[0] == 0.5
 
 

@@ -5,17 +5,18 @@ from math import factorial
 
 import numpy as np
 import pytest
-
-from diffthrust.models import Relaxing
-from diffthrust.simulation._integrate import integrate, within  # private: the integrator alone
-from diffthrust.simulation._runge_kutta import (  # private: as above
+from trajectories import (
     SERIES,
     TURN,
     advance,
     exponential_weights,
+    integrate,
     plain_rate,
     with_push,
+    within,
 )
+
+from diffthrust.models import Relaxing
 
 H = 0.13
 INPUTS = {"u": (0.4, -0.7, 1.9), "w": (0.3, 0.8), "v": (1.1,)}

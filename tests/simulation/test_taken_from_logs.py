@@ -6,19 +6,23 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from trajectories import bridged
+from trajectories import (
+    adopted,
+    bare,
+    bind,
+    bridged,
+    command_kind,
+    felt,
+    following,
+    input_ranges,
+    levels_over,
+    levels_when_asked,
+    measured_outputs,
+    unknown_starts,
+)
 
 import diffthrust as dft
 from diffthrust import InputError, Log
-from diffthrust.simulation._bare import bare  # private: told by no result
-from diffthrust.simulation._commands import adopted, command_kind  # private: as a fit calls them
-from diffthrust.simulation._levels import levels_over, levels_when_asked  # private: each alone
-from diffthrust.simulation._record import (  # private: what a fit reads
-    bind,
-    input_ranges,
-    measured_outputs,
-)
-from diffthrust.simulation._starts import felt, following, unknown_starts  # private: each alone
 
 
 def divided(time):

@@ -6,18 +6,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from posterior_cases import PROFILE, Interval
+from posterior_cases import (
+    PROFILE,
+    Evidence,
+    Interval,
+    heading,
+    intervals_module,
+    sentences,
+    threshold_of,
+)
+from problems import AR1
 from scipy.stats import chi2, f, norm
 from scipy.stats import t as student
-
-from diffthrust.estimation._noise import AR1  # private: a noise that lasts
-from diffthrust.uncertainty import _intervals as intervals_module  # private: its limits
-from diffthrust.uncertainty._interval_words import (  # private: the sentences alone
-    Evidence,
-    heading,
-    sentences,
-)
-from diffthrust.uncertainty._profile import threshold_of  # private: the threshold alone
 
 
 def problem(known=(False,), counts=(40.0, 23.0), closed=True, lasts=False, independent=30.0):

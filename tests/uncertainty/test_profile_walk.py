@@ -5,18 +5,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from posterior_cases import (
+    Better,
+    DeeperError,
+    ParameterLine,
+    ProfilePoint,
+    Profiles,
+    QuantityLine,
+    profile_module,
+    root,
+    spread,
+    walk,
+)
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.uncertainty import _profile as profile_module  # private: its words for an end
-from diffthrust.uncertainty._profile_lines import (  # private: a line of one's own
-    ParameterLine,
-    ProfilePoint,
-    QuantityLine,
-    spread,
-)
-from diffthrust.uncertainty._profile_result import Better, Profiles  # private: made by a call
-from diffthrust.uncertainty._profile_walk import DeeperError, root, walk  # private: the walk alone
 
 REACH = 1.96
 

@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posterior_cases import sample_scores, scores_module, summed
 from problems import problem_of, solve
 from reference import noise
 from short_logs import MODEL, TRUE, fitted, made_log
 
 import diffthrust as dft
-from diffthrust.uncertainty import (
-    _scores,  # private: the parts alone
-    sandwich,
-)
-from diffthrust.uncertainty._scores import sample_scores, summed  # private: the parts alone
+from diffthrust.uncertainty import sandwich
 
 
 def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():
@@ -143,9 +140,9 @@ def test_the_scatter_of_a_first_order_series_is_its_long_run_variance():
 def test_blocks_are_as_long_as_a_first_order_series_asks(a):
     """Andrews 1991: 1.1447 (alpha(1) n)^(1/3), with alpha(1) = 4 a^2 / ((1 - a)^2 (1 + a)^2)."""
     asked = 1.1447 * (4 * a**2 / (1 - a**2) ** 2 * 5000) ** (1 / 3)
-    assert _scores._block(np.array([a]), 5000) == pytest.approx(asked)
-    assert _scores._block(np.array([a, np.nan, a]), 5000) == pytest.approx(asked)
-    assert _scores._block(np.array([0.0, a]), 5000) < asked
+    assert scores_module._block(np.array([a]), 5000) == pytest.approx(asked)
+    assert scores_module._block(np.array([a, np.nan, a]), 5000) == pytest.approx(asked)
+    assert scores_module._block(np.array([0.0, a]), 5000) < asked
 
 
 def test_few_samples_that_last_have_a_wide_interval_and_not_an_endless_one():

@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from problems import build, solve
-
-from diffthrust.simulation import _fixed_step, _trajectory  # private: likewise
+from trajectories import fixed_step_module, trajectory_module
 
 from . import _problem
 from ._diffthrust import NAMES, log_of, thruster
@@ -18,8 +17,8 @@ from ._problem import GUESS, TRUTH
 
 def simulation(samples: int) -> Any:
     log, model = log_of(_problem.record(samples)), thruster(TRUTH)
-    key = _trajectory.Key(model)
-    grid = _trajectory.Grid((("command", "zero"),), uniform=log.even)
+    key = trajectory_module.Key(model)
+    grid = trajectory_module.Grid((("command", "zero"),), uniform=log.even)
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
@@ -28,7 +27,9 @@ def simulation(samples: int) -> Any:
     )
 
     def run(turn: int) -> np.ndarray:
-        outputs, _ = jax.block_until_ready(_fixed_step.compiled_simulation((key, grid), given))
+        outputs, _ = jax.block_until_ready(
+            fixed_step_module.compiled_simulation((key, grid), given)
+        )
         return np.stack([outputs["speed"], outputs["thrust"]])
 
     return run

@@ -1,0 +1,61 @@
+"""How reports, tables, words and figures are shown, whatever result they are of."""
+
+from diffthrust._support.figures import (  # private: what pages and commands draw with
+    thinned,
+    unseen,
+)
+from diffthrust._support.names import (  # private: the words of many messages
+    listing,
+    nearest,
+)
+from diffthrust._support.notebook import (  # private: the looks of all reports
+    notebook_html,
+)
+from diffthrust._support.report import (  # private: what is shown
+    Report,
+    Rows,
+    Section,
+    Styled,
+)
+from diffthrust._support.results import (  # private: as data
+    report_of,
+)
+from diffthrust._support.tables import (  # private: the looks of all reports
+    plain_text,
+    report_text,
+)
+from diffthrust._support.visible import (  # private: what is tested
+    in_line,
+    visible,
+)
+from diffthrust._support.words import (  # private: all tables' digits
+    an,
+    distinct_numbers,
+    humanize,
+    joined,
+    number,
+    with_error,
+)
+
+__all__ = [
+    "Report",
+    "Rows",
+    "Section",
+    "Styled",
+    "an",
+    "distinct_numbers",
+    "humanize",
+    "in_line",
+    "joined",
+    "listing",
+    "nearest",
+    "notebook_html",
+    "number",
+    "plain_text",
+    "report_of",
+    "report_text",
+    "thinned",
+    "unseen",
+    "visible",
+    "with_error",
+]

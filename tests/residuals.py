@@ -1,0 +1,45 @@
+"""What a comparison works out from residuals, of any series: statistics, regimes, sentences."""
+
+from diffthrust._support.correlation import (  # private: against closed forms
+    autocorrelation,
+    covariance,
+    ljung_box,
+)
+from diffthrust.comparison._derived_signals import (  # private: of made signals
+    derived_signals,
+)
+from diffthrust.comparison._noise_advice import (  # private: made residuals alone
+    noise_advice,
+)
+from diffthrust.comparison._outstanding import (  # private: of errors made by hand
+    outstanding,
+)
+from diffthrust.comparison._regime_search import (  # private: the search on made series alone
+    Samples,
+    SignalRange,
+    worst_range,
+)
+from diffthrust.comparison._regimes import (  # private: on made residuals
+    Regime,
+    worst_regimes,
+)
+from diffthrust.comparison._residual_tests import (  # private: the tests on made residuals alone
+    cross_correlation,
+    residual_tests,
+)
+
+__all__ = [
+    "Regime",
+    "Samples",
+    "SignalRange",
+    "autocorrelation",
+    "covariance",
+    "cross_correlation",
+    "derived_signals",
+    "ljung_box",
+    "noise_advice",
+    "outstanding",
+    "residual_tests",
+    "worst_range",
+    "worst_regimes",
+]

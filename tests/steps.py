@@ -1,0 +1,285 @@
+"""Steps of a diagnosis by themselves: on states, results and errors that no log gives so exactly.
+
+What a diagnosis decides is tested by what `dft.diagnose` returns; what stands here is held against
+closed forms, or at the edge of a threshold.
+"""
+
+from diffthrust.diagnosis import (  # private: how a search begins
+    _admission as admission_module,
+)
+from diffthrust.diagnosis import _residual_structure as residual_structure_module
+from diffthrust.diagnosis import _search_state as search_state_module
+from diffthrust.diagnosis._candidates import (  # private: without a search
+    candidates_of,
+    constants_in,
+    constants_of,
+    of_effect,
+    place_words,
+    places_of,
+    with_candidates,
+)
+from diffthrust.diagnosis._criteria import (  # private: each criterion alone
+    criterion,
+    missed,
+    no_better,
+    noises,
+    wald,
+)
+from diffthrust.diagnosis._explainable import (  # private: the regressions alone
+    ErrorRecord,
+    Rung,
+    chosen,
+    explainable,
+    features_for,
+    learners_for,
+    pooled_sums,
+    regression,
+    ridge_solution,
+    through_filters,
+)
+from diffthrust.diagnosis._explained_share import (  # private: the share and its interval
+    BeforeAfter,
+    Worth,
+    explained_share,
+    matters,
+)
+from diffthrust.diagnosis._findings import (  # private: made by hand
+    HeldValue,
+    Missing,
+    OddLog,
+    Refusal,
+    Remaining,
+    SignalForm,
+    Stage,
+    TriedEffect,
+    headroom_between,
+)
+from diffthrust.diagnosis._headroom import (  # private: made by hand
+    ChannelHeadroom,
+    Headroom,
+)
+from diffthrust.diagnosis._innovations_fit import (  # private: as a diagnosis makes them
+    CandidateFitter,
+    Programs,
+)
+from diffthrust.diagnosis._learned import (  # private: a law without a diagnosis
+    LearnedLaw,
+)
+from diffthrust.diagnosis._missing_signal import (  # private: against a known law
+    NONE,
+    LinearErrors,
+    dependence_of,
+    smoothed_signals,
+)
+from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
+    Slopes,
+    deviations,
+    no_longer_odd,
+    odd_logs,
+)
+from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
+    error_changes,
+    predicted_gains,
+    shift_of,
+)
+from diffthrust.diagnosis._rating import (  # private: one step alone
+    other_values,
+    stopped,
+)
+from diffthrust.diagnosis._report.figures import (  # private: each figure alone
+    missing_figure,
+    ranking_figure,
+    stages_figure,
+)
+from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
+    caution_words,
+    diagnosis_page,
+    missing_words,
+    own_effect,
+)
+from diffthrust.diagnosis._report.tables import (  # private: its cells
+    log_rows,
+)
+from diffthrust.diagnosis._report.text import (  # private: each sentence alone
+    sized_words,
+    stage_words,
+    verdict_words,
+)
+from diffthrust.diagnosis._residual_structure import (  # private: the basis of that law
+    hats,
+    knots_of,
+)
+from diffthrust.diagnosis._score_test import (  # private: the test alone
+    project_out,
+    score_test,
+)
+from diffthrust.diagnosis._screening import (  # private: the screen alone
+    edge_of,
+    fitted_from_fallback,
+    is_at_null,
+    levels_of,
+    probes,
+    screened,
+)
+from diffthrust.diagnosis._search_state import (  # private: trials without a diagnosis
+    CurrentModel,
+    FittedStage,
+    SearchState,
+    compiled_fitter,
+)
+from diffthrust.diagnosis._settings import (  # private: what is held here
+    SETTINGS,
+)
+from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnosis around them
+    change_between,
+    fitted_beside,
+    fitted_to_runs,
+)
+from diffthrust.diagnosis._stepwise import (  # private: one step alone
+    SCREENS,
+    next_stage,
+    ranked,
+    refusing,
+    still_refused,
+)
+from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
+    evidence,
+)
+from diffthrust.diagnosis._unknown_term import fit as fitting
+from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms without a diagnosis
+    FORMS,
+    Match,
+    as_estimated,
+    as_formula,
+    best_match,
+    form_values,
+    ranked_matches,
+)
+from diffthrust.diagnosis._unknown_term.terms import (  # private: a part alone
+    PortSeries,
+    channel_of,
+    regressors_of,
+    term_along,
+)
+from diffthrust.diagnosis._verdict import (  # private: from numbers alone
+    far_above_noise,
+    verdict_of,
+)
+from diffthrust.simulation._errors import (  # private: errors of no run
+    ChannelError,
+    Errors,
+)
+from diffthrust.simulation._record import (  # private: logs as a fit reads them
+    bind,
+)
+
+__all__ = [
+    "FORMS",
+    "NONE",
+    "SCREENS",
+    "SETTINGS",
+    "BeforeAfter",
+    "CandidateFitter",
+    "ChannelError",
+    "ChannelHeadroom",
+    "CurrentModel",
+    "ErrorRecord",
+    "Errors",
+    "FittedStage",
+    "Headroom",
+    "HeldValue",
+    "LearnedLaw",
+    "LinearErrors",
+    "Match",
+    "Missing",
+    "OddLog",
+    "PortSeries",
+    "Programs",
+    "Refusal",
+    "Remaining",
+    "Rung",
+    "SearchState",
+    "SignalForm",
+    "Slopes",
+    "Stage",
+    "TriedEffect",
+    "Worth",
+    "admission_module",
+    "as_estimated",
+    "as_formula",
+    "best_match",
+    "bind",
+    "candidates_of",
+    "caution_words",
+    "change_between",
+    "channel_of",
+    "chosen",
+    "compiled_fitter",
+    "constants_in",
+    "constants_of",
+    "criterion",
+    "dependence_of",
+    "deviations",
+    "diagnosis_page",
+    "edge_of",
+    "error_changes",
+    "evidence",
+    "explainable",
+    "explained_share",
+    "far_above_noise",
+    "features_for",
+    "fitted_beside",
+    "fitted_from_fallback",
+    "fitted_to_runs",
+    "fitting",
+    "form_values",
+    "hats",
+    "headroom_between",
+    "is_at_null",
+    "knots_of",
+    "learners_for",
+    "levels_of",
+    "log_rows",
+    "matters",
+    "missed",
+    "missing_figure",
+    "missing_words",
+    "next_stage",
+    "no_better",
+    "no_longer_odd",
+    "noises",
+    "odd_logs",
+    "of_effect",
+    "other_values",
+    "own_effect",
+    "place_words",
+    "places_of",
+    "pooled_sums",
+    "predicted_gains",
+    "probes",
+    "project_out",
+    "ranked",
+    "ranked_matches",
+    "ranking_figure",
+    "refusing",
+    "regression",
+    "regressors_of",
+    "residual_structure_module",
+    "ridge_solution",
+    "score_test",
+    "screened",
+    "search_state_module",
+    "shift_of",
+    "sized_words",
+    "smoothed_signals",
+    "stage_words",
+    "stages_figure",
+    "still_refused",
+    "stopped",
+    "term_along",
+    "through_filters",
+    "verdict_of",
+    "verdict_words",
+    "wald",
+    "with_candidates",
+]
