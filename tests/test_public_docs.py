@@ -9,7 +9,12 @@ from __future__ import annotations
 
 import ast
 import doctest
+import inspect
 import json
+import re
+import sys
+from dataclasses import fields
+from functools import cached_property
 from pathlib import Path
 
 import example_names
@@ -20,6 +25,9 @@ from places import ROOT
 from public_objects import PublicObject, public_objects, shown_by_class
 
 import diffthrust as dft
+
+sys.path.append(str(ROOT / "docs" / "_ext"))
+import reference_pages as reference
 
 PARSER = doctest.DocTestParser()
 SCHEMAS = ROOT / "docs" / "schemas"
@@ -54,6 +62,29 @@ def test_every_method_is_shown_by_itself_or_by_its_class():
     bare = {o.name for o in public_objects() if o.owner and ">>>" not in o.doc}
     bare = {o.name for o in public_objects() if o.name in bare and not shown_by_class(o)}
     assert bare == INNER
+
+
+def test_every_name_at_the_top_is_on_a_page():
+    listed = (ROOT / "diffthrust" / "__init__.pyi").read_text(encoding="utf-8")
+    names = set(re.findall(r"import \w+ as (\w+)", listed))
+    folders = {folder for _, group in reference.AREAS.values() for folder in group}
+    on_pages = {o.name for o in public_objects() if reference.folder_of(o) in folders | {""}}
+    assert names == {name.partition(".")[2] for name in on_pages if name.count(".") == 1} | folders
+
+
+@pytest.mark.parametrize("cls", [dft.Fit, dft.Comparison, dft.Diagnosis])
+def test_every_attribute_of_a_result_is_on_its_page(cls):
+    page = reference.with_inherited_fields(cls, (inspect.getdoc(cls) or "").splitlines())
+    listed = set(re.findall(r"^    (\w+): ", "\n".join(page), re.MULTILINE))
+    members = {name: inspect.getattr_static(cls, name) for name in dir(cls) if name[0] != "_"}
+    described = {
+        name
+        for name, member in members.items()
+        if isinstance(member, property | cached_property) or inspect.isfunction(member)
+        if inspect.getdoc(member)
+    }
+    assert not {f.name for f in fields(cls)} - listed
+    assert not set(members) - listed - described
 
 
 def test_no_example_is_skipped():

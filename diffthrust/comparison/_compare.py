@@ -55,7 +55,8 @@ class Comparison(Result):
 
     Args:
         model: the model.
-        runs: one for each log, simulated over its whole length.
+        runs: one for each log, simulated over its whole length: its ``log``, ``channels`` (measured
+            and modelled), ``errors`` and ``signals``.
         errors: errors by channel, pooled over the runs.
         fit: the fit that the model is from, if it is from one.
         origin: when and with which versions it was made, and of which logs.

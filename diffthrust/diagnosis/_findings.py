@@ -377,19 +377,14 @@ class Findings(Selection, Assessment):
         return tuple(law.curve for law in self.laws)
 
     @property
-    def evidence(self) -> VerdictEvidence:
-        """The numbers from which the verdict follows."""
-        return verdict_evidence(self, self)
-
-    @property
     def far(self) -> tuple[str, ...]:
         """The channels whose errors over whole runs are large and last, the worst first."""
-        return self.evidence.far
+        return verdict_evidence(self, self).far
 
     @property
     def repeating(self) -> tuple[str, ...]:
         """Those of them whose errors surely repeat, as a flexible model shows."""
-        return self.evidence.repeating
+        return verdict_evidence(self, self).repeating
 
     def shown(self, missing: Sequence[Missing]) -> tuple[Missing, ...]:
         """Missing signals in the units in which the logs were written."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result, Findings):
-    """What is missing from a model, and its report; the fields are those of `Findings`.
+    """What is missing from a model, how sure that is, and what would make it surer.
 
     Example:
         >>> diag.verdict, diag.added

@@ -100,7 +100,8 @@ class Fit(Result):
         parameters: an `Estimate` for each parameter, by full name.
         covariance: of the parameters in ``free``, ``(k, k)``, in their units; NaN where undefined.
         free: names of the rows of the covariance.
-        status: what may be claimed; ``message`` says why in a sentence.
+        status: what may be claimed.
+        message: why, in a sentence.
         checks: the figures behind the status.
         noise: standard deviation of each measured channel's noise, given or estimated; of an
             "innovations" fit that of the one-step prediction's error.
@@ -125,11 +126,11 @@ class Fit(Result):
         notes: what the user should know besides.
         ranges: the smallest and largest value of each input in the training logs, in the model's
             units.
-        hold: how each of them ran between the samples, "zero" or "linear".
+        hold: how each input ran between the samples, "zero" or "linear".
         written: how the training logs wrote each channel that the model reads or gives.
         origin: when and with which versions it was made, and of which logs.
-        correlation: those of them that say why standard errors, and all that follows from them,
-            are too small.
+        correlation: the notes that say why standard errors, and all that follows from them, are
+            too small.
         doubts: what in the logs is probably not what its name, unit or clock says
             (`diffthrust.soundness.doubts`), and channels of which the fit explains little.
 

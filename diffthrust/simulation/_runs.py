@@ -47,7 +47,7 @@ class Run(Brief):
         time: time stamps [s], ``(n,)``.
         channels: measured and modelled, by channel that the log measures.
         errors: errors by channel.
-        record: the log as the model reads it.
+        record: the log bound to the model, to simulate it again; ``log`` is what to read.
         signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
         units: unit of each signal.
         start: initial states that were given, and those that were estimated from the run.

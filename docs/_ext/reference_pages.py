@@ -10,6 +10,8 @@ from __future__ import annotations
 import inspect
 import re
 import sys
+from collections.abc import Sequence
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -187,7 +189,35 @@ def _when_built(app: Any) -> None:
 
 
 def _docstring(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    lines[:] = as_rst(lines)
+    lines[:] = as_rst(with_inherited_fields(thing, lines) if what == "class" else lines)
+
+
+def with_inherited_fields(cls: type, lines: Sequence[str]) -> list[str]:
+    """The docstring of a class with the fields of its bases that are on no page, last bases first.
+
+    `Diagnosis` has its fields from private classes: without this no page would list them.
+    """
+    public = {o.thing for o in public_objects() if not o.owner}
+    bases = [b for b in cls.__mro__[1:] if is_dataclass(b) and b not in public]
+    inherited = [line for base in bases for line in _fields(inspect.getdoc(base) or "")]
+    if not inherited:
+        return list(lines)
+    own = _fields("\n".join(lines))
+    place = lines.index("Args:") + 1 + len(own) if own else _end_of_text(lines)
+    head = [] if own else ["Args:"]
+    tail = [""] if lines[place:] and lines[place] else []
+    return [*lines[:place], *head, *inherited, *tail, *lines[place:]]
+
+
+def _fields(doc: str) -> list[str]:
+    """The lines of the section on arguments."""
+    section = re.search(r"^Args:\n((?:    .*\n?|\n(?=    ))*)", doc, re.MULTILINE)
+    return section[1].rstrip().splitlines() if section else []
+
+
+def _end_of_text(lines: Sequence[str]) -> int:
+    sections = (i for i, line in enumerate(lines) if re.match(r"(Example|Raises|Returns):", line))
+    return next(sections, len(lines))
 
 
 def _signature(
