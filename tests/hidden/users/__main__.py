@@ -77,7 +77,7 @@ def diagnosed(made: UserSet, limit: float) -> Row:
             "seconds": time.perf_counter() - begun,
         }
     judged = judge(diag, made)
-    learned = diag.laws[-1].told.holdout if diag.laws else None
+    learned = diag.laws[-1].reported.holdout if diag.laws else None
     last = learned or diag.stages[-1].holdout
     return {
         "verdict": str(diag.verdict),

@@ -19,7 +19,8 @@ class Judgement(NamedTuple):
         leading: the first of all claims, if it is false; else "".
         unsaid: patterns that the text should match.
         wrongly: patterns that it should not match, with the text that does.
-        off: estimated numbers that are far from the true ones.
+        off: estimated numbers that are far from the true ones; those of the model (``within``
+            of the set) make a diagnosis wrong.
     """
 
     right: bool
@@ -63,8 +64,9 @@ def judge(diag: Any, made: UserSet) -> Judgement:
     missed = tuple(h.what for h in made.hidden if h.required and h.what not in named)
     unsaid = tuple(p for p in made.says if not re.search(p, text, re.IGNORECASE))
     wrongly = tuple(found[0] for p in made.never if (found := re.search(p, text, re.IGNORECASE)))
-    right = not (missed or leading or unsaid or wrongly)
     off = tuple(_off(diag, made))
+    astray = any(text.startswith(f"{name} ") for text in off for name in made.within)
+    right = not (missed or leading or unsaid or wrongly or astray)
     return Judgement(right, named, missed, tuple(false), leading, unsaid, wrongly, off)
 
 

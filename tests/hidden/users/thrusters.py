@@ -248,7 +248,7 @@ def held_readings(seed: int) -> UserSet:
         hidden,
         (base, true),
         files,
-        says=(r"repeat|held|last reading",),
+        says=(r"last reading|repeat (of )?(the|a|their) (last|reading)|held reading",),
         within={"time_constant": (constant, 0.15), "gain": (gain, 0.05)},
         blanked=without_repeats,
     )
