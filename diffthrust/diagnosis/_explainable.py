@@ -29,7 +29,6 @@ import numpy as np
 from diffthrust._support.correlation import autocorrelation, integral
 from diffthrust.diagnosis._settings import SETTINGS
 
-_RULES = SETTINGS.headroom
 _RANDOM_CURVES = 100
 """Numerics: random features of the curved forms. Ridge regression takes care of too many."""
 _FILTERS = 5
@@ -208,7 +207,7 @@ def chosen(learners: Sequence[Learner]) -> Learner | None:
     """
     best, taken = 1.0, None
     for learner in learners:
-        if learner.loss < best - _RULES.least_rung_gain:
+        if learner.loss < best - SETTINGS.headroom.least_rung_gain:
             best, taken = learner.loss, learner
     return taken
 
@@ -336,7 +335,7 @@ def explainable(
     near = [
         candidate
         for candidate in learners
-        if candidate.loss <= least + _RULES.tie_loss or candidate is best
+        if candidate.loss <= least + SETTINGS.headroom.tie_loss or candidate is best
     ]
     estimates = {candidate.rung: _estimate(candidate, train, test, seed) for candidate in near}
     high = max(candidate.high for candidate in estimates.values())
@@ -375,8 +374,8 @@ def _estimate(
     lags = max(1, min(score.size for score in scores) // 2)
     lasting = integral(autocorrelation(scores, lags))
     scatter = float(np.std(np.concatenate(scores))) * np.sqrt(lasting / samples)
-    wide = _RULES.interval_width * float(np.hypot(scatter, 0.5 * short))
-    low = min(share + short - wide, share - _RULES.interval_width * scatter)
+    wide = SETTINGS.headroom.interval_width * float(np.hypot(scatter, 0.5 * short))
+    low = min(share + short - wide, share - SETTINGS.headroom.interval_width * scatter)
     return _Estimate(share, float(low), min(max(share, share + short, 0.0) + wide, 1.0))
 
 

@@ -35,7 +35,6 @@ from diffthrust.diagnosis._residual_structure import (
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.models._base.model import Model
 
-_RULES = SETTINGS.structure
 _SIGNAL_SIZES = 10.0 ** np.linspace(-3.0, 1.5, 10)
 """Numerics: sizes that are tried: what the signal does within a sample, over the noise."""
 _SIGNAL_MEMORIES = (3.0, 15.0, 75.0)
@@ -111,9 +110,9 @@ def missing_signals(fitter: CandidateFitter, trial: TrialFit) -> tuple[Missing, 
         signal, gain, dependence = None, 0.0, NONE
         for (form, (series, knots)), answer in zip(tests.items(), answers, strict=True):
             p, coefficients, covariance = answer
-            if p * len(tests) < _RULES.dependence_level:
+            if p * len(tests) < SETTINGS.structure.dependence_level:
                 on_this = dependence_of(smoothed, series, knots)
-                if on_this.share > max(dependence.share, _RULES.least_dependence_share):
+                if on_this.share > max(dependence.share, SETTINGS.structure.least_dependence_share):
                     signal, dependence, p_value = form, on_this, p * len(tests)
                     gain = likelihood_ratio(coefficients, covariance)
         signals.append(
@@ -166,7 +165,7 @@ def dependence_of(
     deviations = np.array(without) - np.mean(without, axis=0)
     errors = np.sqrt((1.0 - 1.0 / len(without)) * np.sum(deviations**2, axis=0))
     blocks_at = np.array([np.unique(block[weight > 0]).size for weight in rows.T])
-    blind = blocks_at < _RULES.fewest_blocks
+    blind = blocks_at < SETTINGS.structure.fewest_blocks
     means, errors = np.where(blind, np.nan, means), np.where(blind, np.nan, errors)
     share = 1.0 - float(np.var(residual) / np.var(values))
     return Dependence(share, (knots, means, errors))

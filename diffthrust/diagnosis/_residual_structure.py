@@ -23,7 +23,6 @@ from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._linearise import slopes_at
 
-_RULES = SETTINGS.structure
 _MEAN_SAMPLES = (20, 100)
 """Numerics: samples over which the past of a signal is averaged: states that the model lacks follow
 it so."""
@@ -84,11 +83,11 @@ def remaining_structure(fitter: CandidateFitter, trial: TrialFit) -> Remaining |
         return p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)
 
     answers = side_by_side(tested, _suspects(fitter, trial))
-    large = [answer for answer in answers if answer[1].share >= _RULES.least_share]
-    if not any(p < _RULES.false_alarms / len(answers) for p, _ in large):
+    large = [answer for answer in answers if answer[1].share >= SETTINGS.structure.least_share]
+    if not any(p < SETTINGS.structure.false_alarms / len(answers) for p, _ in large):
         return None
     # the surest is often a shadow of the largest: of correlated signals the small one is surer
-    sure = (remaining for p, remaining in large if p < _RULES.naming_level)
+    sure = (remaining for p, remaining in large if p < SETTINGS.structure.naming_level)
     return max(sure, key=lambda remaining: remaining.gain)
 
 
@@ -165,10 +164,10 @@ def varies(values: np.ndarray) -> bool:
 def knots_of(values: np.ndarray) -> np.ndarray:
     """Knots over a signal, halfway between even spacing and even shares of the samples."""
     low, high = np.quantile(values, [0.01, 0.99])
-    even = np.linspace(low, high, _RULES.knots)
-    shares = np.quantile(values, np.linspace(0.01, 0.99, _RULES.knots))
+    even = np.linspace(low, high, SETTINGS.structure.knots)
+    shares = np.quantile(values, np.linspace(0.01, 0.99, SETTINGS.structure.knots))
     # a signal that rests for most of a log has all its shares at one value: knots must differ
-    return 0.5 * (even + shares) + 1e-9 * (high - low) * np.arange(_RULES.knots)
+    return 0.5 * (even + shares) + 1e-9 * (high - low) * np.arange(SETTINGS.structure.knots)
 
 
 def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -226,7 +225,7 @@ def wave_along(trial: TrialFit, name: str) -> Wave | None:
     if not numbers.size:
         return None
     power, _ = _periodogram(positions, errors, numbers)
-    if power.max() < np.log(power.size) + _RULES.wave_power:
+    if power.max() < np.log(power.size) + SETTINGS.structure.wave_power:
         return None
     peak = numbers[int(np.argmax(power.max(axis=0)))]
     half_step = 0.5 * np.pi / max(float(np.ptp(np.concatenate(positions))), 1e-300)
@@ -261,7 +260,7 @@ def _wave_numbers(positions: Sequence[np.ndarray]) -> np.ndarray:
         return np.empty(0)
     spacing = np.pi / span
     highest = min(np.pi / float(np.median(moving)), _MOST_NUMBERS * spacing)
-    return np.arange(2.0 * np.pi * _RULES.least_waves / span, highest, spacing)
+    return np.arange(2.0 * np.pi * SETTINGS.structure.least_waves / span, highest, spacing)
 
 
 def _suspects(fitter: CandidateFitter, trial: TrialFit) -> list[Suspect]:

@@ -11,11 +11,8 @@ from steps import SETTINGS
 
 FOLDER = ROOT / "diffthrust" / "diagnosis"
 SHOWING = re.compile(r"figures|tables|page|words|text|report")
-FILES = [
-    path
-    for path in sorted(FOLDER.rglob("*.py"))
-    if path.name != "_settings.py" and not SHOWING.search(str(path.relative_to(FOLDER)))
-]
+ALL_FILES = [path for path in sorted(FOLDER.rglob("*.py")) if path.name != "_settings.py"]
+FILES = [path for path in ALL_FILES if not SHOWING.search(str(path.relative_to(FOLDER)))]
 EXACT = {0, 1, 2, 0.5}
 """Numbers in a comparison that are no threshold: signs, counts of two, halves."""
 TOLERANCE = 1e-5
@@ -61,6 +58,39 @@ def test_no_comparison_has_a_threshold_of_its_own(path):
         if not any(isinstance(side, ast.Subscript) for side in ast.walk(one))
     ]
     assert not found
+
+
+def evaluated_at_import(tree):
+    """The expressions of a module that are evaluated once: not those in bodies of functions."""
+    pending = list(ast.iter_child_nodes(tree))
+    while pending:
+        node = pending.pop()
+        yield node
+        if isinstance(node, ast.Lambda):
+            pending += [node.args]
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            pending += [node.args, *node.decorator_list]
+        else:
+            pending += ast.iter_child_nodes(node)
+
+
+@pytest.mark.parametrize("path", ALL_FILES, ids=lambda path: path.name)
+def test_a_setting_is_read_where_it_is_used(path):
+    """A value or group bound at import would hide from the sweep, which replaces `SETTINGS`."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    bound = [
+        f"{path.name}:{node.lineno}"
+        for node in evaluated_at_import(tree)
+        if isinstance(node, ast.Name) and node.id == "SETTINGS"
+    ]
+    renamed = [
+        f"{path.name}:{node.lineno}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and str(node.module).endswith("diagnosis._settings")
+        for alias in node.names
+        if alias.name != "SETTINGS" or alias.asname
+    ]
+    assert not bound + renamed, "read SETTINGS.step.field where it decides"
 
 
 def described():

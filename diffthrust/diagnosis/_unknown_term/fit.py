@@ -52,7 +52,6 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run, runs_over
 from diffthrust.simulation._step_size import fewest_steps
 
-_RULES, _FORM_RULES = SETTINGS.unknown_term, SETTINGS.closed_form
 _RANGE_EXCEEDED, _RANGE_UNUSED = 0.05, 0.4
 """Numerics: a curve is moved to the range of its signal if this exceeds the curve's by more than 5
 % of it, or leaves 40 % of it unused: beyond its grid a curve goes back to zero, and unused pieces
@@ -127,7 +126,10 @@ def holdout_error_within(fit: Fit, reference: Fit, factor: float) -> bool:
 def reaches_noise_floor(context: SearchContext, trial: TrialFit, fit: Fit) -> bool:
     """Whether whole runs err as little as the one-step predictions of a trial."""
     sizes = dict(zip(context.fitter.channels, trial.quadratic.sigma, strict=True))
-    return all(fit.train.channels[n].rmse <= _RULES.noise_floor * s for n, s in sizes.items())
+    return all(
+        fit.train.channels[n].rmse <= SETTINGS.unknown_term.noise_floor * s
+        for n, s in sizes.items()
+    )
 
 
 def fit_curve(
@@ -295,9 +297,9 @@ def _fitted_forms(
 
 
 def _does_as_well(context: SearchContext, fit: Fit, law: LearnedLaw) -> bool:
-    if not error_within(law.fit, fit, _FORM_RULES.equal_error):
+    if not error_within(law.fit, fit, SETTINGS.closed_form.equal_error):
         return False  # the curve itself errs more: it has not converged, and measures nothing
-    as_small = error_within(fit, law.fit, _FORM_RULES.equal_error)
+    as_small = error_within(fit, law.fit, SETTINGS.closed_form.equal_error)
     return as_small or not surely_better(context, law.fit, fit)
 
 
@@ -308,7 +310,7 @@ def _fit_form(context: SearchContext, baseline: Fit, law: LearnedLaw, match: Mat
     for start, model in _starts(law, match):
         formula = as_formula(start, curve, unit, law.signal_unit, law.channel)
         fits.append(quick_fit(context, baseline, model + formula, segments=NUMBER in curve.given))
-        if error_within(fits[-1], law.fit, _FORM_RULES.equal_error):
+        if error_within(fits[-1], law.fit, SETTINGS.closed_form.equal_error):
             break
     return min(fits, key=lambda fit: fit.train.nrmse)
 
@@ -338,7 +340,7 @@ def _equivalent_forms(
     last for independent, and is surer than it should be. Those that may name the law come alone.
     """
     best, *rivals = tried
-    near = (f for f in rivals if f.one_step <= best.one_step + _FORM_RULES.most_bic_apart)
+    near = (f for f in rivals if f.one_step <= best.one_step + SETTINGS.closed_form.most_bic_apart)
     equivalent = [best, *(f for f in near if not surely_better(context, best.fit, f.fit))]
     return [form for form in equivalent if _may_name(form, law)] or equivalent
 
@@ -353,7 +355,7 @@ def _plainest(forms: Sequence[TriedForm], adds: bool) -> TriedForm:
     fewest = min(len(form.formula.declared) for form in forms)
     plain = [form for form in forms if len(form.formula.declared) == fewest]
     best, names = min(form.bic for form in plain), [form.name for form in FORMS]
-    near = [form for form in plain if form.bic <= best + _FORM_RULES.most_bic_apart]
+    near = [form for form in plain if form.bic <= best + SETTINGS.closed_form.most_bic_apart]
 
     def unusual(form: TriedForm) -> tuple[bool, float, int]:
         scales = form.times == ARRIVING
@@ -385,13 +387,16 @@ def _promising_matches(context: SearchContext, trial: TrialFit, curve: Curve) ->
     of_curve = evidence[curve.times]
     curve_gain, _ = of_curve.gain(np.asarray(curve.at_signal(of_curve.x)))
     least = max(
-        _FORM_RULES.least_share_of_curve * curve_gain,
-        _FORM_RULES.least_share_of_likeliest * likely[0].gain,
+        SETTINGS.closed_form.least_share_of_curve * curve_gain,
+        SETTINGS.closed_form.least_share_of_likeliest * likely[0].gain,
         0.0,
     )
     near = [match for match in likely if match.gain > least]
     near.sort(key=lambda match: price * _parameter_count(match) - match.gain)
-    first, remaining = near[: _FORM_RULES.most_fitted], near[_FORM_RULES.most_fitted :]
+    first, remaining = (
+        near[: SETTINGS.closed_form.most_fitted],
+        near[SETTINGS.closed_form.most_fitted :],
+    )
     plain = {(match.form.plain, match.times) for match in first}
     return [*first, *(match for match in remaining if (match.form.name, match.times) in plain)]
 

@@ -52,7 +52,6 @@ from diffthrust.effects._grammar import expression_of
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
 
-_RULES = SETTINGS.unknown_term
 _SAME_EVIDENCE = 0.1
 """Numerics: terms whose evidence is this close are one term in two notations, and no rivals."""
 
@@ -80,9 +79,9 @@ def learned_law(
     initial, last = state.stages[0], state.stages[-1]
     base, law = initial, None
     if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
-        imitated = _RULES.imitated_share * (first.cost - trial.cost)
+        imitated = SETTINGS.unknown_term.imitated_share * (first.cost - trial.cost)
         law = _learned_beside(context, initial.fit, first, place, imitated)
-        if law and not error_within(law.reported, last.fit, _RULES.replacing_error):
+        if law and not error_within(law.reported, last.fit, SETTINGS.unknown_term.replacing_error):
             law = None
     if law is None:
         base, law = last, _learned_beside(context, last.fit, trial, place)
@@ -168,21 +167,25 @@ def rank_terms(context: SearchContext, trial: TrialFit, place: DrivingPort) -> l
     curves = likely_curves(fitter, trial, single_signal_terms(space))
     if not curves:
         return []
-    likeliest = [curve.term for curve in curves[: _RULES.most_multiplied]]
+    likeliest = [curve.term for curve in curves[: SETTINGS.unknown_term.most_multiplied]]
     curves += likely_curves(fitter, trial, product_terms(space, likeliest))
     curves.sort(key=lambda curve: -curve.evidence)
     # one signal has several first guesses of its memory: the likeliest comes last, and stays
     distinct = {curve.term[:3]: curve for curve in reversed(curves)}.values()
-    least = _RULES.sharpened_evidence * curves[0].evidence
+    least = SETTINGS.unknown_term.sharpened_evidence * curves[0].evidence
     near = [curve for curve in distinct if curve.evidence > least]
     curves = [curve for curve in distinct if curve.evidence <= least]
     curves += side_by_side(lambda curve: tune_memory(fitter, trial, space.regressors, curve), near)
-    tied = max(curve.evidence for curve in curves) - _RULES.indifferent_evidence
+    tied = max(curve.evidence for curve in curves) - SETTINGS.unknown_term.indifferent_evidence
     curves.sort(key=lambda curve: (_plainness(curve.term), -curve.evidence))
     first = [curve for curve in curves if curve.evidence >= tied]
     remaining = [curve for curve in curves if curve.evidence < tied]
     remaining.sort(key=lambda curve: -curve.evidence)
-    return [curve for curve in (*first, *remaining) if curve.evidence > _RULES.least_evidence]
+    return [
+        curve
+        for curve in (*first, *remaining)
+        if curve.evidence > SETTINGS.unknown_term.least_evidence
+    ]
 
 
 def rival_of(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
@@ -196,7 +199,9 @@ def rival_of(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
     rivals = (curve for curve in likely[1:] if curve.term.signal != first.term.signal)
     apart = [curve for curve in rivals if abs(curve.evidence - first.evidence) >= _SAME_EVIDENCE]
     rival = max(apart, key=lambda curve: curve.evidence, default=None)
-    least = (_RULES.close_evidence if sure else _RULES.rival_evidence) * first.evidence
+    least = (
+        SETTINGS.unknown_term.close_evidence if sure else SETTINGS.unknown_term.rival_evidence
+    ) * first.evidence
     return rival if rival and rival.evidence > least else None
 
 
