@@ -65,6 +65,10 @@ from diffthrust.diagnosis._innovations_fit import (  # private: as a diagnosis m
 from diffthrust.diagnosis._learned import (  # private: a law without a diagnosis
     LearnedLaw,
 )
+from diffthrust.diagnosis._linear_response import (  # private: the test alone
+    project_out,
+    score_test,
+)
 from diffthrust.diagnosis._missing_signal import (  # private: against a known law
     NONE,
     LinearErrors,
@@ -108,10 +112,6 @@ from diffthrust.diagnosis._report.text import (  # private: each sentence alone
 from diffthrust.diagnosis._residual_structure import (  # private: the basis of that law
     hats,
     knots_of,
-)
-from diffthrust.diagnosis._score_test import (  # private: the test alone
-    project_out,
-    score_test,
 )
 from diffthrust.diagnosis._screening import (  # private: the screen alone
     edge_of,

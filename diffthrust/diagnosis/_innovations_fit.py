@@ -21,8 +21,7 @@ from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._candidates import of_effect, places_of
-from diffthrust.diagnosis._linear_response import LinearResponse
-from diffthrust.diagnosis._score_test import promised_gain
+from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
 from diffthrust.estimation._arguments import NOISE_MODELS
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._laws import StudentT

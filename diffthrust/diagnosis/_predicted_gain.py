@@ -17,8 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
-from diffthrust.diagnosis._linear_response import LinearResponse
-from diffthrust.diagnosis._score_test import promised_gain
+from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
 from diffthrust.diagnosis._step_slopes import Passing
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.signals import Signals

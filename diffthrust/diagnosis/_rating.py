@@ -20,7 +20,7 @@ from diffthrust.diagnosis._innovations_fit import (
     TrialFit,
     side_by_side,
 )
-from diffthrust.diagnosis._score_test import redundant
+from diffthrust.diagnosis._linear_response import redundant
 from diffthrust.diagnosis._screening import is_at_null, levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS

@@ -19,7 +19,7 @@ import numpy as np
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._findings import Remaining, SignalForm
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._score_test import score_test
+from diffthrust.diagnosis._linear_response import score_test
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._linearise import slopes_at
 

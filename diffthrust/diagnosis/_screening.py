@@ -17,6 +17,7 @@ from itertools import product
 import numpy as np
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
+from diffthrust.diagnosis._linear_response import promised_gain
 from diffthrust.diagnosis._predicted_gain import (
     IDLE_CHANGE,
     Point,
@@ -24,7 +25,6 @@ from diffthrust.diagnosis._predicted_gain import (
     acts,
     predicted_gains,
 )
-from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.models._base.effect import Effect
