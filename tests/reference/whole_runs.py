@@ -196,6 +196,7 @@ def _delayed(time: Array, series: Array, delay: Any, sets: int) -> Array:
 def errors(system: System, runs: Sequence[Run], values: Mapping[str, float]) -> dict[str, float]:
     """NRMSE by channel over whole runs, and ``all``: their root mean square."""
     modelled = simulate(system, runs, values)
+    spread = spreads(system, runs)
     by_channel: dict[str, float] = {}
     for channel in runs[0].measured:
         measured = np.concatenate([run.measured[channel] for run in runs])
@@ -204,10 +205,19 @@ def errors(system: System, runs: Sequence[Run], values: Mapping[str, float]) -> 
         if channel in system.angles:
             difference = (difference + np.pi) % (2 * np.pi) - np.pi
         finite = np.isfinite(measured)
-        spread = np.std(_unwrapped(runs, channel) if channel in system.angles else measured[finite])
-        by_channel[channel] = float(np.sqrt(np.mean(difference[finite] ** 2)) / spread)
+        by_channel[channel] = float(np.sqrt(np.mean(difference[finite] ** 2)) / spread[channel])
     by_channel["all"] = float(np.sqrt(np.mean(np.square(list(by_channel.values())))))
     return by_channel
+
+
+def spreads(system: System, runs: Sequence[Run]) -> dict[str, float]:
+    """Standard deviation of what was measured, by channel over all runs; of angles unwrapped."""
+    out = {}
+    for channel in runs[0].measured:
+        joined = np.concatenate([run.measured[channel] for run in runs])
+        seen = _unwrapped(runs, channel) if channel in system.angles else joined
+        out[channel] = float(np.nanstd(seen))
+    return out
 
 
 def _unwrapped(runs: Sequence[Run], channel: str) -> Array:
@@ -238,11 +248,11 @@ def fit(
     begin = np.array([(first or {}).get(n, system.parameters[n].start) for n in free])
     size = np.where(begin != 0, np.abs(begin), np.where(np.isfinite(high), 0.3 * high, 1.0))
     measured = {c: [run.measured[c] for run in runs] for c in channels}
-    weights = {}
-    for c in channels:
-        joined = _unwrapped(runs, c) if c in system.angles else np.concatenate(measured[c])
-        finite = joined[np.isfinite(joined)]
-        weights[c] = 1.0 / (np.std(finite) * np.sqrt(finite.size))
+    spread = spreads(system, runs)
+    weights = {
+        c: 1.0 / (spread[c] * np.sqrt(sum(np.isfinite(x).sum() for x in measured[c])))
+        for c in channels
+    }
 
     def residuals(sets: Array) -> Array:
         """Shape (residuals, sets) for parameter sets of shape (sets, free)."""
@@ -394,11 +404,13 @@ def yoerger(
     saturation: bool = False,
     offset: bool = False,
     reverse: bool = False,
+    full: float = 4.0,
 ) -> System:
     """W' = beta c - alpha W|W|, T = ct W|W| (Yoerger, Cooke & Slotine 1990), with effects.
 
     ``sag``: the drive times supply_voltage / nominal; ``reverse``: ct in reverse apart;
-    ``deadband``: the command less the band; ``damping``: a torque in proportion to the speed.
+    ``deadband``: the command less the band; ``damping``: a torque in proportion to the speed;
+    ``full``: the largest command, at which the shaft is fastest.
     """
     parameters = {
         "alpha": Range(0.037, 1e-6, 1e2),
@@ -435,7 +447,7 @@ def yoerger(
         return {"speed": x["speed"]} if speed_only else {"speed": x["speed"], "thrust": thrust}
 
     def fastest(p: Signals) -> Any:  # at the speed of a full command
-        rate = 2.0 * np.sqrt(p["alpha"] * p["beta"])
+        rate = 2.0 * np.sqrt(p["alpha"] * p["beta"] * full)
         return rate + (p["linear"] if damping else 0.0)
 
     delays = {"command": "delay"} if delay else {}

@@ -24,7 +24,7 @@ One row a seed, from the folder ``tests``:
 | tanks | an overflow, and flows in proportion to the levels; the upper level is unmeasured |
 | held_readings | nothing, or (odd seeds) a saturation; 97 % of the readings are repeats |
 | periodic_force | a torque at a frequency in time, its phase by log |
-| dominating_channel | quadratic surge drag, beside a sway that gusts rule |
+| dominating_channel | quadratic surge drag, beside a sway whose reading drifts |
 | astern_runs | less thrust astern, seen in one training log of six |
 """
 

@@ -47,6 +47,9 @@ class UserSet:
         never: regular expressions that none of them may match.
         within: parameters of the model with their true values and the relative error allowed.
         systems: the equations as given and with all that is hidden, for a plain least squares.
+        truth: the true values of the second of these systems, in its own units.
+        noise: standard deviation of each channel's sensor, in the units of `runs`.
+        starts: the true states at which the logs begin, training logs first.
         close: the unseen error with what was found may be so many times that of the true
             structure, fitted; ``None`` where only names count.
     """
@@ -58,6 +61,9 @@ class UserSet:
     model: dft.Model
     hidden: tuple[Hidden, ...]
     systems: tuple[wr.System, wr.System]
+    truth: Mapping[str, float]
+    noise: Mapping[str, float]
+    starts: tuple[Mapping[str, float], ...]
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
     says: tuple[str, ...] = ()
     never: tuple[str, ...] = ()
@@ -71,6 +77,18 @@ class UserSet:
         return tuple(
             [self.blanked(wr.Run.of(log)) for log in logs] for logs in (self.train, self.unseen)
         )
+
+    def from_truth(self) -> dict[str, float]:
+        """Of the unseen logs the errors of the truth from its true start, to those of the sensors.
+
+        About 1 by channel, where nothing random acts on the plant: a model can do no better.
+        """
+        _, unseen = self.runs()
+        starts = self.starts[len(self.train) :]
+        runs = [wr.replace(r, initial=x) for r, x in zip(unseen, starts, strict=True)]
+        measured = wr.spreads(self.systems[1], runs)
+        errors = wr.errors(self.systems[1], runs, self.truth)
+        return {c: errors[c] * measured[c] / self.noise[c] for c in measured}
 
     def write(self, folder: Path) -> None:
         """Write the CSV files, to look at them as a new user would."""
@@ -105,7 +123,10 @@ def read(
 def integrate(
     rates: Callable[[float, Array], Array], start: Sequence[float], time: Array, step: float
 ) -> Array:
-    """States at ``time``, by the classical Runge-Kutta method in steps of at most ``step``."""
+    """States at ``time``, by the classical Runge-Kutta method in steps of at most ``step``.
+
+    The last stage looks just ahead of the end of a step, where an input is still held.
+    """
     x = np.array(start, float)
     out = np.empty((len(time), len(x)))
     out[0] = x
@@ -118,7 +139,7 @@ def integrate(
             a = rates(t, x)
             b = rates(t + 0.5 * h, x + 0.5 * h * a)
             c = rates(t + 0.5 * h, x + 0.5 * h * b)
-            d = rates(t + h, x + h * c)
+            d = rates(t + 0.9999 * h, x + h * c)
             x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
         out[k + 1] = x
     return out
