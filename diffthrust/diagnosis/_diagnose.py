@@ -25,6 +25,8 @@ from diffthrust.diagnosis._findings import (
 )
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._mend_trials import measured_mends
+from diffthrust.diagnosis._mended import undone_by
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
 from diffthrust.diagnosis._residual_structure import remaining_structure
@@ -119,6 +121,7 @@ def diagnose(
     say = reporter(progress)
     context, state = start_search(given, records, unseen_records, candidates, seed, say)
     baseline = state.current.trial
+    mends = measured_mends(context, state.stages[0])
     while not done(state):
         state = step(context, state)
     # what the first model lacks is judged with errors clipped as they are at the end
@@ -128,6 +131,8 @@ def diagnose(
     outcome = add_law(context, assessed(context, search), baseline)
     outcome = add_headroom(context, outcome)
     search, selection, assessment, law = outcome
+    kept = {n: why for n, why in selection.refused.items() if not undone_by(n, mends)}
+    selection = replace(selection, refused=kept)
     verdict = verdict_of(verdict_evidence(selection, assessment))
     missing, left = missing_before_and_after(context, search.state, baseline)
     possible = still_possible(search.state) if verdict in ("undecided", "unexplained") else {}
@@ -145,6 +150,7 @@ def diagnose(
         possible=possible,
         experiment=proposed,
         seconds=context.clock.seconds,
+        mends=mends,
         notes=notes,
         origin=origin,
     )

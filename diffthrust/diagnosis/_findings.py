@@ -17,6 +17,7 @@ from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._mended import MeasuredMend, best_mends
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
@@ -26,6 +27,7 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
+from diffthrust.soundness._doubt import Doubt
 
 if TYPE_CHECKING:
     from diffthrust.experiments._result import Experiment
@@ -353,6 +355,7 @@ class Findings(Selection, Assessment):
         experiment: the test that would best separate the first group of several, or else show a
             possible effect, if there is one.
         seconds: time spent, by part of the work.
+        mends: what undoing each doubt on the logs does to the error, measured by fits.
         notes: what the user should know besides.
         origin: when and with which versions it was made, and of which logs.
     """
@@ -365,6 +368,7 @@ class Findings(Selection, Assessment):
     possible: Mapping[str, Worth] = field(default_factory=dict)
     experiment: Experiment | None
     seconds: Mapping[str, float]
+    mends: tuple[MeasuredMend, ...] = ()
     notes: tuple[str, ...] = ()
     origin: Origin | None = field(default=None, repr=False)
 
@@ -375,6 +379,16 @@ class Findings(Selection, Assessment):
         ``diag.model + diag.best + diag.learned`` has all that was found.
         """
         return tuple(law.curve for law in self.laws)
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What in the logs is probably not what its name, unit or clock says."""
+        return self.stages[0].fit.doubts
+
+    @property
+    def helpful_mends(self) -> tuple[MeasuredMend, ...]:
+        """The mends of these doubts with which the error over whole runs surely falls."""
+        return tuple(mend for mend in best_mends(self.mends) if mend.helps)
 
     @property
     def far(self) -> tuple[str, ...]:

@@ -81,7 +81,7 @@ class Diagnosis(Result, Findings):
 
         if not self.laws:
             raise InputError(
-                "This diagnosis learned no law: known effects, or noise, explain these logs.",
+                f"This diagnosis learned no law: {_why_none(self)}.",
                 "Draw what it found: diag.plot().",
             )
         return learned_figure(self)
@@ -118,12 +118,23 @@ class Diagnosis(Result, Findings):
 
         Example:
             >>> list(diag.to_json())[:4]
-            ['schema', 'verdict', 'added', 'detectable']
+            ['schema', 'verdict', 'doubts', 'added']
         """
         remaining, headroom = self.remaining, self.headroom
         return {
             "schema": 1,
             "verdict": self.verdict,
+            "doubts": [
+                doubt.to_json()
+                | {
+                    "mends": [
+                        mend.to_json()
+                        for mend in self.mends
+                        if (mend.doubt.channel, mend.doubt.kind) == (doubt.channel, doubt.kind)
+                    ]
+                }
+                for doubt in self.doubts
+            ],
             "added": list(self.added),
             "detectable": list(self.detectable),
             "detectable_groups": [list(group) for group in self.detectable_groups],
@@ -166,6 +177,15 @@ class Diagnosis(Result, Findings):
             if headroom
             else None,
         }
+
+
+def _why_none(diag: Findings) -> str:
+    """Why a diagnosis has no learned law."""
+    if diag.verdict == "unexplained":
+        return "structure remains, but no function of one signal surely explains it"
+    if diag.verdict == "undecided":
+        return "these logs do not tell what is missing from random forces"
+    return "what it names, or noise, explains these logs"
 
 
 def _size(estimate: Estimate) -> dict[str, Any]:

@@ -149,6 +149,16 @@ class WholeRuns:
     """The number of effects supported by whole runs alone that are tried again, and listed.
     Origin: chosen, a list to plan a test by. Lower: the right one may be missing. Higher: more
     trials that random forces win."""
+    mending_share: float = 0.1
+    """Undoing a mistake of the logs leads a summary if it surely removes more of the squared error.
+    Origin: chosen; a twentieth of the error. On BlueBoat's logs an exchange of left and right
+    removes 24 %. Lower: a sign that does next to nothing stands first. Higher: an exchange that one
+    channel of three shows is passed over."""
+    most_mends: int = 3
+    """The number of readings of doubted channels to which the model is fitted.
+    Origin: chosen; each is a fit of whole runs from several starts. Lower: of the sign of one
+    channel and the exchange of two others only one is tried. Higher: minutes for logs with many
+    doubts."""
     most_user_effects: int = 3
     """The number of a user's effects without any promise that are fitted to whole runs all the
     same.

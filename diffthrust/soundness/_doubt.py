@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from diffthrust._support.errors import InputError
+from diffthrust.logs._log import Log
 
 DOUBT_KINDS = (
     "sign",
@@ -22,6 +26,55 @@ DOUBT_KINDS = (
 
 
 @dataclass(frozen=True)
+class Reading:
+    """How channels are read where one mistake is undone.
+
+    Args:
+        words: what is done, such as "left_force and right_force exchanged".
+        line: what to write in a spec file and in Python.
+        sources: for each channel that changes (or ``"time"``), the channel that its numbers come
+            from, and what they are multiplied by.
+
+    Example:
+        >>> turned = Reading("the sign of thrust turned", "scale = -1", {"thrust": ("thrust", -1)})
+        >>> bool((turned.log(log).measured["thrust"] == -log.measured["thrust"]).all())
+        True
+    """
+
+    words: str
+    line: str
+    sources: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+
+    def log(self, log: Log) -> Log:
+        """A log as it would be without the mistake; itself where it lacks a channel of it.
+
+        Example:
+            >>> Reading("twice as slow", "", {"time": ("time", 2.0)}).log(log).step / log.step
+            2.0
+        """
+        values = {"time": log.time, **log.inputs, **log.measured}
+        if not {source for source, _ in self.sources.values()} <= set(values):
+            return log
+        new = {name: factor * values[source] for name, (source, factor) in self.sources.items()}
+        rails = {
+            name: tuple(sorted(self.sources[name][1] * end for end in ends))
+            if name in new and self.sources[name][0] == name
+            else ends
+            for name, ends in log.rails.items()
+        }
+        return log.replaced(
+            time=new.get("time", log.time),
+            inputs={name: new.get(name, x) for name, x in log.inputs.items()},
+            measured={name: new.get(name, x) for name, x in log.measured.items()},
+            rails=rails,
+            noise={
+                name: abs(self.sources.get(name, ("", 1.0))[1]) * size
+                for name, size in log.noise.items()
+            },
+        )
+
+
+@dataclass(frozen=True)
 class Doubt:
     """Something in a log that is probably not what its name, unit or clock says.
 
@@ -31,6 +84,9 @@ class Doubt:
             ``saturated``, ``sentinel``, ``outliers``, ``gap``, ``odd_log``, ``silent``.
         evidence: what was seen, with its figures; names the log.
         mend: a line to copy, or what to look at.
+        readings: how channels are read where the mistake is undone, the likeliest first; several
+            where these logs cannot tell which it was, none where no other reading undoes it.
+        logs: names of the logs that it concerns; empty for all of them.
 
     Example:
         >>> reversed_sign = dft.Log(
@@ -45,10 +101,42 @@ class Doubt:
     kind: str
     evidence: str
     mend: str
+    readings: tuple[Reading, ...] = ()
+    logs: tuple[str, ...] = ()
+
+    def mended(self, logs: Iterable[Log], reading: int = 0) -> tuple[Log, ...]:
+        """The logs as they would be without the mistake.
+
+        Args:
+            logs: of the call that raised the doubt; those that it does not concern stay.
+            reading: which of ``readings``.
+
+        Raises:
+            InputError: the doubt has no such reading.
+
+        Example:
+            >>> reversed_sign = dft.Log(
+            ...     log.time, log.inputs, {**log.measured, "thrust": -log.measured["thrust"]}
+            ... )
+            >>> doubt = dft.soundness.doubts(reversed_sign, dft.Thruster())[0]
+            >>> (mended,) = doubt.mended([reversed_sign])
+            >>> bool((mended.measured["thrust"] == log.measured["thrust"]).all())
+            True
+        """
+        if not 0 <= reading < len(self.readings):
+            raise InputError(
+                f"This doubt on {self.channel} has {len(self.readings)} readings that undo it, "
+                f"found number {reading}.",
+                f"Look at its mend: {self.mend}",
+            )
+        return tuple(
+            self.readings[reading].log(log) if not self.logs or log.name in self.logs else log
+            for log in logs
+        )
 
     def __str__(self) -> str:
         return f"{self.channel} ({self.kind}): {self.evidence} Mend: {self.mend}"
 
     def to_json(self) -> dict[str, str]:
         """Plain data."""
-        return dict(vars(self))
+        return {name: getattr(self, name) for name in ("channel", "kind", "evidence", "mend")}

@@ -10,7 +10,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._clock import misclocked
 from diffthrust.soundness._companions import unlike
-from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubt import Doubt, Reading
 from diffthrust.soundness._lag import lagging
 from diffthrust.soundness._load import misloaded
 from diffthrust.soundness._merged import Found, merged
@@ -21,7 +21,7 @@ from diffthrust.soundness._shape import misshaped
 from diffthrust.soundness._sizes import missized
 from diffthrust.soundness._spikes import jumping
 from diffthrust.soundness._ties import Tie, ties
-from diffthrust.soundness._together import misplaced
+from diffthrust.soundness._together import contradicts, misplaced
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a wrong unit may overflow, and is reported
@@ -80,7 +80,12 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         # beside logs with a turned sign, it is the sound one that differs
         if places[i] not in astray and not (astray and doubt.kind == "sign"):
             findings.append((places[i], doubt))
-    return merged(findings, [log.name for log in logs])
+
+    def against(place: int, reading: Reading) -> bool:
+        at = places.index(place) if place in places else -1
+        return at < 0 or contradicts(records[at], tied[at], reading)
+
+    return merged(findings, [log.name for log in logs], against)
 
 
 def _of_ties(r: Record, tied: Sequence[Tie], cut: set[str], held: set[str]) -> Iterator[Doubt]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diffthrust.soundness._doubt import Reading
 from diffthrust.soundness._record import Record
 
 FACTORS: dict[str, tuple[tuple[str, float], ...]] = {
@@ -61,13 +62,13 @@ class Mend:
     Args:
         kind: of the doubt.
         channels: that are wrong; the first is named.
-        line: what to write.
+        reading: of the channels, without the mistake.
         record: as it would be without the mistake.
     """
 
     kind: str
     channels: tuple[str, ...]
-    line: str
+    reading: Reading
     record: Record
 
 
@@ -76,8 +77,12 @@ def signs(r: Record) -> Iterator[Mend]:
     for channel in SIGNED:
         if r.has(channel) and channel not in r.unsigned:
             changed = r.taking(**{channel: -r.values[channel]})
-            line = sign_line(channel, r.scales.get(channel, 1.0))
-            yield Mend("sign", (channel,), line, changed)
+            reading = Reading(
+                f"the sign of {channel} turned",
+                sign_line(channel, r.scales.get(channel, 1.0)),
+                {channel: (channel, -1.0)},
+            )
+            yield Mend("sign", (channel,), reading, changed)
 
 
 def exchanges(r: Record) -> Iterator[Mend]:
@@ -85,7 +90,12 @@ def exchanges(r: Record) -> Iterator[Mend]:
     for first, second in PAIRS:
         if first in r.values and second in r.values:
             changed = r.taking(**{first: r.values[second], second: r.values[first]})
-            yield Mend("exchanged", (first, second), exchange_line(first, second), changed)
+            reading = Reading(
+                f"{first} and {second} exchanged",
+                exchange_line(first, second),
+                {first: (second, 1.0), second: (first, 1.0)},
+            )
+            yield Mend("exchanged", (first, second), reading, changed)
 
 
 STEPS = (1e-4, 2.0)
@@ -102,7 +112,9 @@ def clocks(r: Record, ratio: float) -> Iterator[Mend]:
             if abs(np.log(ratio / due)) < 0.15:
                 yield _scaled(r, "time", name, due)
                 return
-    yield Mend("time_base", ("time",), clock_line(ratio), replace(r, step=step))
+    words = f"time {ratio:.4g} times as long"
+    reading = Reading(words, clock_line(ratio), {"time": ("time", ratio)})
+    yield Mend("time_base", ("time",), reading, replace(r, step=step))
 
 
 def rescaled(r: Record) -> Iterator[Mend]:
@@ -115,11 +127,26 @@ def rescaled(r: Record) -> Iterator[Mend]:
 
 
 def _scaled(r: Record, channel: str, unit: str, scale: float) -> Mend:
+    reading = unit_reading(channel, unit, scale)
     if channel == "time":
-        changed = replace(r, step=r.step * scale)
-        return Mend("time_base", ("time",), unit_line("time", unit), changed)
+        return Mend("time_base", ("time",), reading, replace(r, step=r.step * scale))
     changed = r.taking(**{channel: r.values[channel] * scale})
-    return Mend("unit", (channel,), unit_line(channel, unit), changed)
+    return Mend("unit", (channel,), reading, changed)
+
+
+def unit_reading(channel: str, unit: str, scale: float) -> Reading:
+    """A channel in another unit, of which one is ``scale`` of the present one."""
+    words = f"{channel} in {unit}"
+    return Reading(words, unit_line(channel, unit), {channel: (channel, scale)})
+
+
+def named_unit(channel: str, unit: str) -> tuple[Reading, ...]:
+    """The reading of a channel in a unit of ``FACTORS``, or ``"rad, not deg"``; none without."""
+    factors = dict(FACTORS.get(UNITS.get(channel, ""), ()))
+    wanted, _, wrong = unit.partition(", not ")
+    if wrong in factors:
+        return (unit_reading(channel, unit, 1 / factors[wrong]),)
+    return (unit_reading(channel, unit, factors[wanted]),) if wanted in factors else ()
 
 
 def clock_line(ratio: float) -> str:
@@ -129,7 +156,9 @@ def clock_line(ratio: float) -> str:
 
 def sign_line(channel: str, scale: float = 1.0) -> str:
     """What turns the sign of a channel round, whose column is scaled already."""
-    return f"[channels.{channel}] scale = {-scale:g}, or Column(..., scale={-scale:g})."
+    return (
+        f'[channels.{channel}] scale = {-scale:g}, or "{channel}": Column(..., scale={-scale:g}).'
+    )
 
 
 def exchange_line(first: str, second: str) -> str:
@@ -146,4 +175,5 @@ def unit_line(channel: str, unit: str) -> str:
     if channel == "time":
         spec = f'time = {{ column = ..., unit = "{wanted}" }}'
         return f'{spec}, or Column(..., unit="{wanted}"){beside}.'
-    return f'[channels.{channel}] unit = "{wanted}", or Column(..., unit="{wanted}"){beside}.'
+    python = f'"{channel}": Column(..., unit="{wanted}")'
+    return f'[channels.{channel}] unit = "{wanted}", or {python}{beside}.'

@@ -11,7 +11,7 @@ from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._units import convert
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._mends import unit_line
+from diffthrust.soundness._mends import named_unit, unit_line, unit_reading
 from diffthrust.soundness._record import TURNS, Record
 
 _SIZES: dict[str, tuple[float, float, str, str]] = {
@@ -58,6 +58,7 @@ def missized(log: Log, r: Record | None) -> Iterator[Doubt]:
                 f"{log.name}: {channel} jumps by {number(TURNS[turn])} where it passes a full "
                 f"turn, which in rad is {2 * np.pi:.4g}.",
                 unit_line(channel, unit),
+                named_unit(channel, unit),
             )
             continue
         if channel not in _SIZES or unit_written not in ("", "V", "rad", "rad/s", "rev/s", "m/s"):
@@ -88,6 +89,7 @@ def missized(log: Log, r: Record | None) -> Iterator[Doubt]:
                 f"{log.name}: {channel} reaches {number(size, 3)} {unit_written}".rstrip()
                 + ", which no thruster or vessel does.",
                 unit_line(channel, unit),
+                named_unit(channel, unit),
             )
 
 
@@ -109,6 +111,7 @@ def _by_name(log: Log, channel: str) -> Iterator[Doubt]:
                 f"{log.name}: the column of {channel} is called {written.column!r}, but its unit "
                 f"is given as {unit!r}.",
                 unit_line(channel, named),
+                (unit_reading(channel, named, float(convert(1.0, named, unit, where="a unit"))),),
             )
             return
 

@@ -21,6 +21,10 @@ _INFORMED = 0.3
 """A drive of two parts says something where it swings by this share of what its parts swing."""
 
 
+_ONE_SIDED = 0.05
+"""A series has one sign that goes beyond zero by no more than this share of its largest value."""
+
+
 @dataclass(frozen=True)
 class Tie:
     """A channel held against what follows from other channels.
@@ -188,6 +192,7 @@ def _driven(
     an offset and a decay explain is taken away from both before they are held together.
     """
     best = (np.nan, np.nan, drive)
+    same_side = _side(seen) * _side(drive) > 0
     power = float(np.sum((seen - seen.mean()) ** 2))
     moved = float(np.sum((drive - drive.mean()) ** 2))
     lags = tuple(lag for lag in LAGS if lag <= seen.size / 3)
@@ -202,7 +207,18 @@ def _driven(
         together = float(x @ y) / np.sqrt(xx * power)
         if not abs(best[0]) >= abs(together):
             best = (together, float(x @ y) / xx, due)
+    if same_side and best[0] < 0:
+        # Revolutions and surge that never change sign agree in it, whatever moves them besides: a
+        # ship that slows down in a turn at higher revolutions has no wrong sign.
+        best = (np.nan, np.nan, drive)
     return Tie(channel, others, words, DRIVE, best[0], best[1], powers, seen, best[2], drive=drive)
+
+
+def _side(values: np.ndarray) -> int:
+    """The sign that a series never leaves, but for noise about zero; 0 where it takes both."""
+    low, high = float(values.min()), float(values.max())
+    most = _ONE_SIDED * max(abs(low), abs(high))
+    return int(low > -most) - int(high < most)
 
 
 def trailing(values: np.ndarray, lags: tuple[float, ...]) -> np.ndarray:

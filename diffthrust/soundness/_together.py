@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubt import Doubt, Reading
 from diffthrust.soundness._mends import STEPS, Mend, clocks, exchanges, rescaled, signs
 from diffthrust.soundness._record import Record
 from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie, ties
@@ -65,11 +65,25 @@ def _doubt(
 ) -> Doubt:
     improved = [_improvement(tie, after[_key(tie)]) for tie in mended[:2]]
     evidence = f"{r.name}: {'; '.join(improved)}."
-    line = mend.line
+    line, readings = mend.reading.line, [mend.reading, *(rival.reading for rival in rivals)]
     if rivals:
         evidence += f" The same would follow from {' or '.join(map(_named, rivals[:2]))}."
-        line += f" Or: {rivals[0].line}"
-    return Doubt(mend.channels[0], mend.kind, evidence, line)
+        line += f" Or: {rivals[0].reading.line}"
+    return Doubt(mend.channels[0], mend.kind, evidence, line, tuple(readings))
+
+
+def contradicts(r: Record, tied: Sequence[Tie], reading: Reading) -> bool:
+    """Whether a log speaks against a reading that other logs ask for: what holds in it breaks."""
+    taken = {name: r.values.get(source) for name, (source, _) in reading.sources.items()}
+    if any(values is None for values in taken.values()):  # the time, or a channel it lacks
+        return True
+    scaled = {
+        name: reading.sources[name][1] * values
+        for name, values in taken.items()
+        if values is not None
+    }
+    after = {_key(tie): tie for tie in ties(r.taking(**scaled))}
+    return any(_holds(tie) and _worse(tie, after.get(_key(tie))) for tie in tied)
 
 
 def _improvement(tie: Tie, after: Tie) -> str:

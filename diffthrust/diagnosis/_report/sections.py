@@ -26,6 +26,7 @@ from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._candidates import place_words, words_and_unit
 from diffthrust.diagnosis._findings import Findings, Missing, Remaining
 from diffthrust.diagnosis._report import figures, tables
+from diffthrust.diagnosis._report.doubts import doubt_bullets
 from diffthrust.diagnosis._report.learned import learned_words
 from diffthrust.diagnosis._report.text import (
     an_effect,
@@ -86,6 +87,7 @@ def diagnosis_report(diag: Findings) -> Report:
     rivals = rival_words(diag)
     return Report(
         Section("", outcome),
+        Section("Doubts on the logs", Bullets(doubt_bullets(diag))),
         _stages(diag),
         Section(
             "What each effect removes of the squared error over whole runs",

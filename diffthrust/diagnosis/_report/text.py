@@ -17,6 +17,7 @@ from diffthrust._support.words import (
 )
 from diffthrust.diagnosis._candidates import place_words
 from diffthrust.diagnosis._findings import Findings, OddLog
+from diffthrust.diagnosis._report.doubts import leading_doubt_words
 from diffthrust.diagnosis._report.learned import learned_words
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._result import Estimate, Fit
@@ -36,6 +37,8 @@ def summary(diag: Findings) -> str:
         logs falls from 5.6 to 0.30 rad/s (NRMSE 0.33 to 0.018).'
     """
     sentences = [
+        *leading_doubt_words(diag),
+        *hint_words(diag),
         *stopped_words(diag),
         *_verdict_sentences(diag),
         *held_words(diag),
@@ -51,10 +54,14 @@ def summary(diag: Findings) -> str:
     if diag.verdict != "undecided":
         sentences += growth_words(diag)
     sentences += decisive_log_words(diag)
-    if diag.before.hints:
-        sentences.append("A channel may not mean what its name says:")
-        sentences += diag.before.hints[:_NAMED]
     return " ".join(sentences)
+
+
+def hint_words(diag: Findings) -> list[str]:
+    """Channels that move against the model, where no doubt on the logs says so with a mend."""
+    if diag.helpful_mends or not diag.before.hints:
+        return []
+    return ["A channel may not mean what its name says:", *diag.before.hints[:_NAMED]]
 
 
 def _verdict_sentences(diag: Findings) -> list[str]:

@@ -1,0 +1,73 @@
+"""What undoing a doubt does to the error over whole runs, measured by a fit to the mended logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from diffthrust._support.results import Brief
+from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.simulation._errors import Errors
+from diffthrust.soundness._doubt import Doubt, Reading
+
+EXCHANGES = {"swapped_thrusters": ("left_force", "right_force")}
+"""Effects of the catalogue that stand for two channels in each other's place."""
+
+
+@dataclass(frozen=True, repr=False)
+class MeasuredMend(Brief):
+    """The model as given, fitted to the logs as they are and to the mended ones.
+
+    Args:
+        doubt: on the logs.
+        reading: of the channels, that was tried.
+        before: errors over whole runs of the logs as they are, unseen ones if there are any.
+        after: the same of the mended logs, by the model that was fitted to mended training logs.
+        worth: share of the squared error that the mend removes, each channel in units of its own
+            spread.
+        unseen: whether the errors are those of unseen logs.
+    """
+
+    doubt: Doubt
+    reading: Reading
+    before: Errors
+    after: Errors
+    worth: Worth
+    unseen: bool
+
+    @property
+    def helps(self) -> bool:
+        """Whether the error surely falls, and clearly."""
+        return self.worth.low > 0 and self.worth.share > SETTINGS.whole_runs.mending_share
+
+    def to_json(self) -> dict[str, Any]:
+        """The reading that was tried, and both errors, as plain data."""
+        return {
+            "reading": self.reading.words,
+            "line": self.reading.line,
+            "before": self.before.to_json(),
+            "after": self.after.to_json(),
+            "helps": self.helps,
+        }
+
+
+def best_mends(mends: Sequence[MeasuredMend]) -> tuple[MeasuredMend, ...]:
+    """The reading of each doubt with which whole runs err least, those that help most first."""
+    best: dict[tuple[str, str], MeasuredMend] = {}
+    for mend in mends:
+        key = mend.doubt.channel, mend.doubt.kind
+        if key not in best or mend.after.nrmse < best[key].after.nrmse:
+            best[key] = mend
+    return tuple(sorted(best.values(), key=lambda mend: -mend.worth.share))
+
+
+def undone_by(effect: str, mends: Sequence[MeasuredMend]) -> bool:
+    """Whether an effect stands for a mistake that a doubt with a helpful mend tells of."""
+    if effect not in EXCHANGES:
+        return False
+    readings = [reading for mend in mends if mend.helps for reading in mend.doubt.readings]
+    first, second = EXCHANGES[effect]
+    exchange = {first: (second, 1.0), second: (first, 1.0)}
+    return any(dict(reading.sources) == exchange for reading in readings)

@@ -1,0 +1,76 @@
+"""Doubts on the logs in sentences: what they are, and what undoing them does to the error."""
+
+from __future__ import annotations
+
+from diffthrust._support.words import capitalised, distinct_numbers, humanize, joined
+from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._mended import MeasuredMend, best_mends
+from diffthrust.soundness._doubt import Doubt
+
+_GRAVE = ("sign", "exchanged", "unit", "time_base", "lag", "stuck", "saturated", "sentinel")
+"""Kinds of doubts that the summary names: what a channel means, and which samples are readings."""
+_NAMED = 2
+"""Doubts that the summary names; the report lists all."""
+
+
+def leading_doubt_words(diag: Findings) -> list[str]:
+    """What a summary begins with: mends that help, and doubts that no refit can judge."""
+    sentences = [
+        f"First the logs: {mend.doubt.evidence} {mend_words(mend)} {mend_line(mend)}"
+        for mend in diag.helpful_mends[:_NAMED]
+    ]
+    if sentences:
+        sentences.append("What follows is said of the logs as they are: mend them first.")
+    measured = {(mend.doubt.channel, mend.doubt.kind) for mend in diag.mends}
+    graver = [
+        doubt
+        for doubt in diag.doubts
+        if doubt.kind in _GRAVE and (doubt.channel, doubt.kind) not in measured
+    ]
+    sentences += [_doubt_words(doubt) for doubt in graver[:_NAMED]]
+    return sentences
+
+
+def mend_words(mend: MeasuredMend) -> str:
+    """What the mend of a doubt does to the error over whole runs."""
+    low, high = distinct_numbers(mend.before.nrmse, mend.after.nrmse)
+    verb = "falls" if mend.after.nrmse < mend.before.nrmse else "rises"
+    change = f"{verb} from {low} to {high}" if low != high else f"stays at {low}"
+    channels = joined(
+        f"{humanize(name)} {' to '.join(distinct_numbers(error.nrmse, updated.nrmse))}"
+        for name, error in mend.before.channels.items()
+        for updated in (mend.after.channels[name],)
+    )
+    several = f": {channels}" if len(mend.before.channels) > 1 else ""
+    runs = "whole unseen runs" if mend.unseen else "whole training runs"
+    return (
+        f"{capitalised(f'with {mend.reading.words}')} the error over {runs} {change} (NRMSE"
+        f"{several}), fitted to the logs so mended; it removes {mend.worth} of its square."
+    )
+
+
+def mend_line(mend: MeasuredMend) -> str:
+    """What to write, and for which logs."""
+    if not mend.doubt.logs:
+        return f"Mend: {mend.reading.line}"
+    return f"Mend, for {joined(mend.doubt.logs)} alone: {mend.reading.line}"
+
+
+def doubt_bullets(diag: Findings) -> list[str]:
+    """Every doubt, with what each reading that undoes it does to the error."""
+    best = {id(mend) for mend in best_mends(diag.mends)}
+    bullets = []
+    for doubt in diag.doubts:
+        tried = [mend for mend in diag.mends if _same(mend.doubt, doubt)]
+        tried.sort(key=lambda mend: id(mend) not in best)
+        words = " ".join(map(mend_words, tried))
+        bullets.append(f"{_doubt_words(doubt)} {words}".rstrip())
+    return bullets
+
+
+def _doubt_words(doubt: Doubt) -> str:
+    return f"A doubt on {humanize(doubt.channel)}: {doubt.evidence} Mend: {doubt.mend}"
+
+
+def _same(first: Doubt, second: Doubt) -> bool:
+    return (first.channel, first.kind) == (second.channel, second.kind)
