@@ -13,7 +13,7 @@ from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust.logs._columns import Column
-from diffthrust.logs._held import held_readings
+from diffthrust.logs._held import Hold, held_note, held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._rails import Railed, railed, railed_between, railed_note
 from diffthrust.logs._tables.fields import TableRequest
@@ -254,6 +254,19 @@ class Log:
         return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * self.step
 
     @cached_property
+    def holds(self) -> Mapping[str, Hold]:
+        """How sensors that repeat their last reading are read, by measured channel.
+
+        Usually empty. Commands are held by nature: inputs are never among them.
+
+        Example:
+            >>> log.holds
+            {}
+        """
+        held = {n: held_readings(v, self.inputs.values()) for n, v in self.measured.items()}
+        return {name: hold for name, hold in held.items() if hold is not None}
+
+    @cached_property
     def unrepeated(self) -> "Log":
         """The log with repeats of held sensors marked missing; the log itself if there are none.
 
@@ -265,19 +278,11 @@ class Log:
             >>> log.unrepeated.measured["speed"].shape
             (240,)
         """
-        measured, notes = dict(self.measured), list(self.notes)
-        for channel, values in self.measured.items():
-            held = held_readings(values)
-            if held is not None:
-                every, read = held
-                measured[channel] = np.where(read, values, np.nan)
-                notes.append(
-                    f"{channel} is read at every {every:.3g} samples and held in between: only "
-                    "the readings count, their repeats are taken as not measured."
-                )
-        if len(notes) == len(self.notes):
+        if not self.holds:
             return self
-        return self.replaced(measured=measured, notes=tuple(notes))
+        readings = {n: np.where(h.read, self.measured[n], np.nan) for n, h in self.holds.items()}
+        notes = [held_note(name, hold, self.time) for name, hold in self.holds.items()]
+        return self.replaced(measured={**self.measured, **readings}, notes=(*self.notes, *notes))
 
     @cached_property
     def railed(self) -> Mapping[str, Railed]:
@@ -509,6 +514,8 @@ class Log:
             for key, samples in channels.items():
                 about = [f"{n} missing"] if (n := int(np.isnan(samples).sum())) else []
                 about += ["unsigned"] if key in self.unsigned else []
+                hold = self.holds.get(key) if key in self.measured else None
+                about += [f"{hold.readings} readings, repeated"] if hold else []
                 unit = display.unit(key, self.units[key])
                 texts.append(
                     key

@@ -9,7 +9,6 @@ import numpy as np
 
 from diffthrust._support.correlation import lag_one
 from diffthrust._support.words import joined, number
-from diffthrust.logs._held import held_readings
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import Railed
 from diffthrust.soundness._doubt import Doubt
@@ -96,8 +95,17 @@ def _runs(values: np.ndarray) -> _Runs:
 
 
 def _slow(log: Log, channel: str, values: np.ndarray, runs: _Runs) -> Doubt | None:
-    """Readings at a lower rate than the log's, held in between."""
-    waits = runs.length[1:-1]
+    """Readings at a lower rate than the log's, or at irregular times, held in between."""
+    waits, hold = runs.length[1:-1], log.holds.get(channel)
+    if hold is not None and not hold.regular:
+        return Doubt(
+            channel,
+            "stuck",
+            f"{log.name}: {channel} repeats its last reading until the next arrives, after "
+            f"{hold.seconds(log.time)}: {hold.readings} of {values.size} samples are readings.",
+            "none is needed: fits count the readings alone. If they are stamped on arrival, their "
+            f"age is unknown; the time at which {channel} was measured tells more.",
+        )
     if waits.size < 15 or np.median(waits) < 3:
         return None
     usual = float(np.median(waits))
@@ -110,7 +118,7 @@ def _slow(log: Log, channel: str, values: np.ndarray, runs: _Runs) -> Doubt | No
         f"{log.name}: {channel} changes every {usual:.0f} samples only ({seconds} s) and is held "
         "in between: the sensor is slower than the log.",
         f"keep the first sample of each reading of {channel} and leave the others empty (nan)."
-        if held_readings(log.measured[channel]) is None
+        if hold is None
         else f"none is needed: fits count the readings alone. A faster {channel} tells more.",
     )
 

@@ -116,3 +116,85 @@ def test_a_log_that_is_not_held_stays_itself():
     assert log.unrepeated is log
     once = slow(log, 4).unrepeated
     assert once.unrepeated is once
+
+
+TIME = np.arange(0.0, 200.0, 0.05)
+
+
+def motor(seed, noise=0.5):
+    """The command of a first-order motor and its speed, read after 0.8 to 2.7 s, and where."""
+    rng = np.random.default_rng(seed)
+    command = rng.uniform(-80, 80, 41)[(TIME // 5).astype(int)]
+    speed = np.zeros(TIME.size)
+    for k in range(TIME.size - 1):  # exact for a time constant of 0.5 s
+        speed[k + 1] = command[k] + (speed[k] - command[k]) * np.exp(-0.1)
+    read = np.searchsorted(TIME, np.cumsum(rng.uniform(0.8, 2.7, 300)))
+    read = read[read < TIME.size]
+    readings = speed + noise * rng.standard_normal(TIME.size)
+    return command, repeat(readings, read), read
+
+
+def repeat(values, read):
+    """The values at some places, each kept until the next; the first one before."""
+    last = np.searchsorted(read, np.arange(values.size), side="right") - 1
+    return values[read[np.maximum(last, 0)]]
+
+
+def motor_log(command, speed):
+    return dft.Log(TIME, {"command": command}, {"speed": speed}, units={"command": "rad/s"})
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("quantum", [0.0, 0.1])
+def test_readings_at_irregular_times_are_found(seed, quantum):
+    command, speed, read = motor(seed)
+    speed = np.round(speed / quantum) * quantum if quantum else speed
+    log = motor_log(command, speed)
+    found = np.flatnonzero(log.holds["speed"].read)
+    assert np.isin(found, read).all()
+    assert found.size >= read.size - 1 - 0.03 * read.size * (quantum > 0)
+    assert f"{found.size} readings count" in log.counted.notes[-1]
+    assert f"of {TIME.size} samples" in log.counted.notes[-1]
+    assert f"speed ({found.size} readings" in repr(log).replace(" [rad/s]", "")
+
+
+def test_irregular_readings_at_rest_count():
+    command, speed, read = motor(0)
+    rest = (TIME > 60) & (TIME < 120)
+    log = motor_log(np.where(rest, 0.0, command), np.where(rest, 0.0, speed))
+    counted = log.unrepeated.measured["speed"]
+    inside = np.isfinite(counted) & (TIME > 62) & (TIME < 118)
+    assert 5 <= inside.sum() <= ((read > 1240) & (read < 2360)).sum()
+    last = TIME[np.isfinite(counted) & rest][-1]
+    assert last < 120 - 2.7  # a value that is held when the speed moves off again is old
+
+
+@pytest.mark.parametrize("kind", ["follows", "demand", "ends", "rests", "coarse", "stands"])
+def test_what_only_resembles_irregular_readings(kind):
+    rng = np.random.default_rng(3)
+    places = np.append(0, np.cumsum(rng.integers(15, 60, 200)))
+    steps = repeat(rng.uniform(-80, 80, TIME.size), places[places < TIME.size])
+    smooth = 60 * np.sin(TIME) + 20 * np.sin(2.3 * TIME)
+    speed = {
+        "follows": 0.9 * steps,  # at once, and without noise
+        "demand": np.roll(steps, 3),
+        "ends": np.clip(smooth, -40, 40),
+        "rests": np.where(np.abs(smooth) < 50, 0.0, smooth),
+        "coarse": np.round(np.sin(0.05 * TIME) * 30),
+        "stands": np.where(TIME % 20 < 15, np.floor(TIME / 20), smooth),
+    }[kind]
+    assert motor_log(steps, speed).holds == {}
+
+
+def test_commands_are_held_by_nature():
+    command, speed, _ = motor(1)
+    log = motor_log(command, speed)
+    assert np.array_equal(log.counted.inputs["command"], command)
+    assert "command" not in log.holds
+
+
+def test_a_constant_input_hides_no_hold():
+    command, speed, read = motor(2)
+    inputs = {"command": command, "supply_voltage": np.full(TIME.size, 24.0)}
+    log = dft.Log(TIME, inputs, {"speed": speed})
+    assert log.holds["speed"].readings >= read.size - 1

@@ -441,3 +441,18 @@ def test_every_file_of_several_is_looked_at(tmp_path):
         write_table(tmp_path / f"run{i}.csv", columns)
     seen = dft.look(tmp_path)
     assert any("run2.csv: thrust opposes" in doubt for doubt in seen.doubts)
+
+
+@pytest.mark.parametrize("tail", ["", ","], ids=["short rows", "empty cells"])
+def test_a_last_column_that_is_filled_at_the_top_only(tail, tmp_path):
+    time = 0.1 * np.arange(60)
+    rows = [f"{t:.1f},{1500 + 10 * k},{30 * k}{tail}" for k, t in enumerate(time)]
+    rows[0] = rows[0].removesuffix(",") + ",3"
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join(["t,pwm,rpm,battery_cells", *rows, ""]))
+    seen = dft.look(file)
+    assert [row.name for row in seen.columns] == ["t", "pwm", "rpm", "battery_cells"]
+    assert all(row.samples == 60 for row in seen.columns)
+    file.write_text("\n".join(rows))
+    with pytest.raises(dft.InputError, match="expected names of columns, found numbers"):
+        dft.look(file)

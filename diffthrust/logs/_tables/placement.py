@@ -68,6 +68,9 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
         header = max(filled, key=lambda k: matched[k])
     elif numbers:
         above = [k for k in filled if k < min(numbers)]
+        # A column that is filled in the first rows only makes these wider than those that follow.
+        while above and any(above[-1] in shares[n] for n in shares if n > width):
+            numbers[above[-1]] = _numeric_share(rows[above.pop()])
         # The row right above the numbers may hold units, with the names above it.
         if len(above) > 1 and len(_trimmed(rows[above[-2]])) == width and _units(rows[above[-1]]):
             above.pop()
@@ -88,7 +91,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
         preamble=filled.index(header),
         measure=(
             matched[header],
-            len(names) == width > 1,
+            len(names) > 1 and any(len(_trimmed(rows[k])) == len(names) for k in numbers),
             len(numbers),
             sum(numbers.values()) / max(len(numbers), 1),
             width or len(names),
