@@ -62,17 +62,19 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
         if share >= 0.5:
             shares.setdefault(len(_trimmed(rows[k])), {})[k] = share
     width = max(shares, key=lambda n: (len(shares[n]), n), default=0)
-    numbers = shares.get(width, {})
+    numbers, widths = shares.get(width, {}), {width}
     header = filled[0]
     if wanted and max(matched.values()) == len(set(wanted)):
         header = max(filled, key=lambda k: matched[k])
     elif numbers:
         above = [k for k in filled if k < min(numbers)]
         # A column that is filled in the first rows only makes these wider than those that follow.
-        while above and any(above[-1] in shares[n] for n in shares if n > width):
-            numbers[above[-1]] = _numeric_share(rows[above.pop()])
+        while above and any(above[-1] in wider for n, wider in shares.items() if n > width):
+            first = above.pop()
+            widths.add(size := len(_trimmed(rows[first])))
+            numbers[first] = shares[size][first]
         # The row right above the numbers may hold units, with the names above it.
-        if len(above) > 1 and len(_trimmed(rows[above[-2]])) == width and _units(rows[above[-1]]):
+        if len(above) > 1 and len(_trimmed(rows[above[-2]])) in widths and _units(rows[above[-1]]):
             above.pop()
         header = above[-1] if above else min(numbers)
     names = _trimmed(rows[header])
@@ -91,7 +93,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
         preamble=filled.index(header),
         measure=(
             matched[header],
-            len(names) > 1 and any(len(_trimmed(rows[k])) == len(names) for k in numbers),
+            len(names) > 1 and len(names) in widths,
             len(numbers),
             sum(numbers.values()) / max(len(numbers), 1),
             width or len(names),
