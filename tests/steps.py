@@ -127,6 +127,9 @@ from diffthrust.diagnosis._search_state import (  # private: trials without a di
     SearchState,
     compiled_fitter,
 )
+from diffthrust.diagnosis._set_aside import (  # private: with a fit that ended badly
+    upheld,
+)
 from diffthrust.diagnosis._settings import (  # private: what is held here
     SETTINGS,
 )
@@ -278,6 +281,7 @@ __all__ = [
     "stopped",
     "term_along",
     "through_filters",
+    "upheld",
     "verdict_of",
     "verdict_words",
     "wald",

@@ -9,7 +9,6 @@ from typing import NamedTuple
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
-from diffthrust.comparison._compare import comparison_of
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
@@ -23,23 +22,21 @@ from diffthrust.diagnosis._findings import (
     headroom_between,
     verdict_evidence,
 )
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._mend_trials import measured_mends
 from diffthrust.diagnosis._mended import undone_by
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
-from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search_state import (
     LEARNING,
     SOUGHT,
-    FittedStage,
     SearchContext,
     SearchState,
-    compiled_fitter,
     start_search,
 )
+from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._verdict import verdict_of
@@ -185,9 +182,11 @@ def assessed(
     fitter, unseen, state = context.fitter, context.unseen, search.state
     trial, first, last = state.current.trial, state.stages[0], state.stages[-1]
     runs = (*last.trained.runs, *(last.judged.runs if unseen else ()))
-    odd = odd_logs(fitter, trial, runs)
     with context.clock("remaining"):
         remaining = state.current.remaining
+    odd = odd_logs(fitter, trial, runs, structure=remaining is not None)
+    odd = tuple(log for log in odd if log.log not in no_longer_odd)
+    odd, others = upheld(context, last, odd)
     selection = selection_of(context, search)
     assessment = Assessment(
         before=first.judged,
@@ -195,7 +194,7 @@ def assessed(
         trained=(first.trained, last.trained),
         one_step=one_step_sizes(fitter, trial),
         remaining=remaining,
-        odd_logs=tuple(log for log in odd if log.log not in no_longer_odd),
+        odd_logs=odd,
     )
     is_open = (
         remaining is not None
@@ -203,7 +202,7 @@ def assessed(
         or bool(verdict_evidence(selection, assessment).far)
     )
     if is_open:
-        assessment = set_aside(context, last, assessment)
+        assessment = set_aside(context, last, assessment, others)
     return Outcome(search, selection, assessment)
 
 
@@ -229,52 +228,6 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
     )
 
 
-def one_step_sizes(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
-    """Standard deviations of the one-step errors of a trial, by channel."""
-    return dict(zip(fitter.channels, map(float, trial.quadratic.sigma), strict=True))
-
-
-def set_aside(context: SearchContext, last: FittedStage, assessment: Assessment) -> Assessment:
-    """The assessment without the odd logs that carry much of the error.
-
-    A log that disagrees with the others may say nothing about what all of them lack, and bends the
-    parameters that they share: where one is among the training logs the last stage is fitted
-    without it, and tested for structure once more.
-
-    Args:
-        context: what the search worked with.
-        last: the last stage.
-        assessment: with the odd logs.
-
-    Returns:
-        The same where no log is so odd, and where no unseen log would be left: what is odd about
-        the only one may be what the model lacks.
-    """
-    odd = {log.log for log in assessment.odd_logs if log.much}
-    if not odd:
-        return assessment
-    records, unseen = context.fitter.records, context.unseen
-    trained, judged = (
-        tuple(run for run in runs if run.name not in odd)
-        for runs in (last.trained.runs, last.judged.runs if unseen else ())
-    )
-    removed = len(records) + len(unseen) - len(trained) - len(judged)
-    if removed > len(odd) or (unseen and not judged):  # several logs may bear one name
-        return assessment
-    if len(trained) < len(records):
-        context.say("without the odd logs", 1.0)
-        kept = [run.record for run in trained], [run.record for run in judged]
-        last = FittedStage(last.effects, *context.refit(last.fit.model, records=kept))
-        fitter, trial = compiled_fitter(last.fit, (), (), *kept)
-        assessment = replace(
-            assessment,
-            remaining=remaining_structure(fitter, trial),
-            one_step=one_step_sizes(fitter, trial),
-        )
-        return replace(assessment, apart=(last.trained, last.judged))
-    return replace(assessment, apart=(last.trained, comparison_of(last.fit, judged)))
-
-
 def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Outcome:
     """The outcome with a learned law, where structure remains and a law surely explains it.
 
@@ -291,7 +244,7 @@ def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Out
     if learned is None:
         return outcome
     updated, law = learned
-    odd = [log for log in assessment.odd_logs if log.much] if assessment.apart else []
+    odd = [log for log in assessment.odd_logs if log.accused] if assessment.apart else []
     agree = agrees_with_law(context, odd, assessment, law.reported)
     if not agree and assessment.remaining is None:
         return outcome

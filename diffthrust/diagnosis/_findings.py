@@ -229,17 +229,25 @@ class OddLog:
         evidence: a sentence that says how it differs.
         share: share of the squared whole-run error of the channel, over all logs, that is this
             log's.
+        beyond: where it goes and most of the other logs do not, in words: what the model lacks may
+            show there alone, and the log is as sound as they are.
     """
 
     log: str
     channel: str
     evidence: str
     share: float = float("nan")
+    beyond: tuple[str, ...] = ()
 
     @property
     def much(self) -> bool:
         """Whether it carries over a third of the squared error, and belongs to the summary."""
         return self.share > SETTINGS.outlier_logs.decisive_share
+
+    @property
+    def accused(self) -> bool:
+        """Whether it carries so much of the error without doing what the others do not."""
+        return self.much and not self.beyond
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from diffthrust._support.words import humanize, joined, number, percent
 from diffthrust.comparison._outstanding import beside_others, outstanding
+from diffthrust.diagnosis._beyond_others import beyond_others
 from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._settings import SETTINGS
@@ -35,7 +36,9 @@ _BLIND = 1e-6
 it."""
 
 
-def odd_logs(fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddLog, ...]:
+def odd_logs(
+    fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run], structure: bool = False
+) -> tuple[OddLog, ...]:
     """The logs that deviate from the others.
 
     Either the error over the whole run stands out, or the one-step errors support another value of
@@ -45,6 +48,9 @@ def odd_logs(fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> t
         fitter: the fits.
         trial: the last model.
         runs: its runs over all logs, training logs first, at its whole-run parameters.
+        structure: the one-step errors show that the model lacks something. The error of a whole
+            run then stands out where that is felt most (of a pendulum, in the log that goes over
+            the top), and is held against a log only where its one-step errors stand out, too.
 
     Returns:
         The odd logs, those that carry most of the error first.
@@ -53,8 +59,10 @@ def odd_logs(fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> t
         return ()
     channels: dict[int, str] = {}
     words_of: dict[int, list[str]] = {}
+    at_once = _one_step_ratios(fitter, trial) if structure else {}
     for outlier in sorted(outstanding(runs), key=lambda outlier: -outlier.ratio):
-        channels.setdefault(outlier.place, outlier.channel)
+        if not structure or _larger(at_once.get((outlier.channel, outlier.place), 1.0)):
+            channels.setdefault(outlier.place, outlier.channel)
     for off in deviating_logs(fitter, trial, len(runs)):
         channels.setdefault(off.log, fitter.channels[off.channel])
         words_of[off.log] = [_parameter_words(fitter, trial, off)]
@@ -65,26 +73,40 @@ def odd_logs(fitter: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> t
         )
         if outlier is None:  # it does not measure this channel
             continue
-        words = (
-            [_error_words(channel, outlier.ratio)]
-            if outlier.ratio > SETTINGS.outlier_logs.least_error_ratio
-            else []
-        )
-        odd.append(OddLog(outlier.run, channel, joined(words + words_of.get(k, [])), outlier.share))
+        words = [_error_words(channel, outlier.ratio)] if _larger(outlier.ratio) else []
+        peers = [run for i, run in enumerate(runs[: len(fitter.records)]) if i != k]
+        beyond = beyond_others(fitter.programs.model, runs[k], peers)
+        evidence = joined(words + words_of.get(k, []))
+        odd.append(OddLog(outlier.run, channel, evidence, outlier.share, beyond))
     return tuple(sorted(odd, key=lambda log: -log.share))
+
+
+def _larger(ratio: float) -> bool:
+    return ratio > SETTINGS.outlier_logs.least_error_ratio
+
+
+def _one_step_ratios(fitter: CandidateFitter, trial: TrialFit) -> dict[tuple[str, int], float]:
+    """The one-step error of each log over that of the median log, by channel and place."""
+    problems = [trial.at_values, *([settled_start(trial.unseen)] if trial.unseen else [])]
+    logs = [log for problem in problems for log in passes(problem, problem.start())]
+    squares = np.array(
+        [[np.mean(e[np.isfinite(e)] ** 2) for e in log.errors] for log in logs]
+    )  # NaN where a log does not measure a channel
+    ratios = np.sqrt(squares / np.nanmedian(squares, axis=0))
+    return {(name, k): float(r) for c, name in enumerate(fitter.channels)
+            for k, r in enumerate(ratios[:, c])}  # fmt: skip
+
+
+def error_ratio(odd: OddLog, runs: Sequence[Run]) -> float:
+    """The error of an odd log over that of the median log, by the runs of some model."""
+    every = beside_others(runs, odd.channel)
+    return next((entry.ratio for entry in every if entry.run == odd.log), np.nan)
 
 
 def no_longer_odd(odd: Sequence[OddLog], baseline: Sequence[Run], updated: Sequence[Run]) -> bool:
     """Whether odd logs that err more than the others with one model no longer do with another."""
-
-    def ratio(log: OddLog, runs: Sequence[Run]) -> float:
-        every = beside_others(runs, log.channel)
-        return next((entry.ratio for entry in every if entry.run == log.log), np.nan)
-
-    return all(
-        ratio(log, baseline) > SETTINGS.outlier_logs.least_error_ratio >= ratio(log, updated)
-        for log in odd
-    )
+    least = SETTINGS.outlier_logs.least_error_ratio
+    return all(error_ratio(log, baseline) > least >= error_ratio(log, updated) for log in odd)
 
 
 def deviating_logs(fitter: CandidateFitter, trial: TrialFit, count: int) -> list[Deviation]:

@@ -283,6 +283,11 @@ class OutlierLogs:
     """The error of a log is reported from this multiple of that of the median log on.
     Origin: chosen. Lower: harder manoeuvres are called odd. Higher: a log counts as sound again
     beside a law that explains half of what was odd."""
+    least_time_beyond: float = 0.2
+    """A log that is for this share of its time where half of the others are not is not accused.
+    Origin: chosen; between the hundredth that a rich log spends there by chance and the half of a
+    run that goes both ways among runs ahead. Lower: one manoeuvre excuses a fault. Higher: what
+    the model lacks astern is taken for a fault of the astern run."""
     decisive_share: float = 1 / 3
     """An odd log that carries more of a channel's squared error may decide all, and is set aside.
     Origin: the fair share of one log of three. Lower: evidence is given up for little. Higher: all

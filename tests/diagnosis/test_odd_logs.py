@@ -3,15 +3,18 @@
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import made_diagnosis as made
 import numpy as np
 import pytest
+from hidden.users import draw
 from one_truth import contradictions
 from reference import thruster
 from short_logs import made_log
 from steps import (
     CandidateFitter,
+    FittedStage,
     OddLog,
     Programs,
     Slopes,
@@ -20,6 +23,7 @@ from steps import (
     deviations,
     no_longer_odd,
     odd_logs,
+    upheld,
 )
 
 import diffthrust as dft
@@ -93,8 +97,12 @@ def thrusters(rng, ct):
 def said_of(ct, seed):
     """The odd logs of thrusters, two of them unseen, by a fit and its trial without candidates."""
     logs = list(thrusters(np.random.default_rng(seed), ct))
-    train, unseen = logs[:-2], logs[-2:]
-    fit = dft.fit(dft.Thruster().replace(thruster.JASON), train, starts=1, doubts=False)
+    return said_by_a_fit(dft.Thruster().replace(thruster.JASON), logs[:-2], logs[-2:])
+
+
+def said_by_a_fit(model, train, unseen):
+    """The odd logs by a fit and its trial without candidates."""
+    fit = dft.fit(model, train, starts=1, doubts=False)
     trials = CandidateFitter(
         Programs(fit.model, [], bind(fit.model, train), bind(fit.model, unseen), fit.substeps)
     )
@@ -169,6 +177,56 @@ def test_the_only_unseen_log_is_not_left_out():
     assert diag.apart is None
     assert diag.verdict == "undecided"
     assert contradictions(diag) == []
+
+
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 10))]
+)
+def test_an_astern_run_among_runs_ahead_is_accused_of_nothing(seed):
+    """With less thrust astern than the model has it errs four times as much, and is sound."""
+    made = draw("astern_runs", seed)
+    odd = said_by_a_fit(made.model, list(made.train), list(made.unseen))
+    astern = next(log for log in made.train if log.inputs["command"].max() < 0)
+    assert astern.name in {log.log for log in odd if log.much}
+    for log in odd:
+        assert not log.accused
+        assert re.match(r"command below 0\.\d+ V", log.beyond[0])  # where the ahead runs end
+
+
+def test_what_a_log_does_alone_is_said_and_it_is_not_set_aside():
+    made = draw("astern_runs", 1)
+    diag = dft.diagnose(made.model, made.train, holdout=made.unseen,
+                        candidates="linear_damping", experiment=False)  # fmt: skip
+    assert diag.apart is None
+    assert re.search(r"log5\.csv does what most of the others do not \(command below", diag.summary)
+    assert "how it was recorded" not in diag.summary
+
+
+def test_a_fit_that_ended_badly_accuses_no_log():
+    """Without the odd log the fit must be as good on the others as the fit of all logs."""
+    logs = list(thrusters(np.random.default_rng(7), [1.0, 2.0, 1.0, 1.0, 1.0]))
+    model = dft.Thruster().replace(thruster.JASON)
+
+    def stage(fit):
+        return FittedStage((), fit, dft.compare(fit, logs).runs, ())
+
+    last = stage(dft.fit(model, logs, starts=1, doubts=False))
+    odd = OddLog("run 1", "thrust", "said", 0.6)
+    kept = [log for log in logs if log.name != "run 1"]
+    good = dft.fit(model, kept, starts=1, doubts=False)
+    bad = replace(good, model=good.model.replace(alpha=3 * thruster.JASON["alpha"]))
+    for fit, expected in ((good, (odd,)), (bad, ())):
+        context = SimpleNamespace(
+            fitter=SimpleNamespace(records=bind(model, logs)), unseen=(), say=lambda *_: None,
+            refit=lambda *_, fit=fit, **__: (fit, dft.compare(fit, kept).runs, ()),
+        )  # fmt: skip
+        assert upheld(context, last, (odd,))[0] == expected
+
+
+def test_of_a_lone_training_log_nothing_is_left_to_fit_without_it():
+    diag = diagnosed([2.0, 1.0, 1.0], unseen=2, seed=7)
+    assert diag.apart is None
+    assert not any(odd.accused for odd in diag.odd_logs)
 
 
 def test_a_log_is_odd_no_longer_where_another_model_errs_there_as_elsewhere():

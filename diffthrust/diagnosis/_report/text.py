@@ -459,10 +459,16 @@ def _stopped(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
 
 
 def _odd_log(odd: OddLog) -> str:
-    return (
-        f"Log {odd.log} deviates from the others: {odd.evidence}. It carries {percent(odd.share)} "
-        f"of the squared {humanize(odd.channel)} error of all logs. Check how it was recorded."
+    carries = (
+        f"{odd.evidence}. It carries {percent(odd.share)} of the squared {humanize(odd.channel)} "
+        "error of all logs"
     )
+    if odd.beyond:
+        return (
+            f"Log {odd.log} does what most of the others do not ({joined(odd.beyond)}), and what "
+            f"the model lacks there shows in it: {carries}."
+        )
+    return f"Log {odd.log} deviates from the others: {carries}. Check how it was recorded."
 
 
 def _amount(size: str, unit: str) -> str:
