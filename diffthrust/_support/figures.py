@@ -20,6 +20,8 @@ _P = ParamSpec("_P")
 # Okabe & Ito 2008: distinct with every kind of colour vision
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
 _POINTS = 4000
+_SPARSE = 0.6
+"""A channel with a smaller share of valid samples has a slower rate than its log."""
 _MOST = 20
 """Figures that wait to be shown; with more, pyplot warns about memory."""
 _OURS: WeakSet[Figure] = WeakSet()
@@ -117,6 +119,15 @@ def unboxed(axes: Axes) -> None:
     axes.margins(x=0.01)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def is_sparse(values: np.ndarray) -> bool:
+    """Whether samples are too far apart for a line: readings between repeats, a slower sensor.
+
+    Args:
+        values: ``(n,)``; NaN where nothing was measured.
+    """
+    return float(np.mean(np.isfinite(values))) < _SPARSE
 
 
 def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

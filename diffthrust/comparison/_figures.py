@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled, thinned
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, styled, thinned
 from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
 from diffthrust.comparison._regimes import Regime
 from diffthrust.comparison._residual_tests import ResidualTests
@@ -85,8 +85,9 @@ def _in_time(
     if regime is not None:
         inside = [interval.holds(derived[interval.signal][0]) for interval in regime.where]
         _shade(axes, run.time, np.logical_and.reduce(inside))
-    time, residual = thinned(run.time, run.shown_channels[name].residual)
-    axes.plot(time, residual, color=BLUE, linewidth=0.9)
+    residual = run.shown_channels[name].residual
+    style = "." if is_sparse(residual) else "-"
+    axes.plot(*thinned(run.time, residual), style, color=BLUE, linewidth=0.9)
     which = f"{literal(run.name)}{', the worst run' if len(measured) > 1 else ''}"
     label = "sample" if tabular else "time [s]"
     styled(axes, f"{name}\n{which}", label, _labelled("residual", run.shown_channels[name].unit))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, thinned, unboxed
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, thinned, unboxed
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run, Trace, are_tables
 
@@ -120,7 +120,7 @@ def draw_drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: 
 def _pair(top: Axes, below: Axes, run: Run, name: str, static: bool) -> None:
     trace = run.shown_channels[name]
     measured: dict[str, Any] = {"color": GREY, "linewidth": 2.4}
-    few = static or np.isfinite(trace.measured).sum() <= 150
+    few = static or np.isfinite(trace.measured).sum() <= 150 or is_sparse(trace.measured)
     if few:
         measured |= {"marker": "o", "markersize": 5, "linestyle": "none"}
     t, y = thinned(run.time, trace.measured)

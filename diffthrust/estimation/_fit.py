@@ -383,7 +383,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
     if failed:
         status, message = failed_over(failed, message, np.isfinite(cost))
     else:
-        little, doubts = explained(train, doubts)
+        little, doubts = explained(train, doubts, optimum.model, optimum.runs)
         corrects = problem.layout.likelihood.corrects
         little += unstable_advice(status, optimum.model, optimum.runs, corrects)
     vanished = vanished_notes(problem, best.z)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -18,6 +18,7 @@ from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._runs import Run, are_tables
 from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._record import jumps
 
 GRADIENT_LIMIT = 1e-5
 """A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""
@@ -322,16 +323,22 @@ _LITTLE = 20.0
 """A channel that is explained to less than so many per cent is not described by the model."""
 
 
-def explained(errors: Errors, doubts: Sequence[Doubt]) -> tuple[str, tuple[Doubt, ...]]:
+def explained(
+    errors: Errors, doubts: Sequence[Doubt], model: Model, runs: Sequence[Run]
+) -> tuple[str, tuple[Doubt, ...]]:
     """What to add to a fit's message, and its doubts with those on channels it hardly explains.
 
     Args:
         errors: of the fit on its training logs.
         doubts: on the logs themselves.
+        model: at the optimum.
+        runs: over its training logs.
     """
+    turning = tuple(_turning(model, runs))
+    doubts = (*turning, *doubts)
     little = {name: e.fit_percent for name, e in errors.channels.items() if e.fit_percent < _LITTLE}
     if not little:
-        return "", tuple(doubts)
+        return "", doubts
     words = [f"{percent(max(share, 0.0) / 100)} of {name}" for name, share in little.items()]
     doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
     added = [
@@ -347,6 +354,25 @@ def explained(errors: Errors, doubts: Sequence[Doubt]) -> tuple[str, tuple[Doubt
         if name not in doubted
     ]
     return f" But it explains {joined(words)}: look at the doubts first.", (*doubts, *added)
+
+
+def _turning(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
+    """Doubts on angles that jump by a full turn, of which the model's class does not say so."""
+    for name, unit in model.outputs.items():
+        for run in runs:
+            if name in model.angles or name not in run.channels:
+                continue
+            measured = run.channels[name].measured
+            if jumps(measured[np.isfinite(measured)]) == unit:
+                yield Doubt(
+                    name,
+                    "unit",
+                    f"{run.name}: {name} jumps by a full turn, 360 degrees, from one sample to the "
+                    f"next, and {type(model).__name__} compares it as a plain number.",
+                    f"name it in the class of the model: angles = ({name!r},); then {name} is "
+                    "compared modulo a full turn.",
+                )
+                break
 
 
 _SMALL = 1e-8

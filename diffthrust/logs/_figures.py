@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, literal, styled, thinned
+from diffthrust._support.figures import BLUE, is_sparse, literal, styled, thinned
 from diffthrust.logs._written import ShownUnits, Written
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ _GAP = 5.0
 """A step longer than this multiple of the median step is a gap."""
 _MOST = 200
 """Gaps that are shaded."""
-_SPARSE = 0.6
-"""A channel with a smaller share of valid samples has a slower rate: its points are connected."""
 _SHADE = "#E69F00"
 
 
@@ -106,12 +104,14 @@ def _draw(axes: Axes, panel: Panel) -> bool:
     if not finite.any():
         return bool(gaps.size)
     time, values = panel.time, panel.values
-    if finite.mean() < _SPARSE:
+    sparse = is_sparse(panel.values)
+    if sparse:  # its points are connected
         time, values = time[finite], values[finite]
     elif not panel.steps:
         # A NaN after the last sample before a gap interrupts the line across it.
         time, values = np.insert(time, gaps + 1, time[gaps]), np.insert(values, gaps + 1, np.nan)
-    style: dict[str, Any] = {"marker": "o", "markersize": 2.5} if finite.sum() <= _FEW else {}
+    dotted = sparse or finite.sum() <= _FEW
+    style: dict[str, Any] = {"marker": "o", "markersize": 2.5} if dotted else {}
     t, y = thinned(time, values)
     # Thinned points are the extremes of stretches, and steps between those would show false levels.
     style["drawstyle"] = "steps-post" if panel.steps and t.size == time.size else "default"

@@ -488,6 +488,8 @@ class Log:
     def plot(self) -> "Figure":
         """Plot all channels over time, stacked: inputs on top, gaps in time shaded.
 
+        Of a held channel only the readings are drawn, as dots.
+
         Returns:
             The figure; its time axis starts at the first sample, as ``start`` and ``stop`` do.
 
@@ -500,7 +502,7 @@ class Log:
             self.name,
             self.time,
             self.inputs,
-            self.measured,
+            self.unrepeated.measured,
             units=self.units,
             hold=self.hold,
             written=self.written,

@@ -7,11 +7,11 @@ window, and from threads, and pyplot would keep every figure alive.
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, thinned, unboxed
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, thinned, unboxed
 from diffthrust._support.words import humanize, number, percent
 from diffthrust.comparison._figures_runs import draw_drive, drives_of
 from diffthrust.diagnosis._findings import Findings, Missing, Stage, TriedEffect
@@ -160,7 +160,10 @@ def _nrmse(stage: Stage, name: str, unseen: bool) -> float:
 
 def _traces(panel: Axes, baseline: Run, updated: Run | None, name: str) -> None:
     first = baseline.shown_channels[name]
-    panel.plot(*thinned(baseline.time, first.measured), color=GREY, linewidth=2.6, label="measured")
+    dots: dict[str, Any] = {"marker": "o", "markersize": 4, "linestyle": "none"}
+    style = dots if is_sparse(first.measured) else {"linewidth": 2.6}
+    measured = thinned(baseline.time, first.measured)
+    panel.plot(*measured, color=GREY, label="measured", **style)
     panel.plot(
         *thinned(baseline.time, first.modelled), color=VERMILLION, linewidth=1.1, linestyle="--",
         label="model as given",
