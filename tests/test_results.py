@@ -35,9 +35,12 @@ def thruster() -> tuple[dft.Fit, dft.Log]:
 def line() -> tuple[dft.Fit, dft.Log]:
     """A straight line with noise."""
     depth = np.linspace(0.0, 4.0, 40)
-    reading = 0.16 * depth + 1.6 + np.random.default_rng(3).normal(0, 0.01, 40)
-    log = dft.Log(np.arange(40), {"depth": depth}, {"reading": reading}, name="line")
-    return dft.fit(dft.LinearSensor(), log, holdout=log, starts=2), log
+    noise = np.random.default_rng(3).normal(0, 0.01, (2, 40))
+    log, unseen = (
+        dft.Log(np.arange(40), {"depth": depth}, {"reading": 0.16 * depth + 1.6 + n}, name="line")
+        for n in noise
+    )
+    return dft.fit(dft.LinearSensor(), log, holdout=unseen, starts=2), log
 
 
 RESULTS = {

@@ -26,7 +26,9 @@ def line() -> dft.Log:
 
 @pytest.fixture(scope="module")
 def fit(line: dft.Log) -> dft.Fit:
-    return dft.fit(dft.LinearSensor(), line, holdout=line)
+    reading = line.measured["reading"] + 0.01 * np.cos(23.0 * np.arange(20))
+    unseen = dft.Log(line.time, line.inputs, {"reading": reading}, name="later")
+    return dft.fit(dft.LinearSensor(), line, holdout=unseen)
 
 
 def test_the_table_of_a_fit(fit):

@@ -11,8 +11,11 @@ from contextlib import contextmanager
 from contextvars import copy_context
 from functools import wraps
 from html import escape
+from inspect import signature
 from typing import ParamSpec, TypeVar
 
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import short_repr
 from diffthrust._support.visible import visible
 
 Progress = Callable[[str, float], None]
@@ -35,6 +38,7 @@ def progressing(work: Callable[_P, _R]) -> Callable[_P, _R]:
 
     @wraps(work)
     def run(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        _check(kwargs.get("progress"))
         if kwargs.get("progress") is not True:
             return work(*args, **kwargs)
         with bar() as report:
@@ -42,6 +46,25 @@ def progressing(work: Callable[_P, _R]) -> Callable[_P, _R]:
             return work(*args, **kwargs)
 
     return run
+
+
+def _check(progress: object) -> None:
+    """Raise `InputError` for what cannot receive progress, before hours of work and not after."""
+    if isinstance(progress, bool | None):
+        return
+    found = short_repr(progress)
+    if callable(progress):
+        try:
+            signature(progress).bind("message", 0.0)
+            return
+        except ValueError:  # a built-in function that does not say what it takes
+            return
+        except TypeError:
+            found = "a function that does not take two arguments"
+    raise InputError(
+        f"progress: expected True, or a function of a message and the share done, found {found}.",
+        "Write progress=True, or progress=lambda message, share: print(message, share).",
+    )
 
 
 def reporter(progress: ProgressOption) -> Progress:

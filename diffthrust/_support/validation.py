@@ -12,6 +12,13 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError, Place
 
+_OTHER_KINDS = {
+    "U": ("of text", "convert it: numpy.asarray(values, dtype=float)."),
+    "M": ("of dates", "give seconds since the start, or the table to dft.Log.from_dataframe."),
+    "m": ("of durations", "give seconds: values / numpy.timedelta64(1, 's')."),
+}
+"""Kinds of arrays that new users bring, in words, and how they become numbers."""
+
 
 def finite(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
     """A finite number that meets a condition.
@@ -50,10 +57,13 @@ def numeric_vector(values: ArrayLike, where: Place | str) -> np.ndarray:
         with suppress(TypeError, ValueError, OverflowError):
             array = np.array([np.nan if v is None else float(v) for v in array])
     if array.ndim != 1 or array.dtype.kind not in "biuf":
-        description = f"an array of shape {array.shape} and type {array.dtype}"
+        kind, mend = _OTHER_KINDS.get(
+            array.dtype.kind if array.ndim == 1 else "",
+            (f"type {array.dtype}", "give a list or a one-dimensional array of real numbers."),
+        )
         raise InputError.at(
             where,
-            f"expected numbers in one dimension, found {description}.",
-            "give a list or a one-dimensional array of real numbers.",
+            f"expected numbers in one dimension, found an array of shape {array.shape} and {kind}.",
+            mend,
         )
     return np.array(array, dtype=np.float64)

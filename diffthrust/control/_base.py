@@ -60,7 +60,7 @@ class Block(Component):
                     f"it has {listing(named)}.",
                     "Correct the name.",
                 )
-            named[name] = changed(named[name], new)
+            named[name] = changed(named[name], new, name)
             named[name].check(name)
         return self._copy(_parameters=named, **{k: p.value for k, p in named.items()})
 

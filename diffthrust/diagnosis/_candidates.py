@@ -114,7 +114,7 @@ def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, .
 def _several(wanted: Candidates | None) -> Sequence[str | Effect | type[Effect]]:
     if wanted is None or isinstance(wanted, str | Effect | type):
         return (_EVERY if wanted is None else wanted,)
-    return wanted
+    return wanted if isinstance(wanted, Collection) else (wanted,)
 
 
 def _asked_for(

@@ -40,9 +40,16 @@ from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._verdict import verdict_of
-from diffthrust.estimation._arguments import FitOptions, by_input, check_arguments, listed
+from diffthrust.estimation._arguments import (
+    FitOptions,
+    by_input,
+    check_arguments,
+    check_switch,
+    training_and_unseen,
+)
 from diffthrust.estimation._origin import Origin, origin_of, same_logs
 from diffthrust.estimation._result import Fit
+from diffthrust.experiments._request import checked_limits
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
@@ -103,15 +110,17 @@ def diagnose(
         >>> found.verdict, found.added
         ('effects_found', ('command_deadband',))
     """
-    train, unseen = listed(logs), listed(holdout) if holdout is not None else ()
+    train, unseen = training_and_unseen(logs, holdout)
     model = fit.model if isinstance(fit, Fit) else fit
     check_arguments(model, train, FitOptions(seed=seed))
-    for name in by_input("limits", limits, model, "(low, high)"):
+    check_switch("experiment", experiment)
+    for name, pair in by_input("limits", limits, model, "(low, high)").items():
         if name not in model.inputs:
             raise InputError(
                 f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",
                 "Correct the name.",
             )
+        checked_limits(name, pair)
     given = fit if isinstance(fit, Fit) else adopted(fit, train)
     model = given.model if isinstance(given, Fit) else given
     records, unseen_records = bind(model, train), bind(model, unseen)

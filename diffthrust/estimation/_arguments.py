@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.estimation._laws import Censored, Gaussian, Law, StudentT, are_censored
@@ -49,19 +51,50 @@ def likelihood_of(
     return kind.of(model, records, noise, law)
 
 
-def listed(logs: Any) -> tuple[Log, ...]:
-    """One log or several as a tuple.
+def listed(logs: Any, what: str = "logs") -> tuple[Log, ...]:
+    """One log or several as a tuple; ``what`` names the argument.
 
     Raises:
         InputError: something else than logs.
     """
     several = (logs,) if isinstance(logs, Log) else logs
-    if not isinstance(several, Sequence) or not all(isinstance(log, Log) for log in several):
+    if isinstance(several, Sequence) and not isinstance(several, str):
+        strange = [entry for entry in several if not isinstance(entry, Log)]
+        if not strange:
+            return tuple(several)
+        found = f"{_described(strange[0])} in a {type(several).__name__}"
+    else:
+        found = _described(several)
+    raise InputError(
+        f"{what}: expected a Log or a sequence of Logs, found {found}.",
+        "Read files with dft.read_log, tables with dft.Log.from_dataframe.",
+    )
+
+
+def _described(value: Any) -> str:
+    """What was found in place of an object, in a few characters: a table has no short `repr`."""
+    kind = type(value).__name__
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    return f"{short_repr(value)} ({kind})" if isinstance(value, str | int | float) else kind
+
+
+def training_and_unseen(logs: Any, holdout: Any) -> tuple[tuple[Log, ...], tuple[Log, ...]]:
+    """The arguments ``logs`` and ``holdout`` as tuples.
+
+    Raises:
+        InputError: something else than logs, or a log that is in both.
+    """
+    train = listed(logs)
+    unseen = listed(holdout, "holdout") if holdout is not None else ()
+    contents = {log.sha256 for log in train} if unseen else set()
+    both = [log.name for log in unseen if log.sha256 in contents]
+    if both:
         raise InputError(
-            f"Expected a Log or a sequence of them, found {type(logs).__name__}.",
-            "Read a file with dft.read_log, or make a dft.Log.",
+            f"holdout: {listing(both)} is also a training log; an unseen log must not be one.",
+            "Take it out of logs, or leave holdout out.",
         )
-    return tuple(several)
+    return train, unseen
 
 
 def by_input(what: str, values: Any, model: Model, example: str) -> dict[str, Any]:
@@ -100,8 +133,10 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
     Only `check_guesses` needs the model in the units of its logs.
     """
     if not isinstance(model, Model):
+        is_class = isinstance(model, type) and issubclass(model, Model)
         raise InputError(
-            f"Expected a model, found {model!r}.", "Give an instance, such as dft.Thruster()."
+            f"Expected a model, found {_described(model)}.",
+            f"Give an instance, such as {model.__name__ if is_class else 'dft.Thruster'}().",
         )
     for what, value, choices in (
         ("loss", options.loss, LOSSES),
@@ -109,12 +144,12 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
         ("likelihood", options.likelihood, LIKELIHOODS),
         ("noise_model", options.noise_model, NOISE_MODELS),
     ):
-        if value not in choices:
+        if not isinstance(value, str) or value not in choices:
             near = nearest(value, choices) if isinstance(value, str) else ""
             raise InputError(
-                f"{what}: expected one of {', '.join(choices)}, found {value!r}"
+                f"{what}: expected one of {', '.join(choices)}, found {short_repr(value)}"
                 f"{f' ({near})' if near else ''}.",
-                "Correct it.",
+                f"Write {what}='{next(iter(choices))}', or one of the others.",
             )
     corrects = LIKELIHOODS[options.likelihood].corrects
     if corrects and options.noise_model != "white":
@@ -129,8 +164,9 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
             "Leave the horizon out, or use likelihood='simulation'.",
         )
     _check_whole_numbers(options)
+    check_switch("doubts", options.doubts)
     if not logs:
-        raise InputError("Expected at least one log to fit, found none.", "Give at least one log.")
+        raise InputError("logs: expected at least one log to fit, found none.", "Give one.")
     if all(p.fixed for p in model.parameters.values()):
         raise InputError(
             f"Every parameter of '{model}' is fixed: there is nothing to fit.",
@@ -138,11 +174,19 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
         )
 
 
+def check_switch(what: str, value: Any) -> None:
+    """Raise `InputError` unless a value is True or False: the text "no" would count as True."""
+    if not isinstance(value, bool | int | np.bool_):
+        raise InputError(
+            f"{what}: expected True or False, found {short_repr(value)}.", f"Write {what}=False."
+        )
+
+
 def _check_whole_numbers(options: FitOptions) -> None:
-    for what, value, least, most in (
-        ("starts", options.starts, 1, STARTS_LIMIT),
-        ("seed", options.seed, 0, SEED_LIMIT),
-        ("substeps", options.substeps, 1, SUBSTEPS_LIMIT),
+    for what, value, least, most, mend in (
+        ("starts", options.starts, 1, STARTS_LIMIT, "Write starts=8, or leave it out."),
+        ("seed", options.seed, 0, SEED_LIMIT, "Write seed=0, or leave it out."),
+        ("substeps", options.substeps, 1, SUBSTEPS_LIMIT, "Leave it out: the fit chooses it."),
     ):
         if what == "substeps" and value is None:
             continue
@@ -152,13 +196,11 @@ def _check_whole_numbers(options: FitOptions) -> None:
             number = -1
         if number < least:
             raise InputError(
-                f"{what}: expected at least {least}, a whole number, found {short_repr(value)}.",
-                "Correct it.",
+                f"{what}: expected a whole number of at least {least}, found {short_repr(value)}.",
+                mend,
             )
         if number > most:
-            raise InputError(
-                f"{what}: expected at most {most}, found {short_repr(value)}.", "Correct it."
-            )
+            raise InputError(f"{what}: expected at most {most}, found {short_repr(value)}.", mend)
 
 
 def check_guesses(model: Model, guesses: Any) -> None:
@@ -170,6 +212,14 @@ def check_guesses(model: Model, guesses: Any) -> None:
         )
     named = model.parameters
     for values in guesses:
+        for name in values:
+            if name not in named:
+                near = nearest(str(name), named)
+                raise InputError(
+                    f"guesses: '{model}' has no parameter {name!r}"
+                    f"{f' ({near})' if near else ''}; it has {listing(named)}.",
+                    "Correct the name.",
+                )
         absent = [n for n, value in values.items() if n in named and value == named[n].null]
         model.replace({n: value for n, value in values.items() if n not in absent})
         held = [n for n, value in values.items() if named[n].fixed and value != named[n].value]

@@ -23,7 +23,7 @@ from diffthrust.estimation._arguments import (
     check_arguments,
     check_guesses,
     likelihood_of,
-    listed,
+    training_and_unseen,
 )
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
@@ -144,8 +144,7 @@ def fit(
         >>> found.status, round(found.parameters["alpha"].value, 3)
         (<Status.CONVERGED: 'converged'>, 0.037)
     """
-    logs = listed(logs)
-    unseen = listed(holdout) if holdout is not None else ()
+    logs, unseen = training_and_unseen(logs, holdout)
     options = FitOptions(
         starts=starts,
         guesses=guesses,

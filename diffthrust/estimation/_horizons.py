@@ -19,6 +19,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
 
+_HORIZON_MEND = "Give seconds, a list of seconds, or None for whole runs."
 _FOLDS = 4
 """Logs are left out in so many groups."""
 _BUDGET = 10
@@ -110,7 +111,9 @@ def schedule(
     """
     if isinstance(horizon, str):
         if horizon != "auto":
-            raise InputError(f"horizon: expected seconds or 'auto', found {horizon!r}.", "")
+            raise InputError(
+                f"horizon: expected seconds or 'auto', found {horizon!r}.", _HORIZON_MEND
+            )
         longest = max(record.duration for record in records)
         restartable = all(record.measured_states for record in records)
         if model.horizon is None or longest <= 2 * model.horizon or not restartable:
@@ -121,13 +124,13 @@ def schedule(
         return (model.horizon / 10, model.horizon / 3, model.horizon)
     stages = horizon if isinstance(horizon, Sequence) else (horizon,)
     least = max(record.step for record in records)
-    for seconds in stages or ("nothing",):
+    for seconds in stages or ((),):
         number = isinstance(seconds, int | float) and math.isfinite(seconds)
         if seconds is not None and not (number and float(seconds) > least):
             raise InputError(
                 f"horizon: expected a positive number of seconds above the step of {least:g} s, "
                 f"found {seconds!r}.",
-                "Give seconds, a list of seconds, or None for whole runs.",
+                _HORIZON_MEND,
             )
     return tuple(stages)
 

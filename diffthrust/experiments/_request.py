@@ -174,7 +174,7 @@ def _inputs(
             f"Give limits={{{pairs}}} to move it, or held={{'{missing[0]}': value}}.",
         )
     for name, pair in limits.items():
-        limits[name] = _pair(name, pair)
+        limits[name] = checked_limits(name, pair)
     for name, value in held.items():
         if not _number(value):
             raise InputError(f"held: expected a number for '{name}', found {value!r}.", "Give one.")
@@ -204,7 +204,12 @@ def _check_names(what: str, names: Iterable[str], available: Sequence[str], why:
             )
 
 
-def _pair(name: str, pair: Any) -> tuple[float, float]:
+def checked_limits(name: str, pair: Any) -> tuple[float, float]:
+    """Lowest and highest value of an input.
+
+    Raises:
+        InputError: something else than a lower and a higher number.
+    """
     try:
         low, high = pair
         fine = _number(low) and _number(high) and low < high

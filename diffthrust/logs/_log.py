@@ -108,11 +108,11 @@ class Log:
     ) -> None:
         checked = checked_fields(
             time=time,
-            inputs=inputs or {},
-            measured=measured or {},
-            units=units or {},
+            inputs={} if inputs is None else inputs,
+            measured={} if measured is None else measured,
+            units={} if units is None else units,
             unsigned=unsigned,
-            noise=noise or {},
+            noise={} if noise is None else noise,
             hold=hold,
             name=str(name),
             interpolate_inputs=interpolate_inputs,

@@ -96,6 +96,11 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
         line = at[1] if at and at[1] else str(len(text.splitlines()))
         column = f", column {at[2]}" if at and at[2] else ""
         what = message[: at.start()].strip() if at else message
+        if what == "Cannot overwrite a value":  # as after adding a key of the drafted file again
+            raise InputError(
+                f"{file}, line {line}: this key is already in the file.",
+                "Keep one of the two lines.",
+            ) from None
         raise InputError(
             f"{file}, line {line}{column}: this is not TOML: {what[:1].lower()}{what[1:]}.",
             'Correct the line; text is written "in quotes", lists as [1, 2], tables as [logs].',
@@ -167,7 +172,13 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
             f"Add {example} to {table}." if parent or "=" in example else f"Add {example}.",
         )
     message = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    message = message.replace("a valid ", "a ").replace("dictionary", "table")
+    message = (
+        message.replace("a valid integer", "an integer")
+        .replace("a valid ", "a ")
+        .replace("dictionary", "table")
+    )
+    if problem["type"] == "too_short":
+        message = f"at least {problem['ctx']['min_length']} entry"
     message = re.sub(r" or instance of \w+$", "", message)
     return InputError(
         f"{where}: expected {message[:1].lower()}{message[1:]}, found "

@@ -153,11 +153,6 @@ def test_limits_of_an_input_that_is_not_there_are_refused_before_the_work():
         dft.diagnose(dft.Thruster(), logs(1), limits={"thrust": (-1.0, 1.0)})
 
 
-def test_what_is_no_model_is_refused():
-    with pytest.raises(dft.InputError, match="Expected a model"):
-        dft.diagnose("thruster", logs(1))
-
-
 @pytest.mark.slow
 def test_the_diagnosis_tells_the_errors_of_its_own_logs():
     one, other, unseen = logs(command_deadband=0.4)

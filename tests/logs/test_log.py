@@ -237,3 +237,22 @@ def test_a_fit_to_averages_finds_the_same_parameters():
     for name, estimate in fine.parameters.items():
         # to what the averages blur of a motion that takes a few of them
         assert coarse.parameters[name].value == pytest.approx(estimate.value, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"inputs": np.zeros(3)}, "inputs: expected a dictionary .* found ndarray"),
+        ({"measured": [1.0, 2.0, 3.0]}, "measured: expected a dictionary .* found list"),
+        ({"units": "rpm"}, "units: expected a dictionary .* found str"),
+        ({"measured": {"speed": ["1", "2", "3"]}}, "'speed': .* of text.\nMend: convert it"),
+        (
+            {"time": np.array(["2020-01-01", "2020-01-02", "2020-01-03"], "datetime64[s]")},
+            "time: .* of dates.\nMend: give seconds",
+        ),
+    ],
+)
+def test_a_field_of_another_kind_is_named(given, words):
+    fields = {"time": [0.0, 1.0, 2.0], "inputs": {"command": [0.0, 1.0, 1.0]}, **given}
+    with pytest.raises(InputError, match=words):
+        Log(**fields)

@@ -17,25 +17,25 @@ OLD = Parameter(1.0, "V", (0.0, 9.0), null=0.5, doc="old", pattern="{command}")
 
 
 def test_a_value_or_a_description_or_some_fields():
-    assert changed(OLD, 3) == Parameter(
+    assert changed(OLD, 3, "level") == Parameter(
         3.0, "V", (0.0, 9.0), null=0.5, doc="old", pattern="{command}"
     )
-    new = changed(OLD, Parameter(2.0, "", (1.0, None), fixed=True))
+    new = changed(OLD, Parameter(2.0, "", (1.0, None), fixed=True), "level")
     assert new == Parameter(2.0, "V", (1.0, None), True, null=0.5, doc="old", pattern="{command}")
-    told = changed(OLD, Parameter(2.0, "V", null=2.0, doc="new"))
+    told = changed(OLD, Parameter(2.0, "V", null=2.0, doc="new"), "level")
     assert (told.null, told.doc) == (2.0, "new")
-    fields = changed(OLD, {"size": 2.0, "prior": Normal(1.0, 0.5), "transform": "log"})
+    fields = changed(OLD, {"size": 2.0, "prior": Normal(1.0, 0.5), "transform": "log"}, "level")
     assert (fields.value, fields.size, fields.prior.std, fields.transform) == (1.0, 2.0, 0.5, "log")
     for field in ("unit", "null", "doc", "probes"):
         with pytest.raises(InputError):
-            changed(OLD, {field: "x"})
+            changed(OLD, {field: "x"}, "level")
     for wrong in (True, "3", None, [1.0]):
-        with pytest.raises(InputError, match="Expected a number for a parameter"):
-            changed(OLD, wrong)
+        with pytest.raises(InputError, match="Parameter 'level': expected a number"):
+            changed(OLD, wrong, "level")
     with pytest.raises(
-        InputError, match=r"Expected a parameter in the unit of command, found one in kg"
+        InputError, match=r"Parameter 'level': expected the unit of command, found kg"
     ):
-        changed(OLD, Parameter(1.0, "kg"))
+        changed(OLD, Parameter(1.0, "kg"), "level")
 
 
 def test_the_same_value_is_the_same_object():

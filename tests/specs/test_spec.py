@@ -229,6 +229,7 @@ def test_a_model_of_ones_own(folder):
         ("[parameters]", '[fit]\nloss = "l1"\n[parameters]', ["line 20", "'student_t'"]),
         ("[parameters]", "[parameters", ["line 19", "not TOML"]),
         ('column = "rpm"', "column = rpm", ["line 14", "not TOML"]),
+        ("[logs]", "effects = []\n[logs]", ["line 4", "already in the file", "one of the two"]),
     ],
 )
 def test_refusals_name_line_key_and_mend(folder, old, new, parts):

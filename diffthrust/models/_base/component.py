@@ -51,7 +51,7 @@ class Component:
                     f"{_hint(name, parameters)}; it has {listing(parameters)}.",
                     "Correct the name.",
                 )
-            parameters[name] = changed(parameters[name], value)
+            parameters[name] = changed(parameters[name], value, name)
         for name, described in parameters.items():
             described.check(name)
         self._set(_parameters=parameters, **{k: p.value for k, p in parameters.items()})
@@ -170,13 +170,13 @@ def _flatten(component: Component) -> tuple[tuple[Any, ...], _Described]:
     return (values, getattr(component, "effects", ())), _Described(component)
 
 
-def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Parameter:
+def changed(old: Parameter, new: float | Parameter | Mapping[str, Any], name: str) -> Parameter:
     """A parameter with a new value, a new description, or some fields replaced."""
     unit = old.in_units({}).unit or "no unit"
     if isinstance(new, Parameter):
         if new.unit not in ("", old.unit):
             raise InputError(
-                f"Expected a parameter in {unit}, found one in {new.unit}: "
+                f"Parameter '{name}': expected the unit {unit}, found {new.unit}: "
                 "the unit of a parameter belongs to its model.",
                 "Convert the value and leave the unit out.",
             )
@@ -186,14 +186,14 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
     if isinstance(new, Mapping):
         if "unit" in new:
             raise InputError(
-                f"A parameter was given the unit {new['unit']!r}: "
+                f"Parameter '{name}': expected no unit, found {new['unit']!r}: "
                 "the unit of a parameter belongs to its model.",
                 f"Convert the value to {unit} and leave the unit out.",
             )
         unknown = set(new) - {"value", "bounds", "fixed", "prior", "transform", "size"}
         if unknown:
             raise InputError(
-                f"A parameter has no field {listing(sorted(unknown))}.",
+                f"Parameter '{name}': there is no field {listing(sorted(unknown))}.",
                 "Fields are value, bounds, fixed, prior, transform and size.",
             )
         return replace(old, **new)
@@ -204,7 +204,7 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
         return old.with_value(float(new))
     except (TypeError, ValueError):
         raise InputError(
-            f"Expected a number for a parameter, found {new!r}.", "Give a number."
+            f"Parameter '{name}': expected a number, found {new!r}.", "Give a number."
         ) from None
 
 

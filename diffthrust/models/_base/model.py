@@ -207,7 +207,7 @@ class Model(Component):
                     f"it has {listing(named)}.",
                     "Correct the name.",
                 )
-            named[name] = changed(named[name], new)
+            named[name] = changed(named[name], new, name)
             named[name].check(name)
         base = {k: named[k] for k in self._parameters}
         effects = []
