@@ -267,7 +267,7 @@ def test_a_declaration_that_cannot_be_is_refused_when_the_model_is_made():
 
 
 def test_a_parameter_of_another_unit_is_refused_and_the_null_value_stays():
-    with pytest.raises(InputError, match="'width': expected the unit of command, found"):
+    with pytest.raises(InputError, match="'width': expected a value in the unit of command, found"):
         CommandDeadband(width=dft.Parameter(50.0, "mV"))
     assert CommandDeadband(width=dft.Parameter(0.2)).at_null().width == 0.0
 

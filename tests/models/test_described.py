@@ -33,7 +33,8 @@ def test_a_value_or_a_description_or_some_fields():
         with pytest.raises(InputError, match="Parameter 'level': expected a number"):
             changed(OLD, wrong, "level")
     with pytest.raises(
-        InputError, match=r"Parameter 'level': expected the unit of command, found kg"
+        InputError,
+        match=r"Parameter 'level': expected a value in the unit of command, found one in kg",
     ):
         changed(OLD, Parameter(1.0, "kg"), "level")
 

@@ -176,7 +176,7 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any], name: st
     if isinstance(new, Parameter):
         if new.unit not in ("", old.unit):
             raise InputError(
-                f"Parameter '{name}': expected the unit {unit}, found {new.unit}: "
+                f"Parameter '{name}': expected a value in {unit}, found one in {new.unit}: "
                 "the unit of a parameter belongs to its model.",
                 "Convert the value and leave the unit out.",
             )
