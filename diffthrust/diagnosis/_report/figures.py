@@ -160,10 +160,10 @@ def _nrmse(stage: Stage, name: str, unseen: bool) -> float:
 
 def _traces(panel: Axes, baseline: Run, updated: Run | None, name: str) -> None:
     first = baseline.shown_channels[name]
-    dots: dict[str, Any] = {"marker": "o", "markersize": 4, "linestyle": "none"}
-    style = dots if is_sparse(first.measured) else {"linewidth": 2.6}
-    measured = thinned(baseline.time, first.measured)
-    panel.plot(*measured, color=GREY, label="measured", **style)
+    style: dict[str, Any] = {"color": GREY, "linewidth": 2.6, "label": "measured"}
+    if is_sparse(first.measured):
+        style |= {"marker": "o", "markersize": 4, "linestyle": "none"}
+    panel.plot(*thinned(baseline.time, first.measured), **style)
     panel.plot(
         *thinned(baseline.time, first.modelled), color=VERMILLION, linewidth=1.1, linestyle="--",
         label="model as given",
