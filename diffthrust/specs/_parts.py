@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 from diffthrust._support.names import nearest
+from diffthrust.estimation import _arguments
 from diffthrust.estimation._arguments import STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.logs._columns import Column
 from diffthrust.logs._written import PWM
@@ -41,8 +42,6 @@ class RegisteredWord:
     @property
     def words(self) -> tuple[str, ...]:
         """The words, in the order of the registry."""
-        from diffthrust.estimation import _arguments  # late: it loads JAX
-
         return tuple(getattr(_arguments, self.registry))
 
     def __call__(self, value: Any) -> Any:

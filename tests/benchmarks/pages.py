@@ -5,8 +5,8 @@
     cd tests && python -m benchmarks.pages --peers peers.json             # of `benchmarks.peers`
     cd tests && python -m benchmarks.pages --sweep answers.json --seed 3511  # of `hidden.sweep`
 
-With a file of results its figures are taken in, with the commit of the checkout, the day and the
-machine. A page is never written by hand: a test holds it against what this script gives.
+With a file of results its figures are taken in, with their origin (commit, day and machine, or the
+version). A page is never written by hand: a test holds it against what this script gives.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from typing import Any
 from hidden import learned
 from hidden.score import wilson
 from places import ROOT
+
+import diffthrust as dft
 
 NUMBERS = ROOT / "docs" / "numbers"
 BENCH, PEERS = NUMBERS / "hidden_effects.json", NUMBERS / "benchmarks.json"
@@ -312,7 +314,13 @@ def sweep_page(found: Run) -> str:
             *lines,
             "## Where they are from",
             "",
-            *_origins(found["runs"], "seed"),
+            *_table(
+                ("seed", "sets", "version", "remark"),
+                [
+                    [str(run["seed"]), str(run["sets"]), run["version"], run.get("note", "")]
+                    for run in found["runs"]
+                ],
+            ),
             "",
             "```console",
             "$ cd tests",
@@ -351,7 +359,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.sweep:
         if options.seed is None:
             parser.error("--sweep needs --seed")
-        _add(SWEEP, {"seed": options.seed, **stamp(), **taken(options.sweep)})
+        _add(SWEEP, {"seed": options.seed, "version": dft.__version__, **taken(options.sweep)})
     if options.bench:
         lines = options.bench.read_text(encoding="utf-8").splitlines()
         if options.seed is None:
