@@ -2,15 +2,80 @@
 
 from dataclasses import replace
 
+import claims
 import made_diagnosis as made
 import numpy as np
 import pytest
 from one_truth import contradictions
-from steps import Worth, headroom_between, missing_words, verdict_of
+from reference import whole_runs as wr
+from steps import Stage, Worth, headroom_between, missing_words, verdict_of
 
 import diffthrust as dft
 
 SMALL = Worth(0.01, 0.0, 0.02)
+MADE_UP = [made.found, made.diagnosis, made.adequate, made.unexplained, made.undecided]
+
+
+@pytest.mark.parametrize("made_up", MADE_UP)
+def test_every_sentence_has_a_check_and_passes_it(made_up):
+    assert claims.contradictions(made_up()) == []
+
+
+def page_of_a_dead_band() -> claims.Page:
+    """What is known of the logs of `made.found`."""
+    train, unseen = made.logs()
+    return claims.Page(
+        [wr.Run.of(train)],
+        [wr.Run.of(unseen)],
+        hidden=frozenset({"command_deadband"}),
+        true=wr.yoerger(deadband=True),
+        truth={"alpha": 0.037, "beta": 42.0, "ct": 0.02, "nominal": 16.0, "band": made.BAND},
+        noise={"speed": 0.3, "thrust": 0.4},
+    )
+
+
+def test_a_found_dead_band_is_held_against_a_plain_least_squares():
+    page = page_of_a_dead_band()
+    assert page.quiet
+    assert claims.contradictions(made.found(), page) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("falls from", "rises from", "it rises"),
+        ("dead band of 0.", "dead band of 1.", "no added parameter"),
+        ("lacks a command dead band", "lacks an actuator lag", "was added"),
+        ("(NRMSE 0.", "(NRMSE 1.", "NRMSE 1."),
+        (" to 0.", " to 2.", "is 0."),
+        ("The basic", "Thrusters are noble. The basic", "nobody checks"),
+    ],
+)
+def test_what_is_not_so_is_seen(old, new, why):
+    diag = made.found()
+    text = diag.summary.replace(old, new, 1)
+    assert text != diag.summary
+    assert any(why in words for words in claims.contradictions(diag, text=text))
+
+
+def test_a_fit_that_ended_early_and_a_false_name_are_seen():
+    diag, page = made.found(), page_of_a_dead_band()
+    other = {**diag.fit.parameters, "beta": replace(diag.fit.parameters["beta"], value=60.0)}
+    worse = replace(diag.fit, parameters=other)
+    stages = (diag.stages[0], replace(diag.stages[1], fit=worse))
+    wrong = claims.contradictions(replace(diag, stages=stages), page)
+    assert any("by an independent simulation" in words for words in wrong)
+    early = replace(diag.stages[0].train, nrmse=1.2 * diag.stages[0].train.nrmse)
+    fit = replace(diag.stages[0].fit, train=early)
+    wrong = claims.contradictions(replace(diag, stages=(Stage((), fit), diag.stages[1])), page)
+    assert any("a plain least squares reaches" in words for words in wrong)
+    wrong = claims.contradictions(diag, replace(page, hidden=frozenset({"actuator_lag"})))
+    assert any("nothing of command_deadband is hidden" in words for words in wrong)
+
+
+def test_random_forces_are_not_said_of_a_plant_without():
+    wrong = claims.contradictions(made.undecided(), page_of_a_dead_band())
+    assert any("no random force is at work" in words for words in wrong)
 
 
 @pytest.mark.parametrize(

@@ -233,6 +233,7 @@ def fit(
     seed: int = 0,
     channels: Sequence[str] = (),
     most: int = 60,
+    ftol: float = 1e-9,
     first: Mapping[str, float] | None = None,
 ) -> Found:
     """Least squares of whole runs, every channel by its standard deviation, from several starts.
@@ -272,6 +273,9 @@ def fit(
                 parts.append(np.clip(np.nan_to_num(scaled, nan=worst, posinf=worst), -worst, worst))
         return np.concatenate(parts)
 
+    def alone(theta: Array) -> Array:
+        return residuals(theta[None])[:, 0]
+
     def jacobian(theta: Array) -> Array:
         step = 1e-6 * np.maximum(np.abs(theta), 1e-2 * size)
         step = np.where(theta + step > high, -step, step)
@@ -290,13 +294,13 @@ def fit(
         inner = 1e-9 * np.maximum(size, 1.0)
         theta = np.clip(theta, low + inner, high - inner)
         found = least_squares(
-            lambda t: residuals(t[None])[:, 0],
+            alone,
             theta,
             jac=jacobian,
             bounds=(low, high),
             x_scale=size,
             max_nfev=most,
-            ftol=1e-9,
+            ftol=ftol,
         )
         costs.append(float(2.0 * found.cost))
         if best is None or found.cost < best.cost:
