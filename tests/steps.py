@@ -166,6 +166,7 @@ from diffthrust.diagnosis._unknown_term.terms import (  # private: a part alone
 )
 from diffthrust.diagnosis._verdict import (  # private: from numbers alone
     far_above_noise,
+    verdict_evidence,
     verdict_of,
 )
 from diffthrust.simulation._errors import (  # private: errors of no run
@@ -282,6 +283,7 @@ __all__ = [
     "term_along",
     "through_filters",
     "upheld",
+    "verdict_evidence",
     "verdict_of",
     "verdict_words",
     "wald",

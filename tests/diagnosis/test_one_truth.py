@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from one_truth import contradictions
 from reference import whole_runs as wr
-from steps import Stage, Worth, headroom_between, missing_words, verdict_of
+from steps import Stage, Worth, headroom_between, missing_words, verdict_evidence, verdict_of
 
 import diffthrust as dft
 
@@ -84,7 +84,7 @@ def test_random_forces_are_not_said_of_a_plant_without():
 def test_what_is_told_agrees(made_up):
     diag = made_up()
     assert contradictions(diag) == []
-    assert verdict_of(diag.evidence) == diag.verdict
+    assert verdict_of(verdict_evidence(diag, diag)) == diag.verdict
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_errors_that_repeat_are_not_left_to_chance():
         room=headroom_between(*held),
     )  # fmt: skip
     assert diag.repeating
-    diag = replace(diag, verdict=verdict_of(diag.evidence))
+    diag = replace(diag, verdict=verdict_of(verdict_evidence(diag, diag)))
     assert diag.verdict == "unexplained"
     assert "so it is repeatable" in diag.summary
     assert "random forces and lasting sensor errors" not in diag.summary

@@ -1,0 +1,215 @@
+"""Claims of how large errors are, how they change, and what that means."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from reference import equations
+
+from .page import Page
+from .parsing import NUMBER, claim, error_of, in_words, is_said
+
+SIMULATED = 0.01
+"""Share by which two integrations of the same model may differ in their error."""
+AS_GOOD = 1.03
+"""The training error may be so many times that of a plain least squares of several starts."""
+
+_CHANGE = re.compile(
+    rf"the (?P<channel>[a-zA-Z ]+?) error(?: on (?P<logs>unseen logs|the training logs))? "
+    rf"(?:(?P<verb>falls|rises) from (?P<start>{NUMBER}) to (?P<end>{NUMBER})"
+    rf"|stays at (?P<same>{NUMBER})) ?(?P<unit>[^()]*?) ?"
+    rf"\(NRMSE (?P<first>{NUMBER}) to (?P<last>{NUMBER})\)"
+)
+LEVEL = re.compile(
+    rf"(?:[Tt]he|[a-z ]+ the) (?P<channel>[a-zA-Z ]+?) error"
+    rf"(?: on (?P<logs>[a-z ]+?))? is (?P<size>{NUMBER}) ?(?P<unit>[^()]*?) ?"
+    rf"\(NRMSE (?P<nrmse>{NUMBER})\)"
+)
+_TOTAL = re.compile(
+    rf"the NRMSE over all (?P<count>\d+) channels goes from "
+    rf"(?P<first>{NUMBER}) to (?P<last>{NUMBER})"
+)
+
+
+def _changes(text: str, diag: Any, page: Page | None) -> Iterator[str]:
+    """That errors fall: the numbers, the way, and the same by the evaluation written here."""
+    found = [*_CHANGE.finditer(text)]
+    if not found:
+        yield "no error is told"
+    stages = diag.stages[0].fit, diag.fit
+    for m in found:
+        channel = m["channel"].replace(" ", "_")
+        pairs = [error_of(c, channel) for c in (diag.before, diag.after)]
+        per = diag.stages[0].train.channels[channel].per
+        sizes = [per * rmse for rmse, _ in pairs]
+        told = (m["same"], m["same"]) if m["same"] else (m["start"], m["end"])
+        for number, size in zip(told, sizes, strict=True):
+            if not is_said(number, size, SIMULATED):
+                yield f"{channel}: {number} is {size:.4g}"
+        for number, (_, nrmse) in zip((m["first"], m["last"]), pairs, strict=True):
+            if not is_said(number, nrmse, SIMULATED):
+                yield f"{channel}: NRMSE {number} is {nrmse:.4g}"
+        if m["verb"] and (m["verb"] == "falls") != (pairs[1][0] < pairs[0][0]):
+            yield f"{channel}: it {m['verb']}, from {pairs[0][0]:.4g} to {pairs[1][0]:.4g}"
+        if page:
+            for number, fit in zip((m["first"], m["last"]), stages, strict=True):
+                yield from _simulated(page, fit, channel, number)
+    for m in _TOTAL.finditer(text):
+        for number, comparison in zip(
+            (m["first"], m["last"]), (diag.before, diag.after), strict=True
+        ):
+            if not is_said(number, comparison.errors.nrmse, SIMULATED):
+                yield f"over all channels {number} is {comparison.errors.nrmse:.4g}"
+    if page:
+        yield from _as_good(page, stages[0], diag.stages[0].train.nrmse)
+        yield from _as_good(page, stages[1], diag.stages[-1].train.nrmse)
+
+
+def _simulated(page: Page, fit: Any, channel: str, number: str) -> Iterator[str]:
+    try:
+        errors = page.modelled(fit)
+    except equations.Unwritten:
+        return
+    if not is_said(number, errors[channel], 2 * SIMULATED):
+        yield f"{channel}: NRMSE {number} is {errors[channel]:.4g} by an independent simulation"
+
+
+def _as_good(page: Page, fit: Any, nrmse: float) -> Iterator[str]:
+    """Whole runs are told of a fit that has reached what a plain least squares reaches."""
+    try:
+        found = page.plain(fit)
+    except equations.Unwritten:
+        return
+    reached = found.errors["all"]
+    if nrmse > AS_GOOD * reached:
+        yield f"training NRMSE {nrmse:.4g}, where a plain least squares reaches {reached:.4g}"
+
+
+def _levels(text: str, diag: Any, page: Page | None) -> Iterator[str]:
+    found = [*LEVEL.finditer(text)]
+    if not found:
+        yield "no error is told"
+    for m in found:
+        channel = m["channel"].replace(" ", "_")
+        rmse, nrmse = error_of(diag.judged, channel)
+        per = diag.judged.errors.channels[channel].per
+        if not is_said(m["size"], per * rmse, SIMULATED):
+            yield f"{channel}: {m['size']} is {per * rmse:.4g}"
+        if not is_said(m["nrmse"], nrmse, SIMULATED):
+            yield f"{channel}: NRMSE {m['nrmse']} is {nrmse:.4g}"
+        if page and diag.apart is None:
+            yield from _simulated(page, diag.fit, channel, m["nrmse"])
+
+
+@claim(r"The (?P<model>[^:.]+?) lacks something that no known effect explains\.")
+def _lacks_unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "unexplained" or diag.added:
+        yield f"verdict {diag.verdict}, added {diag.added}"
+    if page and page.hidden is not None and page.law is None:
+        yield f"known effects explain it: {sorted(page.hidden)}" if page.hidden else "it lacks none"
+
+
+@claim(r"The (?P<model>[^:.]+?) lacks (?P<what>[^:]+?): with (?:it|them) (?P<gain>the .+?)\.")
+def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    named = re.sub(r"\(these logs cannot tell it from .*?\)", "", m["what"])
+    for name in diag.added:
+        if in_words(name) not in named:
+            yield f"{name} was added"
+    estimates = [e for n, e in diag.fit.parameters.items() if n.rpartition(".")[0] in diag.added]
+    for number in re.findall(rf"(?<![\w.]){NUMBER}", named):
+        if not any(is_said(number, e.shown[0], 1e-9) for e in estimates):
+            yield f"no added parameter is {number}"
+    if page and page.hidden is not None:
+        for name, group in zip(diag.added, diag.groups, strict=True):
+            if not page.hidden & {name, *group}:
+                yield f"nothing of {name} is hidden"
+    yield from _changes(m["gain"], diag, page)
+
+
+@claim(r"(?:The (?P<model>[^:.]+?) is adequate: (?:none of the (?P<count>\d+) effects that were "
+       r"tried|no effect) (?:matters over whole runs|helps on these logs)\.)")  # fmt: skip
+def _adequate(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "adequate":
+        yield f"verdict {diag.verdict}"
+    tried = len({c.effect for c in diag.ranking} | {*diag.silent})
+    if m["count"] and int(m["count"]) != tried:
+        yield f"{tried} were tried"
+    if page and page.hidden:
+        yield f"it lacks {sorted(page.hidden)}"
+    if page and page.law:
+        yield f"it lacks a law at {page.law[0]}"
+    if page:
+        yield from _as_good(page, diag.stages[0].fit, diag.stages[0].train.nrmse)
+
+
+@claim(r"(?:These logs can test none of the effects|No effect was tried): these logs cannot show "
+       r"whether .+? lacks an effect\.")  # fmt: skip
+def _untried(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.ranking or diag.silent:
+        yield "effects were tried"
+
+
+@claim(r"These logs show no effect that .+? lacks, and yet it follows (?P<channels>.+?) no better "
+       r"than a constant would: do they excite what drives it\?")  # fmt: skip
+def _blind(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    for channel in diag.judged.errors.channels:
+        bad = error_of(diag.judged, channel)[1] >= 1.0
+        if bad != (in_words(channel) in m["channels"]):
+            yield f"{channel}: NRMSE {error_of(diag.judged, channel)[1]:.3g}"
+
+
+@claim(r"(?:Without what was learned t|T)he [a-zA-Z ]+? error on (?:[a-z ]+?) is .+?"
+       r"\(NRMSE [^()]+\)"
+       r"(?:(?:, | and )the [a-zA-Z ]+? error is .+?\(NRMSE [^()]+\))*\.")  # fmt: skip
+def _level(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    yield from _levels(m[0], diag, page)
+
+
+@claim(r"(?:Without what was learned t|T)he [a-zA-Z ]+? error on [a-z ]+? "
+       r"(?:falls|rises|stays) .+?\(NRMSE [^()]+\)"
+       r"(?:(?:, | and )the .+?(?:\(NRMSE [^()]+\)|to \d[\d.]*))*\.")  # fmt: skip
+def _change(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    text = m[0][:-1].replace("Without what was learned ", "")
+    yield from _changes(text[0].lower() + text[1:], diag, page)
+
+
+@claim(rf"Undecided: over whole runs of (?P<logs>[a-z ]+?) (?P<level>the [a-zA-Z ]+? error is "
+       rf"{NUMBER} ?[^()]*?\(NRMSE {NUMBER}\)), (?P<multiple>\S+) times that from one sample to "
+       r"the next; on these logs random forces explain it as well as missing "
+       r"physics\.")  # fmt: skip
+def _undecided(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "undecided":
+        yield f"verdict {diag.verdict}"
+    yield from _levels(m["level"], diag, page)
+    channel = LEVEL.search(m["level"])["channel"].replace(" ", "_")
+    multiple = error_of(diag.judged, channel)[0] / diag.one_step.get(channel, np.nan)
+    if not is_said(m["multiple"], multiple, SIMULATED):
+        yield f"{m['multiple']} is {multiple:.3g}"
+    if page and page.quiet:
+        yield "no random force is at work: the truth reaches the noise of the sensors"
+
+
+@claim(r"To decide, record a run that repeats the inputs of one of these logs: errors that recur "
+       r"are physics, the others are random forces\.")  # fmt: skip
+def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "undecided":
+        yield f"verdict {diag.verdict}"
+
+
+@claim(rf"From one sample to the next the (?P<channel>[a-zA-Z ]+?) is predicted to within "
+       rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of [a-z ]+? to (?P<run>{NUMBER}) ?[^:]*?: "
+       r"(?P<why>missing physics and random forces add up|the difference is attributed to random "
+       r"forces and lasting sensor errors, which no signal of these logs surely explains)"
+       r"\.")  # fmt: skip
+def _growth(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    channel = m["channel"].replace(" ", "_")
+    per = diag.judged.errors.channels[channel].per
+    values = per * diag.one_step[channel], per * error_of(diag.judged, channel)[0]
+    for number, value in zip((m["step"], m["run"]), values, strict=True):
+        if not is_said(number, value, SIMULATED):
+            yield f"{number} is {value:.3g}"
+    if page and page.quiet:
+        yield "no random force is at work: the truth reaches the noise of the sensors"

@@ -1,0 +1,114 @@
+"""Sentences, printed numbers, and which check belongs to which sentence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .page import Page
+
+ROUNDING = 0.51
+"""Of the last digit: what a printed number may be away from what it stands for."""
+NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+SHARE = r"(?:-?\d+(?:\.\d+)? %|\?)"
+WORTH = rf"{SHARE} \({SHARE} to {SHARE}\)"
+
+Check = Callable[[re.Match, Any, Page | None], Iterator[str]]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A kind of sentence, and what holds it against the truth."""
+
+    pattern: re.Pattern
+    check: Check
+
+
+CLAIMS: list[Claim] = []
+
+
+def claim(pattern: str) -> Callable[[Check], Check]:
+    """Make a function the check of sentences of a pattern, which matches up to their full stop."""
+
+    def keep(check: Check) -> Check:
+        CLAIMS.append(Claim(re.compile(pattern + r"(?=\s|$)", re.DOTALL), check))
+        return check
+
+    return keep
+
+
+def contradictions(diag: Any, page: Page | None = None, text: str = "") -> list[str]:
+    """What is not so in a summary, sentence by sentence; and sentences that nobody checks.
+
+    Args:
+        diag: the diagnosis.
+        page: what is known besides; without it the sentences are held against the object alone.
+        text: in the place of its summary.
+    """
+    wrong, text = [], (text or diag.summary).strip()
+    while text:
+        matched = next((s for s in _of_the_logs(diag) if text.startswith(s)), "")
+        if not matched:
+            found = next(((c, m) for c in CLAIMS if (m := c.pattern.match(text))), None)
+            if found is None:
+                return [*wrong, f"nobody checks this sentence: {text[:300]!r}"]
+            wrong += [f"{why}: {found[1][0]!r}" for why in found[0].check(found[1], diag, page)]
+            matched = found[1][0]
+        text = text[len(matched) :].lstrip()
+    return wrong
+
+
+def _of_the_logs(diag: Any) -> Iterator[str]:
+    """Sentences on what channels mean, from the doubts and the comparison."""
+    yield from diag.before.hints
+    for doubt in diag.doubts:
+        yield f"A doubt on {in_words(doubt.channel)}: {doubt.evidence} Mend: {doubt.mend}"
+    for mend in diag.mends:
+        yield f"First the logs: {mend.doubt.evidence}"
+        for logs in ("", f", for {' and '.join(mend.doubt.logs)} alone"):
+            yield f"Mend{logs}: {mend.reading.line}"
+
+
+def is_said(text: str, value: float, slack: float = 0.0) -> bool:
+    """Whether a printed number is this value, to its last digit and to a share of it."""
+    mantissa, _, power = text.partition("e")
+    places = len(mantissa.partition(".")[2])
+    digit = 10.0 ** (int(power or 0) - places)
+    return abs(float(text) - value) <= ROUNDING * digit + slack * abs(value)
+
+
+def shares_in(text: str) -> list[float]:
+    return [
+        np.nan if part == "?" else float(part.removesuffix(" %")) / 100
+        for part in re.findall(SHARE, text)
+    ]
+
+
+def worth_is(text: str, worth: Any) -> bool:
+    values = (worth.share, worth.low, worth.high)
+    parts = re.findall(SHARE, text)
+    return all(
+        part == "?" if not np.isfinite(value) else is_said(part.removesuffix(" %"), 100 * value)
+        for part, value in zip(parts, values, strict=True)
+    )
+
+
+def in_words(name: str) -> str:
+    return name.replace("_", " ").replace("deadband", "dead band").replace("coulomb", "Coulomb")
+
+
+def error_of(comparison: Any, channel: str) -> tuple[float, float]:
+    """RMSE and NRMSE of a channel, from the traces of a comparison."""
+    traces = [r.channels[channel] for r in comparison.runs if channel in r.channels]
+    measured = np.concatenate([t.measured for t in traces])
+    difference = np.concatenate([t.measured - t.modelled for t in traces])
+    if channel == "heading":
+        difference = (difference + np.pi) % (2 * np.pi) - np.pi
+    rmse = float(np.sqrt(np.nanmean(difference**2)))
+    spread = np.nanstd(np.unwrap(measured[np.isfinite(measured)]) if channel == "heading"
+                       else measured)  # fmt: skip
+    return rmse, rmse / float(spread)
