@@ -53,6 +53,7 @@ from diffthrust.diagnosis._findings import (  # private: made by hand
     Stage,
     TriedEffect,
     headroom_between,
+    verdict_evidence,
 )
 from diffthrust.diagnosis._headroom import (  # private: made by hand
     ChannelHeadroom,
@@ -166,7 +167,6 @@ from diffthrust.diagnosis._unknown_term.terms import (  # private: a part alone
 )
 from diffthrust.diagnosis._verdict import (  # private: from numbers alone
     far_above_noise,
-    verdict_evidence,
     verdict_of,
 )
 from diffthrust.simulation._errors import (  # private: errors of no run
