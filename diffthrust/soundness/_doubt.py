@@ -36,7 +36,7 @@ class Reading:
             from, and what they are multiplied by.
 
     Example:
-        >>> turned = Reading("the sign of thrust turned", "scale = -1", {"thrust": ("thrust", -1)})
+        >>> turned = dft.soundness.Reading("turned", "scale = -1", {"thrust": ("thrust", -1)})
         >>> bool((turned.log(log).measured["thrust"] == -log.measured["thrust"]).all())
         True
     """
@@ -49,7 +49,8 @@ class Reading:
         """A log as it would be without the mistake; itself where it lacks a channel of it.
 
         Example:
-            >>> Reading("twice as slow", "", {"time": ("time", 2.0)}).log(log).step / log.step
+            >>> slow = dft.soundness.Reading("twice as slow", "", {"time": ("time", 2.0)})
+            >>> slow.log(log).step / log.step
             2.0
         """
         values = {"time": log.time, **log.inputs, **log.measured}
