@@ -125,8 +125,8 @@ def schedule(
     stages = horizon if isinstance(horizon, Sequence) else (horizon,)
     least = max(record.step for record in records)
     for seconds in stages or ((),):
-        number = isinstance(seconds, int | float) and math.isfinite(seconds)
-        if seconds is not None and not (number and float(seconds) > least):
+        number = isinstance(seconds, int | float) and least < seconds < math.inf
+        if seconds is not None and not number:
             raise InputError(
                 f"horizon: expected a positive number of seconds above the step of {least:g} s, "
                 f"found {seconds!r}.",
