@@ -293,7 +293,7 @@ def test_segments_restart_at_the_measured_state():
 @pytest.mark.parametrize(
     ("kwargs", "words"),
     [
-        ({"starts": 0}, "starts: expected at least 1"),
+        ({"starts": 0}, "starts: expected a whole number of at least 1"),
         ({"loss": "huber"}, "loss: expected one of gaussian, student_t"),
         ({"initial": "zero"}, "initial: expected one of"),
         ({"horizon": -1.0}, "horizon: expected a positive"),

@@ -211,10 +211,10 @@ def test_coloured_residuals_are_told():
     [
         ({"horizon": 1e-10}, "above the step"),
         ({"horizon": []}, "horizon: expected"),
-        ({"substeps": -1}, "substeps: expected at least 1"),
-        ({"substeps": 1.5}, "substeps: expected at least 1"),
-        ({"starts": 2.5}, "starts: expected at least 1"),
-        ({"seed": -1}, "seed: expected at least 0"),
+        ({"substeps": -1}, "substeps: expected a whole number of at least 1"),
+        ({"substeps": 1.5}, "substeps: expected a whole number of at least 1"),
+        ({"starts": 2.5}, "starts: expected a whole number of at least 1"),
+        ({"seed": -1}, "seed: expected a whole number of at least 0"),
     ],
 )
 def test_arguments_out_of_range(change, words):
@@ -224,7 +224,7 @@ def test_arguments_out_of_range(change, words):
 
 def test_wrong_kinds_of_things():
     log = log_of(record(duration=3.0))
-    with pytest.raises(dft.InputError, match="Expected a Log"):
+    with pytest.raises(dft.InputError, match="expected a Log"):
         dft.fit(dft.Thruster(), {"time": [0, 1]})
     with pytest.raises(dft.InputError, match="Give an instance"):
         dft.fit(dft.Thruster, log)

@@ -195,7 +195,5 @@ def test_standard_output_without_room():
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2
-    assert done.stderr.startswith(
-        "Error: what was found cannot be shown (No space left on device)."
-    )
+    assert done.stderr.startswith("Error: the result cannot be printed (No space left on device).")
     assert not any(word in done.stderr for word in TOLD)

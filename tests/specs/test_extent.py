@@ -53,7 +53,10 @@ def test_the_most_that_may_be_asked_is_read(tmp_path):
         ({"starts": 10**6}, "starts: expected at most 1000, found 1000000."),
         ({"substeps": 10**9}, "substeps: expected at most 10000, found 1000000000."),
         ({"starts": 10**5000}, "starts: expected at most 1000, found int too long"),
-        ({"substeps": -(10**5000)}, "substeps: expected at least 1, a whole number, found int too"),
+        (
+            {"substeps": -(10**5000)},
+            "substeps: expected a whole number of at least 1, found int too",
+        ),
         ({"seed": 2**64}, "seed: expected at most 18446744073709551615"),
     ],
 )
