@@ -33,7 +33,10 @@ def test_some_mistakes_in_measured_logs_are_named(root):
 def test_measured_logs_as_published_have_the_defects_that_are_known(root):
     told = sound.real_defects(root)
     assert told
-    assert all("left_force (exchanged)" in line for line in told)
+    held = ("north (stuck)", "east (stuck)")  # positions of a receiver slower than the log
+    exchanged = [line for line in told if not any(words in line for words in held)]
+    assert exchanged
+    assert all("left_force (exchanged)" in line for line in exchanged)
 
 
 @pytest.mark.slow
