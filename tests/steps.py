@@ -45,11 +45,8 @@ from diffthrust.diagnosis._explained_share import (  # private: the share and it
 )
 from diffthrust.diagnosis._findings import (  # private: made by hand
     HeldValue,
-    Missing,
     OddLog,
     Refusal,
-    Remaining,
-    SignalForm,
     Stage,
     TriedEffect,
     headroom_between,
@@ -69,6 +66,11 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
 from diffthrust.diagnosis._linear_response import (  # private: the test alone
     project_out,
     score_test,
+)
+from diffthrust.diagnosis._missing import (  # private: made by hand
+    Missing,
+    Remaining,
+    SignalForm,
 )
 from diffthrust.diagnosis._missing_signal import (  # private: against a known law
     NONE,

@@ -15,7 +15,6 @@ from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equiv
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import (
     Assessment,
-    Missing,
     OddLog,
     Selection,
     Stage,
@@ -26,6 +25,9 @@ from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._mend_trials import measured_mends
 from diffthrust.diagnosis._mended import undone_by
+from diffthrust.diagnosis._missing import (
+    Missing,
+)
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
 from diffthrust.diagnosis._result import Diagnosis

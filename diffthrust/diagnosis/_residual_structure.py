@@ -17,9 +17,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._candidates import DrivingPort
-from diffthrust.diagnosis._findings import Remaining, SignalForm
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._linear_response import score_test
+from diffthrust.diagnosis._missing import (
+    Remaining,
+    SignalForm,
+)
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._linearise import slopes_at
 

@@ -40,7 +40,7 @@ class Diagnosis(Result, Findings):
             >>> print(diag.summary.splitlines()[0][:60])
             The basic thruster lacks a command dead band of 0.40 V: with
         """
-        from diffthrust.diagnosis._report.text import summary
+        from diffthrust.diagnosis._report.summary import summary
 
         return summary(self)
 

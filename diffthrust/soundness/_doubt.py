@@ -57,20 +57,21 @@ class Reading:
         if not {source for source, _ in self.sources.values()} <= set(values):
             return log
         new = {name: factor * values[source] for name, (source, factor) in self.sources.items()}
-        rails = {
-            name: tuple(sorted(self.sources[name][1] * end for end in ends))
-            if name in new and self.sources[name][0] == name
-            else ends
-            for name, ends in log.rails.items()
-        }
+        # the ends of a range and the noise of a sensor go with its numbers
+        origins = {name: self.sources.get(name, (name, 1.0)) for name in values}
         return log.replaced(
             time=new.get("time", log.time),
             inputs={name: new.get(name, x) for name, x in log.inputs.items()},
             measured={name: new.get(name, x) for name, x in log.measured.items()},
-            rails=rails,
+            rails={
+                name: tuple(sorted(factor * end for end in log.rails[source]))
+                for name, (source, factor) in origins.items()
+                if source in log.rails
+            },
             noise={
-                name: abs(self.sources.get(name, ("", 1.0))[1]) * size
-                for name, size in log.noise.items()
+                name: abs(factor) * log.noise[source]
+                for name, (source, factor) in origins.items()
+                if source in log.noise
             },
         )
 

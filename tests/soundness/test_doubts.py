@@ -464,3 +464,19 @@ def test_a_block_of_codes_is_told_also_within_the_range_of_the_channel(code):
     assert doubt.channel == "speed"
     assert f'missing_values = ["{code:g}"]' in doubt.mend
     assert "30 samples" in doubt.evidence
+
+
+def test_the_noise_and_the_range_of_a_sensor_go_with_its_numbers():
+    time = np.arange(50) * 0.1
+    log = dft.Log(
+        time,
+        {"command": np.sin(time)},
+        {"speed": np.cos(time), "thrust": 2.0 * np.sin(time)},
+        noise={"speed": 0.1, "thrust": 0.5},
+        rails={"speed": (-3.0, 4.0)},
+    )
+    sources = {"speed": ("thrust", -2.0), "thrust": ("speed", 1.0)}
+    read = dft.soundness.Reading("exchanged, one of them turned", "", sources).log(log)
+    assert dict(read.noise) == {"speed": 1.0, "thrust": 0.1}
+    assert dict(read.rails) == {"thrust": (-3.0, 4.0)}
+    assert np.array_equal(read.measured["speed"], -2.0 * log.measured["thrust"])

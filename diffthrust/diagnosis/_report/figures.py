@@ -14,8 +14,15 @@ import numpy as np
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, thinned, unboxed
 from diffthrust._support.words import humanize, number, percent
 from diffthrust.comparison._figures_runs import draw_drive, drives_of
-from diffthrust.diagnosis._findings import Findings, Missing, Stage, TriedEffect
+from diffthrust.diagnosis._findings import (
+    Findings,
+    Stage,
+    TriedEffect,
+)
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+from diffthrust.diagnosis._missing import (
+    Missing,
+)
 from diffthrust.diagnosis._report.learned import manner_words, signal_words
 from diffthrust.diagnosis._report.text import stage_words
 from diffthrust.diagnosis._unknown_term.closed_forms import FORMS, form_values

@@ -24,10 +24,17 @@ from diffthrust._support.report import (
 from diffthrust._support.words import capitalised, humanize, joined, number, percent, probability
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._candidates import place_words, words_and_unit
-from diffthrust.diagnosis._findings import Findings, Missing, Remaining
+from diffthrust.diagnosis._findings import (
+    Findings,
+)
+from diffthrust.diagnosis._missing import (
+    Missing,
+    Remaining,
+)
 from diffthrust.diagnosis._report import figures, tables
 from diffthrust.diagnosis._report.doubts import doubt_bullets
 from diffthrust.diagnosis._report.learned import learned_words
+from diffthrust.diagnosis._report.summary import summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
     beyond_bound,
@@ -37,7 +44,6 @@ from diffthrust.diagnosis._report.text import (
     remaining_words,
     rival_words,
     stage_words,
-    summary,
     verdict_words,
 )
 from diffthrust.diagnosis._settings import SETTINGS

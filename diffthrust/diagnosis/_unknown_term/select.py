@@ -13,7 +13,9 @@ from diffthrust.diagnosis._admission import drop, refitted_stage, remaining_shar
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
 from diffthrust.diagnosis._explained_share import Worth, matters
-from diffthrust.diagnosis._findings import Remaining, Stage
+from diffthrust.diagnosis._findings import (
+    Stage,
+)
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
@@ -21,6 +23,9 @@ from diffthrust.diagnosis._innovations_fit import (
     with_values,
 )
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._missing import (
+    Remaining,
+)
 from diffthrust.diagnosis._residual_structure import downstream_ports
 from diffthrust.diagnosis._search_state import (
     LEARNING,

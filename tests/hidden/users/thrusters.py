@@ -36,6 +36,17 @@ def _shaft(
     return integrate(rates, (0.0,), time, step)[:, 0]
 
 
+def _read_in_si(tables: list[dict[str, Array]]) -> tuple[list[dft.Log], dict[str, str]]:
+    """Logs of a bench that writes volts, radians per second and newtons."""
+    return read(
+        tables,
+        {"t": 2},
+        time="t",
+        inputs={"command": Column("u_V", "V")},
+        measured={"speed": Column("w_rad_s", "rad/s"), "thrust": Column("thrust_N", "N")},
+    )
+
+
 def bench(seed: int) -> UserSet:
     """PWM widths, rpm, kgf and battery at 50 Hz with jitter, a twentieth of the rows lost."""
     rng = np.random.default_rng([839, seed])
@@ -313,13 +324,7 @@ def periodic_force(seed: int) -> UserSet:
                 "thrust_N": ct * speed * np.abs(speed) + 0.5 * n[:, 1],
             }
         )
-    logs, files = read(
-        tables,
-        {"t": 2},
-        time="t",
-        inputs={"command": Column("u_V", "V")},
-        measured={"speed": Column("w_rad_s", "rad/s"), "thrust": Column("thrust_N", "N")},
-    )
+    logs, files = _read_in_si(tables)
     base = wr.yoerger()
     true = _shaken(base, frequency)
     hidden = (
@@ -396,13 +401,7 @@ def astern_runs(seed: int) -> UserSet:
                 "thrust_N": thrust + 0.5 * n[:, 1],
             }
         )
-    logs, files = read(
-        tables,
-        {"t": 2},
-        time="t",
-        inputs={"command": Column("u_V", "V")},
-        measured={"speed": Column("w_rad_s", "rad/s"), "thrust": Column("thrust_N", "N")},
-    )
+    logs, files = _read_in_si(tables)
     hidden = (
         Hidden(
             "less thrust astern",
