@@ -91,7 +91,9 @@ def _work(task: Task) -> Row:
     if not watch:
         return examine(kind, seed, diagnose, ratio)
     with watching() as decisions:
-        return {**examine(kind, seed, diagnose, ratio), "decisions": decisions}
+        row = {**examine(kind, seed, diagnose, ratio), "decisions": decisions}
+    # Numbers that are watched note their comparisons and cannot be sent to another process.
+    return json.loads(json.dumps(row))
 
 
 def _start_worker() -> None:
