@@ -52,6 +52,7 @@ class UserSet:
         starts: the true states at which the logs begin, training logs first.
         close: the unseen error with what was found may be so many times that of the true
             structure, fitted; ``None`` where only names count.
+        ruled: channels that are ruled by something in no equation.
     """
 
     kind: str
@@ -71,6 +72,7 @@ class UserSet:
     close: float | None = None
     blanked: Callable[[wr.Run], wr.Run] = lambda run: run
     per_log: bool = False
+    ruled: frozenset[str] = frozenset()
 
     def runs(self) -> tuple[list[wr.Run], list[wr.Run]]:
         """The logs as plain arrays."""
@@ -78,14 +80,18 @@ class UserSet:
             [self.blanked(wr.Run.of(log)) for log in logs] for logs in (self.train, self.unseen)
         )
 
+    def begun(self) -> tuple[list[wr.Run], list[wr.Run]]:
+        """The same, each begun at its true states."""
+        train, unseen = self.runs()
+        runs = [wr.replace(r, initial=x) for r, x in zip(train + unseen, self.starts, strict=True)]
+        return runs[: len(train)], runs[len(train) :]
+
     def from_truth(self) -> dict[str, float]:
         """Of the unseen logs the errors of the truth from its true start, to those of the sensors.
 
         About 1 by channel, where nothing random acts on the plant: a model can do no better.
         """
-        _, unseen = self.runs()
-        starts = self.starts[len(self.train) :]
-        runs = [wr.replace(r, initial=x) for r, x in zip(unseen, starts, strict=True)]
+        _, runs = self.begun()
         measured = wr.spreads(self.systems[1], runs)
         errors = wr.errors(self.systems[1], runs, self.truth)
         return {c: errors[c] * measured[c] / self.noise[c] for c in measured}

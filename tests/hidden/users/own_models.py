@@ -185,7 +185,7 @@ def tanks(seed: int) -> UserSet:
 
     ports = frozenset({"inflow", "between", "outflow"})
     hidden = (
-        Hidden("overflow", ports=ports, signals=(r"upper|inflow|between|pump",)),
+        Hidden("overflow", ports=ports, signals=(r"\bupper\b",)),
         Hidden(
             "flows in proportion to levels", ports=ports, signals=(r"upper|lower",), required=False
         ),
