@@ -46,10 +46,7 @@ from diffthrust.estimation._one_step import (  # private: as a diagnosis calls i
 )
 from diffthrust.estimation._origin import (  # private: the lines alone
     Origin,
-    effects_line,
-    form_lines,
     origin_of,
-    python_line,
 )
 from diffthrust.estimation._rebuild import problem_of  # private: what a stored fit has solved
 from diffthrust.estimation._refine import (  # private: the end alone
@@ -98,13 +95,11 @@ __all__ = [
     "bind",
     "build",
     "distinct",
-    "effects_line",
     "errors_at",
     "evaluate",
     "examine",
     "failed_over",
     "folds",
-    "form_lines",
     "gram",
     "insensitive_module",
     "jacobians",
@@ -119,7 +114,6 @@ __all__ = [
     "origin_of",
     "polished",
     "problem_of",
-    "python_line",
     "refine_module",
     "restarts",
     "rounding_of",

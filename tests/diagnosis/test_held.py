@@ -63,8 +63,9 @@ def test_a_lever_arm_held_at_a_wrong_value_is_named_and_freed():
     assert data["held"]["lever_arm"]["value"] == 0.50
     assert [stage["effects"] for stage in data["stages"]] == [[], []]
     copied = diag.report().partition("To copy into a spec file")[2]
-    assert "[parameters] lever_arm = { fixed = false }" in copied
-    assert 'model = model.free("lever_arm")' in copied
+    assert "lever_arm = { value = 0.4" in copied
+    assert '"lever_arm": {"value": 0.4' in copied
+    assert '"fixed": False}' in copied
 
 
 def test_one_held_at_the_right_value_is_left_alone():

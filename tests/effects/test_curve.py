@@ -144,7 +144,7 @@ def test_a_signal_that_the_model_does_not_have_is_told_with_the_nearest():
 
 def test_a_learned_curve_goes_into_a_spec_file_and_comes_back(tmp_path):
     curve = Curve("load", "speed", -40.0, 40.0, times="value", shape=(0.1, 0.2, 0.05), name="stall")
-    text = f'model = "thruster"\n{effects_line(dft.Thruster(), [curve])}\n[logs]\n'
+    text = f'model = "thruster"\n{effects_line([curve])}\n[logs]\n'
     (tmp_path / "run.csv").write_text(
         "t,u,w\n" + "".join(f"{k / 10},{k % 7},{k}\n" for k in range(50))
     )

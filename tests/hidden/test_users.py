@@ -58,11 +58,12 @@ def test_the_same_seed_gives_the_same_set():
     assert first.files != other.files
 
 
-@pytest.mark.parametrize("kind", slow_but(("periodic_force",), users.KINDS))
+@pytest.mark.parametrize("kind", slow_but(("astern_runs",), users.KINDS))
 def test_what_is_hidden_has_the_parameters_of_the_effect_that_names_it(kind):
     for hidden in users.draw(kind, 2).hidden:
         for name in hidden.names:
-            assert set(hidden.parameters) <= set(EFFECTS[name]().parameters), name
+            for parameter in hidden.parameters:
+                assert hasattr(EFFECTS[name](), parameter), f"{name}.{parameter}"
 
 
 @pytest.mark.slow

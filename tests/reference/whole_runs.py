@@ -235,8 +235,11 @@ def fit(
     most: int = 60,
     ftol: float = 1e-9,
     first: Mapping[str, float] | None = None,
+    sizes: Mapping[str, float] | None = None,
 ) -> Found:
     """Least squares of whole runs, every channel by its standard deviation, from several starts.
+
+    ``sizes`` divide the errors instead, by channel: the noise of each sensor, where it is known.
 
     The first start is that of the parameters (or ``first``), the others are drawn about it: by up
     to a factor of four where a parameter keeps its sign, else by three times its size.
@@ -249,7 +252,7 @@ def fit(
     begin = np.array([(first or {}).get(n, system.parameters[n].start) for n in free])
     size = np.where(begin != 0, np.abs(begin), np.where(np.isfinite(high), 0.3 * high, 1.0))
     measured = {c: [run.measured[c] for run in runs] for c in channels}
-    spread = spreads(system, runs)
+    spread = sizes or spreads(system, runs)
     weights = {
         c: 1.0 / (spread[c] * np.sqrt(sum(np.isfinite(x).sum() for x in measured[c])))
         for c in channels

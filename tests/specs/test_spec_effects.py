@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lines_to_copy import effect_of, effects_line, python_line
+from lines_to_copy import effect_of, effects_line, python_lines, spec_lines
 
 import diffthrust as dft
 from diffthrust import InputError
@@ -97,17 +97,21 @@ def test_what_a_report_says_to_copy_makes_the_same_model(written):
         + Formula("load", "min(value, m)", name="top", m=infinite)
         + Formula("thrust", "k", name="offset", k="{thrust}")
     )
-    entries = tomllib.loads(effects_line(model))["effects"]
-    assert entries[0] == "command_delay"
-    spec = load_spec(written(effects_line(model).removeprefix("effects = ")))
+    bounded = {"value": 0.45, "bounds": (0.1, 2.0)}
+    model = model.replace({"ct": {"fixed": True}, "alpha": 0.031, "drag.p": bounded})
+    effects, _, numbers = spec_lines(model).partition("\n[parameters]\n")
+    assert tomllib.loads(effects)["effects"][0] == "command_delay"
+    assert "ct = { fixed = true }" in numbers  # as the file has it
+    numbers = numbers.replace("ct = { fixed = true }", "")
+    spec = load_spec(written(effects.removeprefix("effects = "), numbers))
     scope = {"dft": dft}
-    exec(python_line(model), scope)
+    exec(python_lines(model), scope)
     for again in (spec.model, scope["model"]):
         assert str(again) == str(model)
         for one, other in zip(again.effects, model.effects, strict=True):
             assert one.declared == other.declared
             assert one.structure == other.structure
-        assert again.replace(ct={"fixed": False}).parameters == model.parameters
+        assert again.parameters == model.parameters
 
 
 def test_a_check_keeps_it(written):
@@ -172,6 +176,6 @@ def test_any_table_is_an_effect_or_an_input_error(table, law):
         told = str(refused)
         assert "\nMend: " in told
     else:
-        again = effect_of(tomllib.loads(effects_line(model))["effects"][0], Path(), ())
+        again = effect_of(tomllib.loads(effects_line(model.effects))["effects"][0], Path(), ())
         assert again.structure == effect.structure
         assert repr(again.declared) == repr(effect.declared)  # NaN is not equal to itself

@@ -49,7 +49,7 @@ from diffthrust.diagnosis._report.text import (
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects import Formula
 from diffthrust.effects._class_text import class_name, effect_class_text
-from diffthrust.estimation._origin import effects_line, form_lines, python_line
+from diffthrust.estimation._model_lines import effects_line, python_lines, spec_lines
 from diffthrust.experiments._result import Experiment
 from diffthrust.logs._units import same_unit
 from diffthrust.models._base.model import Model
@@ -352,7 +352,7 @@ def own_effect(model: Model, remaining: Remaining, missing: Sequence[Missing]) -
     hint += "put your law in place of this line"
     text = effect_class_text(formula, _EFFECT_NAME, hint=hint)
     cls = class_name(_EFFECT_NAME)
-    line = effects_line(model, [f"{_EFFECT_NAME}.py:{cls}"])
+    line = effects_line([*model.effects, f"{_EFFECT_NAME}.py:{cls}"])
     return ToCopy(text + _EFFECT_USE.format(cls=cls, line=line))
 
 
@@ -399,17 +399,12 @@ def caution_words(diag: Findings) -> list[str]:
 
 def _closing(diag: Findings) -> list[str]:
     """The last lines: date, versions, hashes, and the model with all that was found, to copy."""
-    laws = (law.form.formula if law.form else law.curve for law in diag.laws)
-    effects, freed = (*diag.best, *laws), ", ".join(f'"{name}"' for name in diag.held)
-    keys = (f'"{name}"' if "." in name else name for name in diag.held)
+    model = (diag.laws[-1].reported if diag.laws else diag.fit).model
     return [
         *(diag.origin.sentences if diag.origin else ()),
         "To copy into a spec file, and into Python:",
-        effects_line(diag.model, effects),
-        *form_lines((*diag.model.effects, *effects)),
-        *(f"[parameters] {key} = {{ fixed = false }}" for key in keys),
-        python_line(diag.model, effects),
-        *[f"model = model.free({freed})"] * bool(freed),
+        spec_lines(model),
+        python_lines(model),
     ]
 
 
