@@ -18,6 +18,7 @@ from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._runs import Run, are_tables
 from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._late import late_readings
 from diffthrust.soundness._record import jumps
 
 GRADIENT_LIMIT = 1e-5
@@ -334,8 +335,7 @@ def explained(
         model: at the optimum.
         runs: over its training logs.
     """
-    turning = tuple(_turning(model, runs))
-    doubts = (*turning, *doubts)
+    doubts = (*_turning(model, runs), *late_readings(runs), *doubts)
     little = {name: e.fit_percent for name, e in errors.channels.items() if e.fit_percent < _LITTLE}
     if not little:
         return "", doubts

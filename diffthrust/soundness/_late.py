@@ -1,0 +1,215 @@
+"""Channels whose readings come late by a varying time, by what a simulation leaves of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust._support.words import humanize, number, percent
+from diffthrust.simulation._runs import Run
+from diffthrust.soundness._doubt import Doubt
+
+_FEWEST = 60
+"""Readings from which the scatter of their times is looked for."""
+_SURE = 4.0
+"""Standard errors by which the scatter must lie above none. Of 800 sets of white, correlated or
+heavy-tailed errors, or with a dead band missing, none is doubted."""
+_SHARE = 0.5
+"""Least share of the unpredictable error that the scatter explains. A lag that the model lacks, as
+long as the time between readings, looks like 0.4, and in one set of eight like more."""
+_PERSISTENT = 0.3
+"""Largest correlation of one reading's lateness with the next one's: missing physics gives errors
+that go with the slope as well, and last; a late reading says nothing of the next."""
+_UNEXPLAINED = 0.5
+"""Largest share of the signal's variance that the model may leave: its slopes are those of the
+signal only where it follows it."""
+_LONGEST = 20
+"""Numerics: samples of the longest constant delay, which is taken out before the scatter shows."""
+_ROUNDS = 8
+"""Numerics: reweightings of the regression; it settles in four."""
+
+
+class Lateness(NamedTuple):
+    """By how much readings come late.
+
+    Args:
+        mean: their mean lateness, beyond what the model has [s].
+        scatter: standard deviation of the lateness [s].
+        error: standard error of the scatter's square, as a share of it.
+        share: share of the unpredictable variance that the scatter explains.
+        persistence: correlation of the lateness of one reading with that of the next.
+    """
+
+    mean: float
+    scatter: float
+    error: float
+    share: float
+    persistence: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether it scatters surely, as no missing physics does, and makes most of the error."""
+        clear = self.error < 1 / _SURE and self.share > _SHARE
+        return clear and self.persistence < _PERSISTENT
+
+
+class Readings(NamedTuple):
+    """What a model leaves of a channel of one log, at every sample; ``(n,)`` each.
+
+    Args:
+        time: time stamps [s].
+        modelled: the signal by the model.
+        measured: the readings; NaN where nothing was read.
+    """
+
+    time: np.ndarray
+    modelled: np.ndarray
+    measured: np.ndarray
+
+    def delayed(self, seconds: float) -> Readings:
+        """The same, beside a model that comes later."""
+        late = np.interp(self.time - seconds, self.time, self.modelled)
+        return Readings(self.time, late, self.measured)
+
+
+def late_readings(runs: Sequence[Run]) -> Iterator[Doubt]:
+    """Doubts on channels whose readings come late by a time that varies from one to the next.
+
+    Args:
+        runs: of a fit over its training logs.
+    """
+    for channel in dict.fromkeys(name for run in runs for name in run.channels):
+        traces = [(run.time, run.channels[channel]) for run in runs if channel in run.channels]
+        late = lateness([Readings(time, t.modelled, t.measured) for time, t in traces])
+        if late is None or not late.sure:
+            continue
+        words = humanize(channel)
+        yield Doubt(
+            channel,
+            "lag",
+            f"its readings come late by a varying time, {number(late.mean, 2)} s in the mean "
+            f"(scatter {number(late.scatter, 2)} s): the errors grow with how fast the {words} "
+            "changes, and those of one reading say nothing of the next. This makes "
+            f"{percent(late.share)} of the error that no model predicts.",
+            f"log when the sensor measured {channel}, not when the reading arrived. Until then "
+            "time constants and delays are less sure than their standard errors say, and slower "
+            "inputs tell more.",
+        )
+
+
+def lateness(logs: Sequence[Readings]) -> Lateness | None:
+    """The scatter of the times of readings, from errors that grow with the slope of the signal.
+
+    A reading that is late by t misses a signal of slope s by -t s. Where t is another each time,
+    the errors are as unpredictable as noise, and their variance grows with the square of the slope.
+    Second differences of the errors leave that and remove what lasts, such as missing physics.
+
+    Args:
+        logs: of one channel.
+
+    Returns:
+        The lateness; ``None`` where it does not scatter, or too few readings tell.
+
+    Example:
+        >>> rng = np.random.default_rng(0)
+        >>> time = np.arange(0, 100, 0.1)
+        >>> late = np.sin(time - rng.uniform(0, 0.4, time.size))
+        >>> round(lateness([Readings(time, np.sin(time), late)]).scatter, 2)
+        0.12
+    """
+    parts = [_read(log) for log in logs]
+    rows, residual = _joined(parts)
+    if residual.size < _FEWEST or not np.var(residual) < _UNEXPLAINED * np.var(rows[:, 3]):
+        return None
+    step = float(np.median(np.concatenate([np.diff(log.time) for log in logs])))
+    delays = step * np.arange(0.0, _LONGEST + 0.1, 0.5)
+    shifted = [[_read(log.delayed(delay)) for log in logs] for delay in delays]
+    sizes = [float(np.sum(_projected(*_joined(parts))[1] ** 2)) for parts in shifted]
+    parts, delay = shifted[int(np.argmin(sizes))], float(delays[int(np.argmin(sizes))])
+    coefficients, _ = _projected(*_joined(parts))
+    errors = [values - filtered @ coefficients for filtered, values in parts]
+    slopes = [filtered[:, 0] for filtered, _ in parts]
+    squares = np.concatenate([_second(e) ** 2 / 6.0 for e in errors])
+    squared = [s**2 for s in slopes]
+    steep = np.concatenate([(s[2:] + 4 * s[1:-1] + s[:-2]) / 6.0 for s in squared])
+    fitted = _variances(squares, steep)
+    if fitted is None:
+        return None
+    floor, growth, error = fitted
+    share = growth * steep.mean() / (floor + growth * steep.mean())
+    persistence = _persistence(errors, slopes)
+    return Lateness(
+        delay + float(coefficients[0]),
+        float(np.sqrt(growth)),
+        error / growth,
+        float(share),
+        persistence,
+    )
+
+
+_Part = tuple[np.ndarray, np.ndarray]
+
+
+def _joined(parts: Sequence[_Part]) -> _Part:
+    return np.concatenate([rows for rows, _ in parts]), np.concatenate([e for _, e in parts])
+
+
+def _projected(rows: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients of the rows by least squares, and what they leave."""
+    coefficients = np.linalg.lstsq(rows, residual, rcond=None)[0]
+    return coefficients, residual - rows @ coefficients
+
+
+def _read(log: Readings) -> _Part:
+    """At the readings of a log the rows that stand for a small delay or a filter; the errors.
+
+    An error is the model's value less the reading.
+    """
+    slope = np.gradient(log.modelled, log.time)
+    bend = np.gradient(slope, log.time)
+    signals = (slope, bend, np.gradient(bend, log.time), log.modelled, np.ones_like(slope))
+    residual = log.modelled - log.measured
+    read = np.isfinite(residual) & np.isfinite(slope)
+    return np.stack(signals, axis=1)[read], residual[read]
+
+
+def _second(values: np.ndarray) -> np.ndarray:
+    return values[2:] - 2 * values[1:-1] + values[:-2]
+
+
+def _persistence(errors: Sequence[np.ndarray], slopes: Sequence[np.ndarray]) -> float:
+    """The correlation of successive readings' lateness, where the signal is steep at both."""
+    least = np.sqrt(np.mean(np.concatenate(slopes) ** 2))
+    pairs = []
+    for error, slope in zip(errors, slopes, strict=True):
+        steep = np.abs(slope) > least
+        late = error / np.where(steep, slope, 1.0)
+        both = np.flatnonzero(steep[1:] & steep[:-1])
+        pairs.append(np.stack([late[both], late[both + 1]]))
+    first, second = np.concatenate(pairs, axis=1)
+    size = float(np.sqrt((first @ first) * (second @ second)))
+    return float(first @ second) / size if size > 0 else 0.0
+
+
+def _variances(squares: np.ndarray, steep: np.ndarray) -> tuple[float, float, float] | None:
+    """Least squares of ``squares = floor + growth * steep``, by weights of the fitted variance.
+
+    The standard error of the growth allows for neighbours that share errors.
+    """
+    rows = np.stack([np.ones_like(steep), steep / steep.mean()], axis=1)
+    variance, coefficients = np.full_like(squares, squares.mean()), np.zeros(2)
+    for _ in range(_ROUNDS):
+        coefficients, _ = _projected(rows / variance[:, None], squares / variance)
+        variance = np.maximum(rows @ coefficients, 0.05 * squares.mean())
+    scaled = rows / variance[:, None]
+    inverse = np.linalg.inv(scaled.T @ scaled)
+    scores = scaled * ((squares - rows @ coefficients) / variance)[:, None]
+    meat = scores.T @ scores
+    for shift in (1, 2):  # a reading takes part in three second differences
+        crossed = scores[shift:].T @ scores[:-shift]
+        meat += (1 - shift / 3) * (crossed + crossed.T)
+    error = float(np.sqrt((inverse @ meat @ inverse)[1, 1])) / steep.mean()
+    growth = float(coefficients[1]) / steep.mean()
+    return (max(float(coefficients[0]), 0.0), growth, error) if growth > 0 else None
