@@ -18,6 +18,11 @@ from diffthrust.diagnosis._candidates import (  # private: without a search
     places_of,
     with_candidates,
 )
+from diffthrust.diagnosis._channel_use import (  # private: without a search
+    models_fed_by,
+    unused_channels,
+    unused_notes,
+)
 from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     criterion,
     missed,
@@ -77,6 +82,9 @@ from diffthrust.diagnosis._missing_signal import (  # private: against a known l
     LinearErrors,
     dependence_of,
     smoothed_signals,
+)
+from diffthrust.diagnosis._other_models import (  # private: made by hand
+    OtherModel,
 )
 from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
     Slopes,
@@ -199,6 +207,7 @@ __all__ = [
     "Match",
     "Missing",
     "OddLog",
+    "OtherModel",
     "PortSeries",
     "Programs",
     "Refusal",
@@ -250,6 +259,7 @@ __all__ = [
     "missed",
     "missing_figure",
     "missing_words",
+    "models_fed_by",
     "next_stage",
     "no_better",
     "no_longer_odd",
@@ -284,6 +294,8 @@ __all__ = [
     "stopped",
     "term_along",
     "through_filters",
+    "unused_channels",
+    "unused_notes",
     "upheld",
     "verdict_evidence",
     "verdict_of",

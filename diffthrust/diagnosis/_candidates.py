@@ -111,6 +111,16 @@ def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, .
     return tuple(name for name in constants_in(model) if _EVERY in names or name in names)
 
 
+def asks_for_all(wanted: Candidates | None) -> bool:
+    """Whether the whole catalogue is among the candidates that were asked for.
+
+    Example:
+        >>> asks_for_all(None), asks_for_all(["all", "wind"]), asks_for_all("wind")
+        (True, True, False)
+    """
+    return any(isinstance(word, str) and word == _EVERY for word in _several(wanted))
+
+
 def _several(wanted: Candidates | None) -> Sequence[str | Effect | type[Effect]]:
     if wanted is None or isinstance(wanted, str | Effect | type):
         return (_EVERY if wanted is None else wanted,)

@@ -9,7 +9,8 @@ from typing import NamedTuple
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
-from diffthrust.diagnosis._candidates import Candidates
+from diffthrust.diagnosis._candidates import Candidates, asks_for_all
+from diffthrust.diagnosis._channel_use import unused_channels, unused_notes
 from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
 from diffthrust.diagnosis._explained_share import Worth
@@ -31,6 +32,7 @@ from diffthrust.diagnosis._missing import (
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
 from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.diagnosis._rival_models import other_models
 from diffthrust.diagnosis._search_state import (
     LEARNING,
     SOUGHT,
@@ -145,6 +147,8 @@ def diagnose(
     missing, left = missing_before_and_after(context, search.state, baseline)
     possible = still_possible(search.state) if verdict in ("undecided", "unexplained") else {}
     proposed = proposal(context, search, possible, limits) if experiment else None
+    others = other_models(context, search.state, law, asks_for_all(candidates))
+    unused = unused_channels(context.given, (*records, *unseen_records))
     say("done", 1.0)
     origin, notes = provenance(fit, selection.stages[0].fit, train, unseen)
     return Diagnosis(
@@ -159,7 +163,9 @@ def diagnose(
         experiment=proposed,
         seconds=context.clock.seconds,
         mends=mends,
-        notes=notes,
+        other_models=others,
+        unused=unused,
+        notes=(*notes, *unused_notes(context.given, unused)),
         origin=origin,
     )
 

@@ -17,6 +17,7 @@ from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._mended import MeasuredMend, best_mends
 from diffthrust.diagnosis._missing import Missing, Remaining
+from diffthrust.diagnosis._other_models import OtherModel
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
@@ -241,6 +242,10 @@ class Findings(Selection, Assessment):
             possible effect, if there is one.
         seconds: time spent, by part of the work.
         mends: what undoing each doubt on the logs does to the error, measured by fits.
+        other_models: where whole runs still err far above the noise, the other models of the
+            library that the same channels feed, the one that errs least first.
+        unused: channels of the logs that neither the model nor a known effect reads in it, with the
+            effects and models that do.
         notes: what the user should know besides.
         origin: when and with which versions it was made, and of which logs.
     """
@@ -254,6 +259,8 @@ class Findings(Selection, Assessment):
     experiment: Experiment | None
     seconds: Mapping[str, float]
     mends: tuple[MeasuredMend, ...] = ()
+    other_models: tuple[OtherModel, ...] = ()
+    unused: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     origin: Origin | None = field(default=None, repr=False)
 

@@ -173,6 +173,8 @@ class Diagnosis(Result, Findings):
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
             "held": {name: asdict(value) for name, value in self.held.items()},
             "untestable": dict(self.untestable),
+            "other_models": [other.to_json() for other in self.other_models],
+            "unused": dict(self.unused),
             "headroom": {"before": headroom[0].to_json(), "after": headroom[1].to_json()}
             if headroom
             else None,

@@ -387,6 +387,23 @@ class ClosedForm:
 
 
 @dataclass(frozen=True)
+class RivalModels:
+    """Which other models of the same logs are searched for effects, and named."""
+
+    within_reach: float = 1.5
+    """A model is searched whose whole-run error as it is is no larger than this multiple of that of
+    the diagnosed one as it was given.
+    Origin: chosen. On a bench with a sagging supply a thruster errs 1.28 times as much as one
+    behind a speed loop, and is right. Lower: that one is not searched. Higher: minutes for models
+    that are far from the plant."""
+    clear_share: float = 0.1
+    """Another model is named if it surely removes something, and more than this share, of the
+    squared whole-run error that the diagnosed one leaves with all that was found.
+    Origin: chosen; a twentieth of the error. Lower: of two models as good the other is always
+    named. Higher: a right model with one effect less is passed over."""
+
+
+@dataclass(frozen=True)
 class Settings:
     """All of them, by step."""
 
@@ -398,6 +415,7 @@ class Settings:
     structure: Structure = Structure()
     outlier_logs: OutlierLogs = OutlierLogs()
     headroom: HeadroomRule = HeadroomRule()
+    rival_models: RivalModels = RivalModels()
     unknown_term: UnknownTerm = UnknownTerm()
     closed_form: ClosedForm = ClosedForm()
 

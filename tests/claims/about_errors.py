@@ -213,3 +213,30 @@ def _growth(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{number} is {value:.3g}"
     if page and page.quiet:
         yield "no random force is at work: the truth reaches the noise of the sensors"
+
+
+@claim(rf"An? (?P<model>[^:.]+?) errs less over whole runs of the same (?P<logs>unseen|training) "
+       rf"logs: NRMSE (?P<other>{NUMBER}) against (?P<here>{NUMBER})(?P<found> with all that was "
+       r"found)?\. Diagnose that model, too\.")  # fmt: skip
+def _other_model(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    other = next((o for o in diag.other_models if in_words(o.name) in m["model"]), None)
+    if other is None:
+        yield f"other models: {[o.name for o in diag.other_models]}"
+        return
+    for effect in other.best.model.effects:
+        if in_words(effect.name) not in m["model"]:
+            yield f"it has {effect.name}, too"
+    here = diag.laws[-1].reported if diag.laws else diag.fit
+    for number, fit in ((m["other"], other.best), (m["here"], here)):
+        errors = fit.holdout if m["logs"] == "unseen" else fit.train
+        if not is_said(number, errors.nrmse, SIMULATED):
+            yield f"NRMSE {number} is {errors.nrmse:.4g}"
+        if page and not diag.laws:
+            try:
+                reached = page.modelled(fit)["all"]
+            except equations.Unwritten:
+                continue
+            if not is_said(number, reached, 2 * SIMULATED):
+                yield f"NRMSE {number} is {reached:.4g} by an independent simulation"
+    if not float(m["other"]) < float(m["here"]):
+        yield "it errs no less"

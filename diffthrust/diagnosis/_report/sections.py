@@ -104,6 +104,17 @@ def diagnosis_report(diag: Findings) -> Report:
             ),
         ),
         _headroom(diag),
+        Section(
+            "Other models of these logs",
+            *_explained(
+                tables.other_model_rows(diag),
+                "Models of the library that the same channels feed, fitted as they are; where one "
+                "errs about as little as the model as given did, also with effects found by a "
+                "short search of its own. They remove that share of the squared error over whole "
+                "runs that the diagnosed model leaves with all that was found; below zero they err "
+                "more.",
+            ),
+        ),
         *_failures(diag),
         _missing(diag),
         _tried(diag),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from diffthrust._support.report import Rows
-from diffthrust._support.words import humanize, number, with_error
+from diffthrust._support.words import humanize, joined, number, with_error
 from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.text import leading, stage_words
 from diffthrust.estimation._result import Fit
@@ -87,6 +87,23 @@ def _shares(sets: Iterable[Errors | None], name: str) -> list[str]:
 
 def _of_channel(sets: Iterable[Errors | None], name: str) -> list[ChannelError | None]:
     return [errors.channels.get(name) if errors else None for errors in sets]
+
+
+def other_model_rows(diag: Findings) -> Rows:
+    """Other models of the same logs: as they are, with effects of their own, and their worth."""
+    rows = (
+        (
+            humanize(other.name),
+            joined(humanize(effect.name) for effect in fit.model.effects),
+            *(number(errors.nrmse if errors else None, 2) for errors in (fit.train, fit.holdout)),
+            *(other.worth.cells if fit is other.best else ("", "")),
+        )
+        for other in diag.other_models
+        for fit in (other.plain, other.extended)
+        if fit is not None
+    )
+    headings = ("Model", "with", "NRMSE training", "unseen", "Removes", "90 % interval")
+    return Rows.of(headings, rows, numbers=(2, 3, 4, 5))
 
 
 def log_rows(diag: Findings) -> Rows:

@@ -17,6 +17,7 @@ from diffthrust._support.words import (
 )
 from diffthrust.diagnosis._candidates import place_words
 from diffthrust.diagnosis._findings import Findings, OddLog
+from diffthrust.diagnosis._other_models import errors_of as fit_errors
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.models._base.model import Model
@@ -237,6 +238,25 @@ def growth_words(diag: Findings) -> list[str]:
     return [
         f"{words}: the difference is attributed to random forces and lasting sensor errors, which "
         "no signal of these logs surely explains."
+    ]
+
+
+# -- other models of the same logs -----------------------------------------------------------------
+
+
+def other_model_words(diag: Findings) -> list[str]:
+    """The model of the library that surely errs less on the same logs, if there is one."""
+    other = next((other for other in diag.other_models if other.better), None)
+    if other is None:
+        return []
+    reached = diag.laws[-1].reported if diag.laws else diag.fit
+    low, high = distinct_numbers(fit_errors(other.best).nrmse, fit_errors(reached).nrmse)
+    logs = errors_of(diag)[0].removeprefix("the ")
+    found = " with all that was found" if diag.best or diag.laws else ""
+    model = capitalised(an(model_words(other.best.model)))
+    return [
+        f"{model} errs less over whole runs of the same {logs}: NRMSE {low} against {high}{found}. "
+        "Diagnose that model, too."
     ]
 
 

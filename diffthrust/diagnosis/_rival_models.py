@@ -1,0 +1,167 @@
+"""Other models of the library for the same logs, before effects and after.
+
+Whether a controller holds the speed or the command drives a torque decides what is missing: behind
+a speed loop no effect can stand for a supply that sags. So where the diagnosed model with all that
+was found still errs far above the noise, each model that the same channels feed is fitted as it is.
+Of those that err about as little as the diagnosed model as it was given, the best is searched for
+effects of its own: those that the diagnosis saw some gain in, and those that act in it alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from diffthrust._support.errors import InputError
+from diffthrust.diagnosis._admission import errors_between
+from diffthrust.diagnosis._candidates import candidates_of
+from diffthrust.diagnosis._channel_use import models_fed_by
+from diffthrust.diagnosis._explained_share import explained_share
+from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._other_models import OtherModel, errors_of
+from diffthrust.diagnosis._search_state import (
+    FittedStage,
+    SearchContext,
+    SearchState,
+    start_search,
+)
+from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._stepwise import done, simulation_is_poor, step
+from diffthrust.estimation._result import Fit
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import Record, bind
+from diffthrust.simulation._runs import Run, runs_over
+
+_STARTS = 4
+"""Numerics: starts of the fit of another model, of which nothing is known."""
+
+
+class _Rival(NamedTuple):
+    """A model of the same logs, as it is."""
+
+    model: Model
+    train: tuple[Record, ...]
+    unseen: tuple[Record, ...]
+    stage: FittedStage
+
+
+def other_models(
+    context: SearchContext, state: SearchState, law: LearnedLaw | None, catalogue: bool
+) -> tuple[OtherModel, ...]:
+    """Other models of the same logs, the one that errs least first.
+
+    None where whole runs of the diagnosed model err hardly more than the noise: no other can then
+    do better.
+
+    Args:
+        context: what the search worked with.
+        state: where it ended.
+        law: what was learned besides.
+        catalogue: whether the whole catalogue was tried, and may be on another model.
+    """
+    first, last = state.stages[0], state.stages[-1]
+    if not simulation_is_poor(context, state, last):
+        return ()
+    with context.clock("other models"):
+        rivals = [_as_it_is(context, model) for model in _rivals_of(context)]
+        rivals = [rival for rival in rivals if math.isfinite(_error(rival.stage.fit))]
+        rivals.sort(key=lambda rival: _error(rival.stage.fit))
+        reach = SETTINGS.rival_models.within_reach * _error(first.fit)
+        baseline = _runs_of(context, last, law)
+        results = []
+        for place, rival in enumerate(rivals):
+            found = None
+            if not place and _error(rival.stage.fit) <= reach:
+                found = _searched(context, state, rival, catalogue)
+            runs = (found or rival.stage).unseen_runs or (found or rival.stage).runs
+            worth = explained_share(errors_between(baseline, runs))
+            results.append(OtherModel(rival.stage.fit, found.fit if found else None, worth))
+    return tuple(sorted(results, key=lambda other: _error(other.best)))
+
+
+def _error(fit: Fit) -> float:
+    return errors_of(fit).nrmse
+
+
+def _rivals_of(context: SearchContext) -> list[Model]:
+    """Other models of the library that the logs feed, and that all measured channels compare."""
+    given, records = context.given, (*context.fitter.records, *context.unseen)
+    prescribed = {name for record in records for name in record.inputs}
+    return [
+        model
+        for model in models_fed_by([record.log for record in records])
+        if type(model) is not type(given)
+        and not prescribed & {*model.states, *given.states}
+        and {*_measured(model, records)} == {*context.fitter.channels}
+    ]
+
+
+def _measured(model: Model, records: Sequence[Record]) -> set[str]:
+    return {*model.outputs} & {name for record in records for name in record.log.measured}
+
+
+def _as_it_is(context: SearchContext, model: Model) -> _Rival:
+    """A model with what it shares with the diagnosed one: fixed constants, and effects."""
+    given = context.given
+    shared = {
+        name: {"value": p.value, "fixed": True}
+        for name, p in given._parameters.items()
+        if p.fixed and name in model.parameters and model.parameters[name].unit == p.unit
+    }
+    model = model.replace(shared)
+    for effect in given.effects:
+        model = _with(model, effect)
+    context.say(f"{model.name} in place of {given.name}", 0.95)
+    train, unseen = (
+        bind(model, [record.log for record in records])
+        for records in (context.fitter.records, context.unseen)
+    )
+    refit = replace(context.refit, train=train, unseen=unseen, settled={})
+    return _Rival(model, train, unseen, FittedStage((), *refit(model, starts=_STARTS)))
+
+
+def _with(model: Model, effect: Effect) -> Model:
+    """The model with an effect, or as it is where it has no place for that."""
+    try:
+        return model + effect
+    except InputError:
+        return model
+
+
+def _searched(
+    context: SearchContext, state: SearchState, rival: _Rival, catalogue: bool
+) -> FittedStage | None:
+    """The last stage of a search with few candidates; ``None`` where it added nothing."""
+    fit, present = rival.stage.fit, state.current.trial.effects
+    gained = {c.effect for c in state.ranking if c.delta_bic < 0}
+    names = {*present, *state.possible, *gained} & {*context.fitter.candidates}
+    candidates = [context.fitter.candidates[name] for name in sorted(names)]
+    candidates = [e for e in candidates if _with(fit.model, e) is not fit.model]
+    if catalogue:
+        alone, _ = candidates_of(fit.model, (*rival.train, *rival.unseen))
+        candidates += [e for e in alone if _with(context.given, e) is context.given]
+    if not candidates:
+        return None
+    seed = context.refit.options["seed"]
+
+    def say(message: str, share: float) -> None:
+        context.say(f"{rival.model.name}: {message}", 0.95 + 0.05 * share)
+
+    searching, found = start_search(fit, rival.train, rival.unseen, candidates, seed, say)
+    while not done(found):
+        found = step(searching, found)
+    return found.stages[-1] if found.number else None
+
+
+def _runs_of(context: SearchContext, last: FittedStage, law: LearnedLaw | None) -> Sequence[Run]:
+    """Whole runs of the diagnosed model with all that was found, over the logs that count."""
+    if law is None:
+        return last.unseen_runs or last.runs
+    fit = law.reported
+    if context.unseen:
+        return runs_over(fit.model, context.unseen, substeps=fit.substeps)
+    records = context.fitter.records
+    return runs_over(fit.model, records, initial=fit.initial, substeps=fit.substeps)
