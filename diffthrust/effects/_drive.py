@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from diffthrust.effects._curves import power
 from diffthrust.effects._recorded import rate_limited
 from diffthrust.effects._shaft import ActuatorLag
-from diffthrust.models._base.component import registered
+from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
@@ -230,7 +230,9 @@ class ReversePropellerAsymmetry(Effect):
 class DifferentialGain(Effect):
     """The left and the right thruster do not give the same force.
 
-    Acts on the recorded forces [N]: left * (1 + gain), right * (1 - gain). Null: gain = 0.
+    Acts on what commands the thrusters, their forces [N] or their efforts: left * (1 + gain),
+    right * (1 - gain). Of efforts the force is a power, so that the two forces differ by
+    ((1 - gain) / (1 + gain)) ** exponent: `consequence` works it out. Null: gain = 0.
     Source: thrusters of one type differ by some per cent (blade damage, mounting, the map from
     command to force); their mean belongs to the other parameters.
 
@@ -246,8 +248,16 @@ class DifferentialGain(Effect):
     gain: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.2, probes=(-0.2, 0.2))
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """The force that this thruster gives."""
+        """What this thruster is in fact commanded."""
         return value * (1.0 + self.gain if port == "left_force" else 1.0 - self.gain)
+
+    def consequence(self, model: Component) -> str:
+        """How much of the stronger thruster's force the weaker one gives."""
+        effort = getattr(model, "command", "") == "effort"
+        share = (1.0 - abs(self.gain)) / (1.0 + abs(self.gain))
+        weak, strong = ("right", "left") if self.gain > 0 else ("left", "right")
+        share **= float(getattr(model, "exponent", 1.0)) if effort else 1.0
+        return f"the {weak} thruster gives {100.0 * share:.0f} % of the {strong} one's force"
 
 
 @registered

@@ -115,6 +115,9 @@ def _lacks_unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 @claim(r"The (?P<model>[^:.]+?) lacks (?P<what>[^:]+?): with (?:it|them) (?P<gain>the .+?)\.")
 def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     named = re.sub(r"\(these logs cannot tell it from .*?\)", "", m["what"])
+    if uneven := re.search(UNEVEN, named):
+        named = named.replace(uneven[0], "")
+        yield from uneven_thrusters(uneven, diag)
     for name in diag.added:
         if in_words(name) not in named:
             yield f"{name} was added"
@@ -127,6 +130,19 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             if not page.hidden & {name, *group}:
                 yield f"nothing of {name} is hidden"
     yield from _changes(m["gain"], diag, page)
+
+
+UNEVEN = r"\(the (?P<weak>left|right) thruster gives (?P<share>\d+) % of the \w+ one's force\)"
+
+
+def uneven_thrusters(m: re.Match, diag: Any) -> Iterator[str]:
+    """What is not so in the words on how uneven two thrusters are."""
+    values = {n: e.value for n, e in diag.fit.parameters.items()}
+    left, right = 1.0 + values["differential_gain.gain"], 1.0 - values["differential_gain.gain"]
+    power = values["exponent"] if diag.fit.model.command == "effort" else 1.0
+    share = (right / left if m["weak"] == "right" else left / right) ** power
+    if not is_said(m["share"], 100.0 * share):
+        yield f"the {m['weak']} thruster gives {share:.3f} of the other's force"
 
 
 @claim(r"(?:The (?P<model>[^:.]+?) is adequate: (?:none of the (?P<count>\d+) effects that were "

@@ -1,11 +1,14 @@
 """One truth a page: fields, verdict and words of a diagnosis agree."""
 
+import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import claims
 import made_diagnosis as made
 import numpy as np
 import pytest
+from claims.about_errors import UNEVEN, uneven_thrusters
 from one_truth import contradictions
 from reference import whole_runs as wr
 from steps import Stage, Worth, headroom_between, missing_words, verdict_evidence, verdict_of
@@ -204,3 +207,13 @@ def test_what_has_no_size_does_not_show():
     assert words.endswith("no missing signal is significant.")
     tiny = replace(missing, runs=((time, 1e-9 * signal, error),))
     assert "a signal of 1.5e-08 rad/s^2 (RMS)" in missing_words(tiny, made.found().model)
+
+
+@pytest.mark.parametrize(("share", "right"), [(79, True), (91, False)])
+def test_how_uneven_two_thrusters_are_is_held_against_their_efforts(share, right):
+    gain = dft.effects.DifferentialGain(gain=0.049)
+    model = dft.Vessel(drive="twin", command="effort", exponent=2.35) + gain
+    words = f"({gain.consequence(model)})".replace("79", str(share))
+    diag = SimpleNamespace(fit=SimpleNamespace(model=model, parameters=model.parameters))
+    wrong = [*uneven_thrusters(re.search(UNEVEN, words), diag)]
+    assert (wrong == []) is right

@@ -235,6 +235,25 @@ def test_a_gain_belongs_to_its_channel_or_to_its_thruster_by_the_order_of_the_ef
             np.testing.assert_allclose(found[channel], right_ones[channel], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("gain", "command", "weak", "share"),
+    [(0.049, "effort", "right", 79), (-0.049, "effort", "left", 79), (0.05, "N", "right", 90)],
+)
+def test_a_gain_says_what_it_does_to_the_forces(gain, command, weak, share):
+    model = dft.Vessel(drive="twin", command=command)
+    model = model.replace(exponent=2.35) if command == "effort" else model
+    words = EFFECTS["differential_gain"](gain=gain).consequence(model)
+    assert words.startswith(f"the {weak} thruster gives {share} % of the ")
+    levels = np.array([0.6, 0.6])
+    log = dft.Log(np.arange(2.0), {"left_force": levels, "right_force": levels})
+    parts = []
+    for side in ("left_force", "right_force"):  # surge after a second by one thruster alone
+        one = dft.Log(log.time, {**log.inputs, side: 0.0 * levels})
+        run = dft.simulate(model + EFFECTS["differential_gain"](gain=gain), one, substeps=50)
+        parts.append(run["surge"][-1])
+    assert 100 * min(parts) / max(parts) == pytest.approx(share, abs=1.0)
+
+
 @pytest.mark.slow
 def test_a_constant_wind_is_found_without_channels_for_it():
     true = {"along": 0.02, "across": 0.05, "turning": 0.01, "speed": 4.0, "direction": 2.0}

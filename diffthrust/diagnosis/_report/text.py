@@ -56,7 +56,7 @@ def an_effect(name: str) -> str:
 
 
 def sized_words(name: str, fit: Fit) -> str:
-    """An effect with the values that the fit found.
+    """An effect with the values that the fit found, and what they come to.
 
     Example:
         >>> sized_words("command_deadband", fit)
@@ -67,13 +67,16 @@ def sized_words(name: str, fit: Fit) -> str:
         for full, e in fit.parameters.items()
         if full.startswith(f"{name}.") and not e.fixed
     }
-    form = next((effect.form for effect in fit.model.effects if effect.name == name), {})
+    effect = next((effect for effect in fit.model.effects if effect.name == name), None)
+    form = effect.form if effect else {}
     formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
+    consequence = effect.consequence(fit.model) if effect else ""
+    meaning = f" ({consequence})" if consequence else ""
     values = {key: measured(e) for key, e in estimates.items()}
     if len(values) == 1:
-        return f"{an_effect(name)} of {next(iter(values.values()))}{formed}"
+        return f"{an_effect(name)} of {next(iter(values.values()))}{formed}{meaning}"
     listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())
-    return f"{an_effect(name)} ({listed}{formed})" if listed else an_effect(name)
+    return f"{an_effect(name)} ({listed}{formed}){meaning}" if listed else an_effect(name)
 
 
 def measured(estimate: Estimate) -> str:

@@ -134,6 +134,16 @@ class Effect(Component):
             if p.fixed and p.probes and getattr(self, name) != self.declared[name].value
         }
 
+    def consequence(self, model: Component) -> str:
+        """What the numbers come to in a model, in words, where they do not say so; "" by default.
+
+        Example:
+            >>> model = dft.Vessel(drive="twin", command="effort", exponent=2.35)
+            >>> dft.effects.DifferentialGain(gain=0.049).consequence(model)
+            "the right thruster gives 79 % of the left one's force"
+        """
+        return ""
+
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Effect:
         """The effect with sizes and trial values that follow from the logs; as it is, by default.
 
