@@ -53,6 +53,7 @@ from diffthrust.estimation._arguments import (
 )
 from diffthrust.estimation._origin import Origin, origin_of, same_logs
 from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
 from diffthrust.experiments._request import checked_limits
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -317,11 +318,17 @@ def still_possible(state: SearchState) -> dict[str, Worth]:
 def provenance(
     fit: Fit | Model, first: Fit, train: Sequence[Log], unseen: Sequence[Log]
 ) -> tuple[Origin, tuple[str, ...]]:
-    """Where a diagnosis comes from; a note where the fit that was given is of other logs."""
+    """Where a diagnosis comes from; a note where it does not begin with the fit that was given."""
     source = fit.origin if isinstance(fit, Fit) else None
     origin = origin_of(train, unseen, source.spec if source else None)
     if source and first is not fit and not same_logs(source.train, origin.train):
         return origin, (
             "The fit that was given is of other logs: its model was fitted anew to these.",
+        )
+    if isinstance(fit, Fit) and fit.status is Status.SIMULATION_FAILED and first is not fit:
+        return origin, (
+            "The fit that was given had failed: its model could not be simulated over whole runs. "
+            "It was fitted anew, from the values at which it had ended; what is called as given "
+            f"here is that fit ({first.status}).",
         )
     return origin, ()

@@ -36,6 +36,7 @@ from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._refine import disturbance_of, limits_of, polished, refined, rounding_of
 from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Estimate, Fit, shown_unit
+from diffthrust.estimation._runaway import with_runaways
 from diffthrust.estimation._solver import Solved
 from diffthrust.estimation._status import (
     GRADIENT_LIMIT,
@@ -245,6 +246,7 @@ def fit_records(
         **_judged(optimum, notes, doubts_of((*logs, *unseen), model) if options.doubts else ()),
         **_of_noise(optimum.problem, optimum.best),
     )
+    fitted = with_runaways(fitted, optimum.runs)
     return FitRuns(fitted, optimum.runs, holdout_runs)
 
 
@@ -319,7 +321,7 @@ class _Optimum:
         return (
             f"At the optimum the model needs {self.needed} integrator steps per sample, but "
             f"{self.substeps} were used: parameters and errors are off by more than the sensor "
-            "noise explains.",
+            f"noise explains. Fit with substeps={self.needed}; hold or bound what runs away first.",
         )
 
 

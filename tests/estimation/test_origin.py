@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -93,3 +94,15 @@ def test_a_diagnosis_tells_that_a_fit_is_of_other_logs():
     exec(code, scope := {"dft": dft})
     copied, error = (dft.compare(m, a).errors.nrmse for m in (scope["model"], same.fit))
     assert copied == pytest.approx(error, rel=1e-6)
+
+
+def test_a_diagnosis_tells_that_it_does_not_begin_with_a_fit_that_failed():
+    a = log(0)
+    fit = short.fitted(a)
+    lost = replace(fit.train, nrmse=float("nan"))
+    failed = replace(fit, status=dft.Status.SIMULATION_FAILED, train=lost)
+    diag = dft.diagnose(failed, a, candidates=["actuator_lag"], experiment=False)
+    (note,) = diag.notes
+    assert note.startswith("The fit that was given had failed")
+    assert note.endswith("what is called as given here is that fit (converged).")
+    assert np.isfinite(diag.stages[0].train.nrmse)
