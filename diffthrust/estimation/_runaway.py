@@ -27,7 +27,7 @@ FURTHER = 3.0
 errs by much more there; a larger factor needs as many more integrator steps."""
 AS_LITTLE = 1.02
 """Error with the larger value, to that at the optimum, that people call no larger. Lower: 150
-samples do not tell a rate of 9 per second from all larger ones, and err by 0.7 % more. Higher: of a few
+samples do not tell a rate of 9 per second from larger ones, and err by 0.7 % more. Higher: of few
 samples the likelihood below tells nothing, and the sentence would be none of theirs."""
 UNTOLD = 2.0
 """Logarithm of the likelihood ratio up to which the logs do not tell the larger value: 95 %, of one
