@@ -46,7 +46,9 @@ from diffthrust.diagnosis._explained_share import (  # private: the share and it
     BeforeAfter,
     Worth,
     explained_share,
+    harms,
     matters,
+    sure_share,
 )
 from diffthrust.diagnosis._findings import (  # private: made by hand
     HeldValue,
@@ -116,6 +118,7 @@ from diffthrust.diagnosis._report.tables import (  # private: its cells
     log_rows,
 )
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
+    growth_words,
     sized_words,
     stage_words,
     verdict_words,
@@ -148,6 +151,9 @@ from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnos
     change_between,
     fitted_beside,
     fitted_to_runs,
+)
+from diffthrust.diagnosis._stage_shares import (  # private: of stages made by hand
+    shares_by_effect,
 )
 from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
@@ -248,6 +254,8 @@ __all__ = [
     "fitted_to_runs",
     "fitting",
     "form_values",
+    "growth_words",
+    "harms",
     "hats",
     "headroom_between",
     "is_at_null",
@@ -285,6 +293,7 @@ __all__ = [
     "score_test",
     "screened",
     "search_state_module",
+    "shares_by_effect",
     "shift_of",
     "sized_words",
     "smoothed_signals",
@@ -292,6 +301,7 @@ __all__ = [
     "stages_figure",
     "still_refused",
     "stopped",
+    "sure_share",
     "term_along",
     "through_filters",
     "unused_channels",

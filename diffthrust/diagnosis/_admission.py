@@ -115,13 +115,13 @@ def record_stage(
     trained = errors_between(without[-1].runs, fitted.runs)
     unseen = errors_between(without[-1].unseen_runs, fitted.unseen_runs)
     worth, everywhere = explained_share(unseen or trained), explained_share([*trained, *unseen])
-    share = worth.of(remaining_share(state, without[-1]))
-    state = replace(state, worth={**state.worth, name: share})
-    in_place_of_others = not {*last.effects} <= {*fitted.effects}
     constant = name in context.fitter.constants  # a wrong constant biases all effects
+    in_place_of_others = not {*last.effects} <= {*fitted.effects}
     if constant or matters(worth, everywhere) or in_place_of_others:
         return replace(state, stages=(*state.stages, fitted))
-    return replace(state, detectable=(*state.detectable, name))
+    share = worth.of(remaining_share(state, without[-1]))
+    worths = {**state.worth, name: share}
+    return replace(state, worth=worths, detectable=(*state.detectable, name))
 
 
 def errors_between(baseline: Sequence[Run], updated: Sequence[Run]) -> list[dict[str, BeforeAfter]]:

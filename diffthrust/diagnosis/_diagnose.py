@@ -41,6 +41,7 @@ from diffthrust.diagnosis._search_state import (
     start_search,
 )
 from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
+from diffthrust.diagnosis._stage_shares import shares_by_effect
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._verdict import verdict_of
@@ -229,7 +230,7 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
     state, fitter = search.state, context.fitter
     present, last = state.current.trial.effects, state.stages[-1]
     tested = {candidate.effect for candidate in state.ranking}
-    reported = {*last.effects, *state.detectable} - {*fitter.constants}
+    worth = shares_by_effect(state.stages) | {n: state.worth[n] for n in state.detectable}
     return Selection(
         best=tuple(last.fit.model.effects[len(context.given.effects) :]),
         groups=search.groups,
@@ -239,7 +240,7 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
         dropped=state.dropped,
         refused={n: why for n, why in state.refused.items() if n not in present},
         silent=tuple(sorted(state.silent - tested - {*state.untestable, *fitter.constants})),
-        worth={n: worth for n, worth in state.worth.items() if n in reported},
+        worth={n: share for n, share in worth.items() if n not in fitter.constants},
         detectable=state.detectable,
         detectable_groups=search.detectable_groups,
         held=held_values(context.given, state.current.trial),
@@ -321,14 +322,16 @@ def provenance(
     """Where a diagnosis comes from; a note where it does not begin with the fit that was given."""
     source = fit.origin if isinstance(fit, Fit) else None
     origin = origin_of(train, unseen, source.spec if source else None)
-    if source and first is not fit and not same_logs(source.train, origin.train):
-        return origin, (
-            "The fit that was given is of other logs: its model was fitted anew to these.",
+    if not isinstance(fit, Fit) or first.parameters == fit.parameters:
+        return origin, ()
+    if source is None or not same_logs(source.train, origin.train):
+        why = "is of other logs: its model was fitted anew to these."
+    elif fit.status is Status.SIMULATION_FAILED:
+        why = (
+            "had failed: its model could not be simulated over whole runs. It was fitted anew, "
+            "from the values at which it had ended; what is called as given here is that fit "
+            f"({first.status})."
         )
-    if isinstance(fit, Fit) and fit.status is Status.SIMULATION_FAILED and first is not fit:
-        return origin, (
-            "The fit that was given had failed: its model could not be simulated over whole runs. "
-            "It was fitted anew, from the values at which it had ended; what is called as given "
-            f"here is that fit ({first.status}).",
-        )
-    return origin, ()
+    else:
+        why = "errs otherwise along these logs: its model was fitted anew."
+    return origin, (f"The fit that was given {why}",)

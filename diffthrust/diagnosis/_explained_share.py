@@ -1,15 +1,16 @@
 """What an effect is worth: how much of the error over whole runs it removes, and how sure that is.
 
 The share of the squared errors is taken over all samples of all logs, each channel in units of its
-own spread. Its interval is by bootstrap over logs, and over blocks of time within them that are
-longer than the errors last (Künsch 1989).
+own spread; and of each channel alone, because a channel that no model explains would drown what an
+effect does to the others. Its interval is by bootstrap over logs, and over blocks of time within
+them that are longer than the errors last (Künsch 1989).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,9 @@ from diffthrust.diagnosis._settings import SETTINGS
 
 _DRAWS = 1000
 """Numerics: draws of the bootstrap; its 5 % ends are then known to 0.7 % of probability."""
+
+_LEAST_PRINTED = 5e-4
+"""Display: a smaller share is printed as 0.0 %."""
 
 
 class BeforeAfter(NamedTuple):
@@ -43,7 +47,10 @@ class Worth:
         share: 0 changes nothing, 1 leaves no error, below 0 makes it larger.
         low: lower end of the 90 % interval.
         high: upper end.
-        channels: the same of each channel alone, where there are several.
+        channels: the same of each channel alone, where there are several; with intervals that
+            hold together.
+        everywhere: the same of training and unseen logs together, where both are known.
+        together: the effects that have this share jointly, where no one has a share of its own.
 
     Example:
         >>> Worth(0.72, 0.6, 0.8).to_json()
@@ -56,6 +63,8 @@ class Worth:
     low: float
     high: float
     channels: Mapping[str, Worth] = field(default_factory=dict)
+    everywhere: Worth | None = None
+    together: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return "{} ({})".format(*self.cells)
@@ -66,9 +75,14 @@ class Worth:
         return share_words(self.share), f"{share_words(self.low)} to {share_words(self.high)}"
 
     @property
+    def above_zero(self) -> bool:
+        """Whether its interval excludes zero, also as it is printed."""
+        return self.low >= _LEAST_PRINTED
+
+    @property
     def sure(self) -> bool:
         """Whether it is surely worth something, and more than a few per cent."""
-        return self.low > 0 and self.share > SETTINGS.whole_runs.negligible_share
+        return self.above_zero and self.share > SETTINGS.whole_runs.negligible_share
 
     def of(self, remaining: float) -> Worth:
         """The same as a share of a larger error, a share ``remaining`` of which is left before."""
@@ -77,10 +91,21 @@ class Worth:
 
     def to_json(self) -> dict[str, Any]:
         """The worth as plain data; ``None`` where it is not finite, as of runs that fail."""
-        share, low, high = (
-            x if math.isfinite(x) else None for x in (self.share, self.low, self.high)
-        )
-        return {"share": share, "interval": [low, high]}
+        data: dict[str, Any] = _share_data(self)
+        if self.channels:
+            data["channels"] = {name: _share_data(each) for name, each in self.channels.items()}
+        if self.everywhere:
+            data["everywhere"] = _share_data(self.everywhere)
+        if self.together:
+            data["together"] = list(self.together)
+        return data
+
+
+def _share_data(worth: Worth) -> dict[str, Any]:
+    share, low, high = (
+        x if math.isfinite(x) else None for x in (worth.share, worth.low, worth.high)
+    )
+    return {"share": share, "interval": [low, high]}
 
 
 def share_words(share: float) -> str:
@@ -103,58 +128,152 @@ def explained_share(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) ->
         >>> round(worth.share, 2), worth.sure
         (0.75, True)
     """
+    return shares_of_steps(logs, [[1]], seed)[0]
+
+
+def shares_of_steps(
+    logs: Sequence[Mapping[str, Sequence[np.ndarray]]],
+    steps: Sequence[Sequence[int]],
+    seed: int = 0,
+) -> list[Worth]:
+    """The shares of the first model's squared errors that steps from model to model remove.
+
+    All are shares of one whole: those of different steps add up to what all of them remove.
+
+    Args:
+        logs: for each log and channel what was measured, and the errors of one model after the
+            other; ``(T,)`` each.
+        steps: for each share the steps that it is of: step 1 leads from the first model to the
+            second.
+        seed: of the bootstrap.
+
+    Example:
+        >>> error = np.random.default_rng(0).standard_normal(500)
+        >>> models = 10 * error, error, 0.5 * error, 0.1 * error
+        >>> [round(worth.share, 2) for worth in shares_of_steps([{"speed": models}], [[1], [2]])]
+        [0.75, 0.24]
+    """
     names = list(dict.fromkeys(name for log in logs for name in log))
     table = _table(logs, names)
-    drawn = [_drawn(table, seed), np.sum([b.sum(axis=0) for b in table], axis=0)[None]]
-    total = _interval(*(sums.sum(axis=1) for sums in drawn))
-    if len(names) == 1:
-        return total
-    by_channel = {name: _interval(*(sums[:, c] for sums in drawn)) for c, name in enumerate(names)}
-    return Worth(total.share, total.low, total.high, by_channel)
+    drawn, sums = _drawn(table, seed), np.sum([b.sum(axis=0) for b in table], axis=0)[None]
+    worths = []
+    for chosen in steps:
+        total = _interval(drawn.sum(axis=1), sums.sum(axis=1), chosen)
+        if len(names) > 1:  # so many intervals are all to hold (Bonferroni)
+            by_channel = {
+                name: _interval(drawn[:, c], sums[:, c], chosen, len(names))
+                for c, name in enumerate(names)
+            }
+            total = replace(total, channels=by_channel)
+        worths.append(total)
+    return worths
+
+
+# -- what a share allows to say --------------------------------------------------------------------
 
 
 def matters(worth: Worth, everywhere: Worth) -> bool:
-    """Whether whole runs are surely better by an effect, over all channels or one of them by much.
+    """Whether whole runs are surely better by an effect: in all, or one channel and none worse.
+
+    A channel that no model explains weighs most in the sum, and hides what an effect does to the
+    others: a drag that removes 61 % of the surge error of a boat, whose sway nothing explains,
+    removes 0 % (? to 0 %) of all of it.
+
+    Of all channels training and unseen logs together must be sure, because random forces may last
+    as long as an unseen log does; of one channel of several the unseen logs as well, because one of
+    them does better by chance.
 
     Args:
         worth: on unseen logs; must not be negligible.
-        everywhere: on training and unseen logs together: where random forces last for as long as
-            an unseen log does, only all logs together can be sure.
+        everywhere: on training and unseen logs together.
+    """
+    limits = SETTINGS.whole_runs
+    if everywhere.sure and worth.share > limits.negligible_share:
+        return True
+    least = limits.one_channel_share
+    alone = any(
+        min(share.share, everywhere.channels[name].share) > least
+        and min(share.low, everywhere.channels[name].low) > 0
+        for name, share in worth.channels.items()
+    )
+    return alone and not harms(everywhere)
+
+
+def harms(everywhere: Worth) -> bool:
+    """Whether the squared error of a channel surely grows, by more than is negligible.
+
+    Training and unseen logs together say so: of one unseen log alone, a channel that nothing
+    explains surely grew by chance in a tenth of cases.
+    """
+    least = -SETTINGS.whole_runs.negligible_share
+    return any(each.high < 0 and each.share < least for each in everywhere.channels.values())
+
+
+class SureShare(NamedTuple):
+    """A share that is surely above zero, and what it is a share of.
+
+    Args:
+        worth: the share and its interval.
+        channel: of this channel's squared error; of that of all channels where empty.
+        everywhere: of training and unseen logs together.
     """
 
-    def surely(share: Worth, joint: Worth, least: float) -> bool:
-        return share.share > least and max(share.low, joint.low) > 0
-
-    pairs = (
-        (share, everywhere.channels.get(name, share)) for name, share in worth.channels.items()
-    )
-    alone = any(
-        surely(share, joint, SETTINGS.whole_runs.one_channel_share) for share, joint in pairs
-    )
-    return surely(worth, everywhere, SETTINGS.whole_runs.negligible_share) or (
-        worth.share > 0 and alone
-    )
+    worth: Worth
+    channel: str = ""
+    everywhere: bool = False
 
 
-def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> list[np.ndarray]:
-    """For each log the squared errors of its blocks, ``(blocks, channels, 2)``.
+def sure_share(worth: Worth) -> SureShare | None:
+    """What surely can be said of the share of an effect; ``None`` where every interval holds zero.
 
-    Before and after, in units of the variance of each channel and of its number of samples.
+    Of unseen logs rather than of all; and of all channels, unless one of them gains surely more
+    than these do, or alone is sure.
+
+    Example:
+        >>> drowned = Worth(
+        ...     0.1, -0.1, 0.2, {"speed": Worth(0.8, 0.7, 0.9), "thrust": Worth(0, 0, 0)}
+        ... )
+        >>> sure_share(drowned).channel
+        'speed'
+    """
+    least = SETTINGS.whole_runs.one_channel_share
+    for shares in (worth, worth.everywhere):
+        if shares is None:
+            continue
+        sure = [n for n, c in shares.channels.items() if c.above_zero and c.share > least]
+        best = max(((shares.channels[n].share, n) for n in sure), default=(0.0, ""))[1]
+        if best and not (shares.above_zero and shares.channels[best].low <= shares.share):
+            return SureShare(shares.channels[best], best, shares is not worth)
+        if shares.above_zero:
+            return SureShare(shares, "", shares is not worth)
+    return None
+
+
+# -- squared errors by blocks, and draws of them ---------------------------------------------------
+
+
+def _table(
+    logs: Sequence[Mapping[str, Sequence[np.ndarray]]], names: Sequence[str]
+) -> list[np.ndarray]:
+    """For each log the squared errors of its blocks, ``(blocks, channels, models)``.
+
+    In units of the variance of each channel and of its number of samples.
     """
     unit = {}
+    models = len(next(iter(logs[0].values()))) - 1
     for name in names:
-        measured = np.concatenate([log[name].measured for log in logs if name in log])
+        measured = np.concatenate([log[name][0] for log in logs if name in log])
         unit[name] = float(np.nanvar(measured)) * np.isfinite(measured).sum()
     limits, table = SETTINGS.whole_runs, []
     for log in logs:
-        size = len(next(iter(log.values())).measured)
-        squares, lasts = np.zeros((size, len(names), 2)), 1.0
+        size = len(next(iter(log.values()))[0])
+        squares, lasts = np.zeros((size, len(names), models)), 1.0
         for c, name in enumerate(names):
             if name not in log or not unit[name] > 0:
                 continue
-            errors = log[name]
-            finite = np.isfinite(errors.measured)
-            for k, residual in enumerate((errors.before, errors.after)):
+            measured, *errors = log[name]
+            finite = np.isfinite(measured)
+            for k, residual in enumerate(errors):
                 with np.errstate(over="ignore"):  # of a run that diverges
                     squares[finite, c, k] = (
                         np.where(np.isfinite(residual), residual, np.inf)[finite] ** 2
@@ -181,7 +300,7 @@ def _lasting(residual: np.ndarray) -> float:
 
 
 def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:
-    """Sums over logs and blocks that were drawn with replacement, ``(draws, channels, 2)``."""
+    """Sums over logs and blocks that were drawn with replacement, ``(draws, channels, models)``."""
     rng = np.random.default_rng(seed)
     drawn = np.zeros((_DRAWS, *table[0].shape[1:]))
     picked = rng.integers(0, len(table), (_DRAWS, len(table)))
@@ -193,16 +312,22 @@ def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:
     return drawn
 
 
-def _interval(drawn: np.ndarray, total: np.ndarray) -> Worth:
-    """The share and its interval, from squared errors before and after; ``(n, 2)``, ``(1, 2)``."""
-    level = SETTINGS.whole_runs.interval_level
-    ends = np.quantile(_removed(drawn), [0.5 * (1 - level), 0.5 * (1 + level)], method="nearest")
-    return Worth(float(_removed(total)[0]), float(ends[0]), float(ends[1]))
+def _interval(drawn: np.ndarray, total: np.ndarray, steps: Sequence[int], beside: int = 1) -> Worth:
+    """The share and its interval, one of several, from squared errors ``(draws or 1, models)``."""
+    outside = 0.5 * (1 - SETTINGS.whole_runs.interval_level) / beside
+    ends = np.quantile(_removed(drawn, steps), [outside, 1 - outside], method="nearest")
+    return Worth(float(_removed(total, steps)[0]), float(ends[0]), float(ends[1]))
 
 
-def _removed(sums: np.ndarray) -> np.ndarray:
-    """The share that is removed of squared errors, from those before and after, ``(n, 2)``."""
-    baseline, updated = sums.T
-    finite = (baseline > 0) & np.isfinite(baseline)
-    remaining = np.divide(updated, baseline, out=np.ones_like(baseline), where=finite)
-    return 1.0 - np.where(np.isinf(baseline) & np.isfinite(updated), 0.0, remaining)
+def _removed(sums: np.ndarray, steps: Sequence[int]) -> np.ndarray:
+    """The share of the first model's squared errors that steps remove, from all ``(n, models)``."""
+    given = sums[:, 0]
+    finite = (given > 0) & np.isfinite(given)
+    removed = np.zeros(len(sums))
+    for k in steps:
+        baseline, updated = sums[:, k - 1], sums[:, k]
+        with np.errstate(invalid="ignore"):  # of runs that diverge before and after
+            share = np.divide(baseline - updated, given, out=np.zeros_like(given), where=finite)
+        mended = np.isinf(given) & np.isinf(baseline) & np.isfinite(updated)
+        removed += np.where(mended, 1.0, np.where(np.isnan(share), 0.0, share))
+    return removed

@@ -31,6 +31,8 @@ _FAR = 3.0
 """Display: a parameter that is off by more of itself is not given in per cent."""
 _STEP = 1e-4
 """Numerics: share of a coordinate over which derivatives are differences."""
+_DIVERGED = 1e100
+"""Numerics: derivatives of a run that diverges; the squares of larger ones overflow."""
 _BLIND = 1e-6
 """Numerics: a log with less than this share of all information on a parameter does not determine
 it."""
@@ -355,7 +357,8 @@ def _slopes(problem: Problem, places: Sequence[int], sigma: np.ndarray) -> Itera
 def _of_log(log: Pass, jacobian: np.ndarray, count: int, sigma: np.ndarray, law: Law) -> Slopes:
     """Slopes of one log from derivatives ``(P + states, C, T)`` of its errors."""
     residual = np.nan_to_num(log.errors / sigma[:, None])
-    jacobian = np.nan_to_num(jacobian / sigma[:, None])
+    # a stiff run that diverges where a parameter is moved by a little says nothing of it
+    jacobian = np.where(np.abs(jacobian) < _DIVERGED, jacobian, 0.0) / sigma[:, None]
     weight = np.asarray(law.weights(residual[None], np.ones(len(sigma))))[0]
     parameters, starts = jacobian[:count], jacobian[count:]
     flat = (starts * weight).reshape(len(starts), residual.size)

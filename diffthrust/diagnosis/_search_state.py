@@ -35,6 +35,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._levels import levels_when_asked
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over, with_steps
@@ -237,7 +238,7 @@ class SearchState:
         silent: effects without a predicted gain at some stage.
         detectable: effects of the current model without a stage: they do not matter over whole
             runs, and are kept so that their evidence is not attributed to other effects.
-        worth: explained share of the effects that were added or are detectable.
+        worth: explained share of the effects that are detectable.
         possible: effects that only whole runs support, with their explained share.
         exhausted: the last step added nothing, which ends the search.
     """
@@ -312,17 +313,30 @@ def start_search(
 def _with_its_runs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) -> FitRuns | None:
     """A fit with its runs over the logs of this diagnosis; ``None`` if it is of other logs.
 
-    It is of these logs if its errors agree with those of the runs.
+    It is of these logs if its errors agree with those of the runs. Its errors on unseen logs are
+    those of the fit, whose steps may be finer there than on the training logs: a fit of a boat that
+    needed 32 steps a sample where it had 16 was taken for one of other logs, and fitted anew from
+    0.72 to 0.76.
     """
-    if len(fit.initial) != len(train) or (fit.holdout is None) == bool(unseen):
+    if len(fit.initial) != len(train):
         return None
     runs = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
-    unseen_runs = runs_over(fit.model, unseen, substeps=fit.substeps) if unseen else ()
-    pairs = [(fit.train, pooled_errors(runs))]
-    if fit.holdout:
-        pairs.append((fit.holdout, pooled_errors(unseen_runs)))
-    alike = all(math.isclose(a.nrmse, b.nrmse, rel_tol=1e-6) for a, b in pairs)
-    return FitRuns(fit, runs, unseen_runs) if alike else None
+    if not _agree(fit.train, pooled_errors(runs)):
+        return None
+    if not unseen:
+        return FitRuns(replace(fit, holdout=None) if fit.holdout else fit, runs, ())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoarseStepWarning)  # the fit has warned
+        finer = runs_over(fit.model, unseen)
+    unseen_runs = with_steps(fit.model, finer, fit.substeps)
+    errors = [pooled_errors(finer), pooled_errors(unseen_runs)]
+    if fit.holdout is None or not any(_agree(fit.holdout, each) for each in errors):
+        fit = replace(fit, holdout=errors[0])
+    return FitRuns(fit, runs, unseen_runs)
+
+
+def _agree(errors: Errors, others: Errors) -> bool:
+    return errors.nrmse < math.inf and math.isclose(errors.nrmse, others.nrmse, rel_tol=1e-6)
 
 
 def compiled_fitter(

@@ -115,10 +115,12 @@ class WholeRuns:
     """An effect that removes no more of the squared whole-run error is detectable and not added.
     Origin: chosen; 3 % of the squares is 1.5 % of the error. Lower: effects are added that no plot
     shows. Higher: faint effects are only detectable."""
-    one_channel_share: float = 0.2
-    """It is added all the same if it removes more than this of one channel's squared error.
-    Origin: chosen; 20 % of the squares is a tenth of the error. Lower: one channel of several does
-    so by chance. Higher: the offset of one sensor drowns in the errors of the other channels."""
+    one_channel_share: float = 0.1
+    """It is added all the same if it surely removes more than this of one channel's squared error,
+    and harms no other channel.
+    Origin: the tenth that counts as a change of a channel; 0.2 until the other channels were asked.
+    Lower: one channel of several does so by chance. Higher: what acts on one sensor drowns in the
+    errors of channels that nothing explains."""
     interval_level: float = 0.9
     """Level of a share's interval, which must lie above zero.
     Origin: 5 % on its one side, customary. Lower: more worthless effects pass. Higher: three logs

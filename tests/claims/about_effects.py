@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,51 +17,91 @@ from .parsing import NUMBER, SHARE, WORTH, claim, error_of, in_words, is_said, s
 
 REMOVED = 0.05
 """Shares of squared errors may differ by this much: of one fit of whole runs and of another."""
+SURE = 5e-4
+"""A smaller lower end of an interval is printed as zero."""
 
 
-@claim(rf"Of the squared error over whole runs of (?P<logs>[a-z ]+?) each removes: (?P<list>.+? "
+@claim(rf"Of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error over whole runs of (?P<logs>unseen "
+       rf"logs|the training logs|training and unseen logs) (?:each removes: )?(?P<list>.+? "
        rf"{WORTH})\.")  # fmt: skip
 def _each_removes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    for words, worth in re.findall(rf"(?:^|, |and )([^,()]+?) ({WORTH})", m["list"]):
-        yield from _removes(words, worth, diag.worth, diag)
-        names = [n for n in diag.added if in_words(n) == words.strip()]
+    channel = (m["channel"] or "").replace(" ", "_")
+    everywhere = m["logs"] == "training and unseen logs"
+    shares = re.findall(rf"(?:^|, |and )([^,()]+?)(?: removes?)? ({WORTH})", m["list"])
+    if sum(shares_in(text)[0] for _, text in shares) > 1.0 + 0.005 * len(shares):
+        yield "more is removed than there is"
+    whole = {name: _of(diag.worth[name], channel, everywhere) for name in diag.worth}
+    for words, text in shares:
+        names = [n for n in diag.added if n in diag.worth and _shared(n, diag) == words.strip()]
+        yield from _removes(words, text, names, whole)
         if page and names:
-            yield from _plainly(names[0], worth, diag, page)
+            yield from _plainly(names, text, channel, everywhere, diag, page)
 
 
-def _removes(words: str, text: str, worths: Any, diag: Any) -> Iterator[str]:
-    names = [n for n in worths if in_words(n) == re.sub(r"^(?:an?|or) ", "", words.strip())]
-    if len(names) != 1:
+def _shared(name: str, diag: Any) -> str:
+    """An effect, or those with which it has one share together, in words."""
+    together = diag.worth[name].together
+    return " and ".join(map(in_words, together)) + " together" if together else in_words(name)
+
+
+def _of(worth: Any, channel: str, everywhere: bool) -> Any:
+    worth = worth.everywhere if everywhere else worth
+    return worth.channels[channel] if worth and channel else worth
+
+
+def _named(words: str, worths: Any) -> list[str]:
+    return [n for n in worths if in_words(n) == re.sub(r"^(?:an?|or) ", "", words.strip())]
+
+
+def _removes(words: str, text: str, names: Sequence[str], worths: Any) -> Iterator[str]:
+    if not names:
         yield f"{words!r} is of no worth"
     elif not worth_is(text, worths[names[0]]):
         yield f"{names[0]} removes {worths[names[0]]}"
     share, low, high = shares_in(text)
     if np.isfinite([share, low, high]).all() and not low <= share <= high:
         yield "its share lies outside its interval"
-    if not np.isfinite([low, high]).all():
+    if not low > 0 or not np.isfinite(high):
         yield "an interval that excludes nothing is no worth"
 
 
-def _plainly(name: str, text: str, diag: Any, page: Page) -> Iterator[str]:
-    """The share by two plain least squares: of all that was added, and of all but one."""
-    from dataclasses import replace
+def _plainly(
+    names: Sequence[str], text: str, channel: str, everywhere: bool, diag: Any, page: Page
+) -> Iterator[str]:
+    """The share by plain least squares of the stages: the fall where the effects came."""
+    squares = []
+    for before, stage in pairwise(diag.stages):
+        if {*before.effects} - {*stage.effects}:
+            return  # one effect has taken the place of another
+        if {*names} & ({*stage.effects} - {*before.effects}):
+            squares.append((before.fit, stage.fit))
+    runs = [*page.train, *page.unseen] if everywhere else page.judged
 
-    less = replace(
-        diag.fit,
-        model=diag.fit.model - name,
-        parameters={n: e for n, e in diag.fit.parameters.items() if not n.startswith(f"{name}.")},
-    )
+    def squared(fit: Any) -> float:
+        found = page.plain(fit)
+        return wr.errors(found.system, runs, found.values)[channel or "all"] ** 2
+
     try:
-        given, last, without = (page.plain(f) for f in (diag.stages[0].fit, diag.fit, less))
+        falls = sum(squared(before) - squared(after) for before, after in squares)
+        share = falls / squared(diag.stages[0].fit)
     except equations.Unwritten:
         return
-    first, with_it, without_it = (
-        wr.errors(f.system, page.judged, f.values)["all"] ** 2 for f in (given, last, without)
-    )
-    share = (without_it - with_it) / first
     _, low, high = shares_in(text)
     if not low - REMOVED <= share <= high + REMOVED:
-        yield f"{name} removes {share:.2f} by a plain least squares"
+        yield f"{names[0]} removes {share:.2f} by a plain least squares"
+
+
+@claim(r"(?P<list>[A-Z][\w ,]+?) ha(?:s|ve) no sure effect on whole runs\.")
+def _nothing_sure(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    names = [n for n in diag.added if n in diag.worth and in_words(n).lower() in m["list"].lower()]
+    if not names:
+        yield "no added effect is named"
+    for name in names:
+        worth = diag.worth[name]
+        for shares in filter(None, (worth, worth.everywhere)):
+            if shares.low >= SURE or any(c.low >= SURE and c.share > 0.1
+                                         for c in shares.channels.values()):  # fmt: skip
+                yield f"{name} removes {shares}"
 
 
 @claim(r"These logs also show (?P<list>.+?): certain from one sample to the next, but over whole "
@@ -69,16 +110,26 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for name in diag.detectable:
         if in_words(name) not in m["list"]:
             yield f"{name} is detectable"
-    for words, worth in re.findall(rf"([^,()]+?) \(it removes ({WORTH}) of", m["list"]):
+    said = rf"([^,()]+?) \((?:it removes ({WORTH}) of|(no sure effect))"
+    for words, text, nothing in re.findall(said, m["list"]):
         first = re.sub(r"^and ", "", words.strip()).partition(" or ")[0]
-        yield from _removes(first, worth, diag.worth, diag)
+        names = _named(first, diag.worth)
+        if not nothing:
+            yield from _removes(first, text, names, diag.worth)
+        elif not names or diag.worth[names[0]].low >= SURE:
+            yield f"{first} has an effect on whole runs"
 
 
 @claim(rf"Possible, judged by whole runs alone, with the share of the squared error on "
-       rf"(?P<logs>[a-z ]+?) that each would remove: (?P<list>.+? {WORTH})\.")  # fmt: skip
+       rf"(?P<logs>[a-z ]+?) that each would remove: (?P<list>.+? {WORTH}[a-z ]*)\.")  # fmt: skip
 def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    for words, worth in re.findall(rf"(?:^|, |or )([^,()]+?) ({WORTH})", m["list"]):
-        yield from _removes(words, worth, diag.possible, diag)
+    said = (
+        rf"(?:^|, |or )([^,()]+?) ({WORTH})(?: of that of ([a-z ]+?))?( on training and)?(?=[, ]|$)"
+    )
+    for words, text, channel, everywhere in re.findall(said, m["list"]):
+        channel = channel.replace(" ", "_")
+        whole = {n: _of(w, channel, bool(everywhere)) for n, w in diag.possible.items()}
+        yield from _removes(words, text, _named(words, whole), whole)
 
 
 @claim(r"Structure (?P<still>still )?remains that no known effect explains: "

@@ -216,18 +216,24 @@ def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"From one sample to the next the (?P<channel>[a-zA-Z ]+?) is predicted to within "
-       rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of [a-z ]+? to (?P<run>{NUMBER}) ?[^:]*?: "
-       r"(?P<why>missing physics and random forces add up|the difference is attributed to random "
-       r"forces and lasting sensor errors, which no signal of these logs surely explains)"
-       r"\.")  # fmt: skip
+       rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of [a-z ]+?(?P<learned>, with what was "
+       rf"learned,)? to (?P<run>{NUMBER}) ?[^:]*?: (?P<why>missing physics adds up, and random "
+       r"forces may, too|the difference is attributed to random forces and lasting sensor errors, "
+       r"which no signal of these logs surely explains)\.")  # fmt: skip
 def _growth(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     per = diag.judged.errors.channels[channel].per
-    values = per * diag.one_step[channel], per * error_of(diag.judged, channel)[0]
-    for number, value in zip((m["step"], m["run"]), values, strict=True):
-        if not is_said(number, value, SIMULATED):
-            yield f"{number} is {value:.3g}"
-    if page and page.quiet:
+    run = error_of(diag.judged, channel)[0]
+    if bool(m["learned"]) != bool(diag.laws):
+        yield f"learned: {diag.laws}"
+    elif diag.laws:
+        fit = diag.laws[-1].reported
+        run = (fit.holdout or fit.train).channels[channel].rmse
+    for number, value in zip((m["step"], m["run"]), (diag.one_step[channel], run), strict=True):
+        if not is_said(number, per * value, SIMULATED):
+            yield f"{number} is {per * value:.3g}"
+    forces = m["why"].startswith("the difference is attributed to random forces")
+    if page and page.quiet and (forces or page.law is None):
         yield "no random force is at work: the truth reaches the noise of the sensors"
 
 

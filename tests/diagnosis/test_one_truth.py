@@ -11,11 +11,19 @@ import pytest
 from claims.about_errors import UNEVEN, uneven_thrusters
 from one_truth import contradictions
 from reference import whole_runs as wr
-from steps import Stage, Worth, headroom_between, missing_words, verdict_evidence, verdict_of
+from steps import (
+    Stage,
+    Worth,
+    growth_words,
+    headroom_between,
+    missing_words,
+    verdict_evidence,
+    verdict_of,
+)
 
 import diffthrust as dft
 
-SMALL = Worth(0.01, 0.0, 0.02)
+SMALL = Worth(0.01, 0.005, 0.02)
 MADE_UP = [made.found, made.diagnosis, made.adequate, made.unexplained, made.undecided]
 
 
@@ -137,11 +145,62 @@ def test_what_matters_leads_and_what_does_not_is_told_as_such():
     text = diag.summary
     assert text.index("an actuator lag") < text.index("a command dead band of")
     assert "actuator lag 70 % (60 % to 80 %) and command dead band 20 % (10 % to 30 %)" in text
-    assert "also show a thrust sensor lag (it removes 1 % (0 % to 2 %)" in text
+    assert "also show a thrust sensor lag (it removes 1 % (0.5 % to 2 %)" in text
     assert contradictions(diag) == []
     alike = replace(diag, detectable_groups=(("thrust_sensor_lag", "thrust_sensor_delay"),))
     assert "also show a thrust sensor lag or a thrust sensor delay (it removes" in alike.summary
     assert alike.to_json()["detectable_groups"] == [["thrust_sensor_lag", "thrust_sensor_delay"]]
+
+
+def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
+    """A dead band took the speed error from 46 to 19 rpm and was told as 10 % (-5 % to 22 %)."""
+    speed = {"speed": Worth(0.83, 0.7, 0.9), "thrust": Worth(0.0, -0.1, 0.1)}
+    diag = made.found()
+    text = replace(diag, worth={"command_deadband": Worth(0.1, -0.05, 0.22, speed)}).summary
+    assert "Of the squared speed error over whole runs of unseen logs command dead band " in text
+    assert "dead band removes 83 % (70 % to 90 %)." in text
+    assert "each removes" not in text
+    unsure = Worth(0.02, -0.01, 0.03)
+    none = replace(diag, worth={"command_deadband": unsure})
+    assert "Command dead band has no sure effect on whole runs." in none.summary
+    joint = replace(unsure, everywhere=Worth(0.05, 0.01, 0.08))
+    both = replace(diag, worth={"command_deadband": joint})
+    assert "whole runs of training and unseen logs command dead band removes 5 %" in both.summary
+    minor = replace(diag, detectable=("actuator_lag",), worth={"actuator_lag": unsure})
+    assert "also show an actuator lag (no sure effect on whole runs): certain" in minor.summary
+    for each in (none, both, minor):
+        assert claims.contradictions(each) == []
+
+
+def of_two(**worths):
+    """A diagnosis whose errors two effects remove."""
+    diag = made.diagnosis()
+    return replace(diag, worth=worths, detectable=())
+
+
+def test_effects_with_one_share_are_told_together():
+    share = Worth(0.9, 0.8, 0.95, together=("command_deadband", "actuator_lag"))
+    diag = of_two(command_deadband=share, actuator_lag=share)
+    words = "unseen logs command dead band and actuator lag together remove 90 % (80 % to 95 %)."
+    assert words in diag.summary
+    assert claims.contradictions(diag) == []
+
+
+def test_errors_do_not_add_up_where_a_law_removes_them():
+    """99 % was said to be removed by a law, and missing physics to add up."""
+    diag = replace(made.unexplained(), one_step={"speed": 0.3, "thrust": 0.5})
+    (words,) = growth_words(diag)
+    assert words.endswith("missing physics adds up, and random forces may, too.")
+    small = SimpleNamespace(reported=made.found().fit)
+    assert growth_words(replace(diag, laws=(small,))) == []
+    large = SimpleNamespace(reported=diag.fit)
+    assert ", with what was learned, to" in growth_words(replace(diag, laws=(large,)))[0]
+
+
+def test_shares_that_add_up_to_more_than_all_are_seen():
+    share = Worth(0.7, 0.6, 0.8)
+    diag = of_two(command_deadband=share, actuator_lag=share)
+    assert any("more is removed" in words for words in claims.contradictions(diag))
 
 
 def test_undecided_says_what_is_possible_and_which_record_would_decide():

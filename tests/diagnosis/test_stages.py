@@ -19,6 +19,7 @@ from steps import (
     other_values,
     ranked,
     refusing,
+    shares_by_effect,
     still_refused,
     stopped,
 )
@@ -187,7 +188,9 @@ def recorded():
 def test_what_matters_fills_a_stage(recorded, unseen):
     known = recorded(0.5, unseen=unseen)
     assert [stage.effects for stage in known.stages] == [(), ("lag",), ("lag", "wind")]
-    assert known.worth["wind"].share == pytest.approx(0.75 / 4)  # the lag left a quarter
+    worth = shares_by_effect(known.stages)
+    assert worth["lag"].share == pytest.approx(0.75)
+    assert worth["wind"].share == pytest.approx(0.75 / 4)  # the lag left a quarter
     assert known.detectable == ()
 
 
@@ -206,7 +209,57 @@ def test_a_constant_fills_a_stage_whatever_it_changes(recorded):
 def test_what_takes_the_place_of_another_effect_is_worth_what_both_are(recorded):
     known = recorded(0.995, effects=("wind",))
     assert known.stages[-1].effects == ("wind",)
-    assert known.worth["wind"].share == pytest.approx(1 - (0.995 / 2.0) ** 2)
+    worth = shares_by_effect(known.stages)
+    assert {*worth} == {"wind"}
+    assert worth["wind"].share == pytest.approx(1 - (0.995 / 2.0) ** 2)
+
+
+def stages_of(*sizes):
+    """Stages whose errors are so many times the same residual, by channel of one unseen log."""
+    made = []
+    for effects, *by_channel in sizes:
+        channels = {
+            name: SimpleNamespace(measured=MEASURED, residual=size * REST)
+            for name, size in zip(("speed", "thrust"), by_channel, strict=False)
+        }
+        run = SimpleNamespace(channels=channels)
+        made.append(FittedStage(effects, SimpleNamespace(), (run,), (run,)))
+    return made
+
+
+def test_shares_side_by_side_are_parts_of_one_whole_whatever_took_the_place_of_what():
+    """Taken beside all others, the wind that replaced the lag had 0.99, and the sag 0.19 more."""
+    worth = shares_by_effect(
+        stages_of(((), 2.0), (("lag",), 1.0), (("lag", "sag"), 0.5), (("sag", "wind"), 0.2))
+    )
+    assert {name: round(share.share, 4) for name, share in worth.items()} == {
+        "sag": 0.1875,
+        "wind": 0.8025,
+    }
+    assert all(share.everywhere and not share.together for share in worth.values())
+
+
+def test_what_does_harm_without_another_has_one_share_with_it():
+    """113 % and -13 % were said of a pair of which the first alone did harm."""
+    worth = shares_by_effect(stages_of(((), 1.0), (("lag",), 1.1), (("lag", "sag"), 0.1)))
+    assert {*worth} == {"lag", "sag"}
+    assert worth["lag"] == worth["sag"]
+    assert worth["lag"].together == ("lag", "sag")
+    assert worth["lag"].share == pytest.approx(0.99)
+
+
+def test_what_comes_in_one_stage_has_one_share():
+    worth = shares_by_effect(stages_of(((), 1.0), (("lag", "sag"), 0.1)))
+    assert worth["lag"].together == worth["sag"].together == ("lag", "sag")
+
+
+def test_an_effect_of_one_channel_keeps_its_share_where_others_grow():
+    worth = shares_by_effect(
+        stages_of(((), 1.0, 9.0), (("lag",), 0.1, 9.1), (("lag", "sag"), 0.1, 1.0))
+    )
+    assert worth["lag"].together == ()
+    assert worth["lag"].share < 0
+    assert worth["lag"].channels["speed"].share == pytest.approx(0.99)
 
 
 def test_worths_are_shares_of_one_whole():

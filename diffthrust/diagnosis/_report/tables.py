@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from diffthrust._support.report import Rows
 from diffthrust._support.words import humanize, joined, number, with_error
+from diffthrust.diagnosis._explained_share import Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.text import leading, stage_words
 from diffthrust.estimation._result import Fit
@@ -30,7 +31,7 @@ def headroom_rows(diag: Findings) -> Rows:
 
 
 def worth_rows(diag: Findings) -> Rows:
-    """What each effect removes of the squared errors over whole runs."""
+    """What each effect surely removes of the squared errors over whole runs, and of which."""
     kinds = {
         "matters": leading(diag),
         "detectable, changes nothing": diag.detectable,
@@ -38,12 +39,26 @@ def worth_rows(diag: Findings) -> Rows:
     }
     worth = {**diag.worth, **diag.possible}
     rows = (
-        (humanize(name), kind, *worth[name].cells)
+        (humanize(name), kind, *_sure_cells(worth[name]))
         for kind, names in kinds.items()
         for name in names
         if name in worth
     )
-    return Rows.of(("Effect", "", "Removes", "90 % interval"), rows, numbers=(2, 3))
+    headings = ("Effect", "", "Removes", "90 % interval", "Of the error")
+    return Rows.of(headings, rows, numbers=(2, 3))
+
+
+def _sure_cells(worth: Worth) -> tuple[str, str, str]:
+    sure = sure_share(worth)
+    if sure is None:
+        return "nothing sure", worth.cells[1], ""
+    others = [humanize(name) for name in worth.together]
+    words = (
+        humanize(sure.channel),
+        "of all logs" * sure.everywhere,
+        f"({joined(others)} together)" * bool(others),
+    )
+    return *sure.worth.cells, " ".join(filter(None, words))
 
 
 def stage_rows(diag: Findings) -> Rows:

@@ -16,6 +16,7 @@ from diffthrust._support.words import (
     with_error,
 )
 from diffthrust.diagnosis._candidates import place_words
+from diffthrust.diagnosis._explained_share import SureShare, Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
 from diffthrust.diagnosis._settings import SETTINGS
@@ -167,26 +168,69 @@ def _error_size(error: ChannelError) -> str:
 
 
 def worth_words(diag: Findings) -> list[str]:
-    """The share that each effect removes, and the effects that change nothing over whole runs."""
-    sentences, judged = [], [name for name in leading(diag) if name in diag.worth]
-    if len(judged) > 1:
-        shares = joined(f"{humanize(name)} {diag.worth[name]}" for name in judged)
-        sentences.append(
-            f"Of the squared error over whole runs of {errors_of(diag)[0]} each removes: {shares}."
-        )
+    """The share that each effect removes, and the effects that change nothing over whole runs.
+
+    Shares of one whole stand in one sentence. That of a single effect goes without saying, because
+    the errors before and after it are said, unless it is told by channel.
+    """
+    wholes: dict[tuple[str, bool], list[tuple[str, Worth]]] = {}
+    unsure, parts = [], _parts(diag)
+    for words, worth in parts.items():
+        if sure := sure_share(worth):
+            wholes.setdefault((sure.channel, sure.everywhere), []).append((words, sure.worth))
+        else:
+            unsure.append(words)
+    sentences = [
+        f"Of the squared {humanize(channel)}{' ' * bool(channel)}error over whole runs of "
+        f"{_judged_logs(diag, everywhere)} {_removed_words(shares)}."
+        for (channel, everywhere), shares in wholes.items()
+        if len(diag.added) > 1 or channel or everywhere
+    ]
+    if unsure:
+        has = "has" if len(unsure) == 1 and "together" not in unsure[0] else "have"
+        sentences.append(f"{capitalised(joined(unsure))} {has} no sure effect on whole runs.")
     if diag.detectable:
         groups = diag.detectable_groups or [(name,) for name in diag.detectable]
         listed = joined(
-            " or ".join(map(an_effect, group))
-            + (f" (it removes {worth} of the squared error)" if worth else "")
+            " or ".join(map(an_effect, group)) + _detectable_share(diag, group[0])
             for group in groups
-            for worth in (diag.worth.get(group[0]),)
         )
         sentences.append(
             f"These logs also show {listed}: certain from one sample to the next, but over whole "
             "runs without a change that surely matters."
         )
     return sentences
+
+
+def _parts(diag: Findings) -> dict[str, Worth]:
+    """The shares of the added effects, by effect in words, or by effects that have one together."""
+    parts: dict[str, Worth] = {}
+    for name in leading(diag):
+        if worth := diag.worth.get(name):
+            together = worth.together or (name,)
+            parts[" and ".join(map(humanize, together)) + " together" * bool(worth.together)] = (
+                worth
+            )
+    return parts
+
+
+def _removed_words(shares: list[tuple[str, Worth]]) -> str:
+    if len(shares) > 1:
+        return f"each removes: {joined(f'{words} {worth}' for words, worth in shares)}"
+    ((words, worth),) = shares
+    return f"{words} {'remove' if words.endswith(' together') else 'removes'} {worth}"
+
+
+def _detectable_share(diag: Findings, name: str) -> str:
+    worth = diag.worth.get(name)
+    if worth is None:
+        return ""
+    sure = f"it removes {worth} of the squared error"
+    return f" ({sure if worth.above_zero else 'no sure effect on whole runs'})"
+
+
+def _judged_logs(diag: Findings, everywhere: bool) -> str:
+    return "training and unseen logs" if everywhere else errors_of(diag)[0]
 
 
 def undecided_words(diag: Findings) -> list[str]:
@@ -213,7 +257,14 @@ def undecided_words(diag: Findings) -> list[str]:
 
 def possible_words(diag: Findings) -> list[str]:
     """The effects that whole runs support, and one-step errors do not."""
-    shares = joined((f"{an_effect(name)} {worth}" for name, worth in diag.possible.items()), "or")
+    shares = joined(
+        (
+            f"{an_effect(name)} {sure.worth}" + _of_what(diag, sure)
+            for name, worth in diag.possible.items()
+            if (sure := sure_share(worth))
+        ),
+        "or",
+    )
     if not shares:
         return []
     return [
@@ -222,9 +273,23 @@ def possible_words(diag: Findings) -> list[str]:
     ]
 
 
+def _of_what(diag: Findings, sure: SureShare) -> str:
+    """The channel and the logs of a share, where they are not all channels of the judged logs."""
+    channel = f" of that of {humanize(sure.channel)}" if sure.channel else ""
+    return channel + (f" on {_judged_logs(diag, True)}" if sure.everywhere else "")
+
+
 def growth_words(diag: Findings) -> list[str]:
-    """How much larger errors are over whole runs than from sample to sample, and why."""
+    """How much larger errors are over whole runs than from sample to sample, and why.
+
+    Over whole runs with what was learned: a law that removes 99 % of the error leaves next to
+    nothing that could add up.
+    """
     logs, errors = judged_errors(diag)
+    learned = ""
+    for law in diag.laws:
+        logs, errors = errors_of(diag)[0], law.reported.holdout or law.reported.train
+        learned = ", with what was learned,"
     growth = {
         n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step
     }
@@ -234,10 +299,11 @@ def growth_words(diag: Findings) -> list[str]:
     size, unit = errors.channels[name].shown
     words = (
         f"From one sample to the next the {humanize(name)} is predicted to within "
-        f"{_sized(size / growth[name], unit)}, over whole runs of {logs} to {_sized(size, unit)}"
+        f"{_sized(size / growth[name], unit)}, over whole runs of {logs}{learned} to "
+        f"{_sized(size, unit)}"
     )
     if diag.verdict == "unexplained":
-        return [f"{words}: missing physics and random forces add up."]
+        return [f"{words}: missing physics adds up, and random forces may, too."]
     return [
         f"{words}: the difference is attributed to random forces and lasting sensor errors, which "
         "no signal of these logs surely explains."

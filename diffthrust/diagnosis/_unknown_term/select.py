@@ -12,10 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import drop, refitted_stage, remaining_share
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
-from diffthrust.diagnosis._explained_share import Worth, matters
-from diffthrust.diagnosis._findings import (
-    Stage,
-)
+from diffthrust.diagnosis._explained_share import matters
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
@@ -253,16 +250,13 @@ def backward_elimination(
         return search, law
     fitter, current = started
     current = drop(fitter, SearchState(current, state.stages[:1], {})).current
-    worth, trial = {}, current.trial
+    trial = current.trial
     if trial.effects:
         trial = fitted_without(fitter, trial, trial.effects)
-    for name in trial.effects:
-        share, relevant = _share_of(fitter, trial, name, state.stages[0])
-        if relevant or name in fitter.constants:
-            worth[name] = share
-    kept = tuple(n for n in names if n in worth)
-    superfluous = tuple(n for n in names if n not in worth)
-    reduced = _restrict_to(context, replace(state, worth=worth), first, kept)
+    relevant = {n for n in trial.effects if n in fitter.constants or _matters(fitter, trial, n)}
+    kept = tuple(n for n in names if n in relevant)
+    superfluous = tuple(n for n in names if n not in relevant)
+    reduced = _restrict_to(context, state, first, kept)
     by_effect = {group[0]: group for group in (*search.groups, *search.detectable_groups)}
     groups = tuple(by_effect[n] for n in reduced.stages[-1].effects if n in by_effect)
     return SearchResult(reduced, groups, ()), replace(law, superfluous=superfluous)
@@ -291,16 +285,11 @@ def _start_elimination(
     return beside, CurrentModel(beside, fitted)
 
 
-def _share_of(
-    fitter: CandidateFitter, trial: TrialFit, name: str, first_stage: Stage
-) -> tuple[Worth, bool]:
-    """The share of the given model's error that an effect removes, and whether it matters."""
+def _matters(fitter: CandidateFitter, trial: TrialFit, name: str) -> bool:
+    """Whether whole runs are surely better by an effect beside all others of a trial."""
     remaining = tuple(n for n in trial.effects if n != name)
     change = change_between(fitter, fitted_without(fitter, trial, remaining), trial)
-    initial = first_stage.holdout or first_stage.train
-    without = change.before.holdout or change.before.train
-    share = (without.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
-    return change.worth.of(share), matters(change.worth, change.everywhere)
+    return matters(change.worth, change.everywhere)
 
 
 def _restrict_to(
