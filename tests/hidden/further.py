@@ -7,6 +7,8 @@
     rivals         logs of poor excitation under which two effects do the same: both in one group
     too_small      an effect that is certain and takes next to nothing off the whole-run error
     held, gaps     sensors read at every 2nd to 20th sample; up to a tenth of a log lost
+    dominated      a channel is moved by what no model explains, by more than by the plant: an
+                   effect on the others must be added all the same, and nothing without one
 
 The plants are those of the bench, or simulated in NumPy (`tanks`, `hull`).
 """
@@ -20,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from reference import inputs as shapes
 from reference import thruster
+from scipy.signal import lfilter
 
 import diffthrust as dft
 
@@ -32,6 +35,7 @@ ALIKE = {
     "command_deadband+coulomb_friction": ("command_deadband", "coulomb_friction"),
     "command_delay+actuator_lag": ("command_delay", "actuator_lag"),
 }
+DOMINATED = (*SHAKEN[:3], "quadratic_surge_drag")
 #: Effects that are the held constant in other words.
 SAME = {"ct": ("thrust_sensor_scale",)}
 
@@ -46,6 +50,8 @@ FURTHER: sets.Classes = {
     "held_none": ((), 8),
     "gaps": (SHAKEN, 3),
     "gaps_none": ((), 8),
+    "dominated": (DOMINATED, 4),
+    "dominated_none": ((), 4),
 }
 
 
@@ -55,7 +61,8 @@ class FurtherSet(HiddenSet):
 
     Attributes:
         candidates: what the diagnosis is to try; the catalogue where ``None``.
-        asks: what must be said: "effect", "not adequate", "held", "odd", "group", "nothing".
+        asks: what must be said: "effect", "added", "not adequate", "held", "odd", "group",
+            "nothing".
         about: the names that it must be said of.
     """
 
@@ -191,6 +198,24 @@ def _spoilt(
     return replace(made, train=tuple(map(read, made.train)), unseen=read(made.unseen))
 
 
+def _dominated(rng: np.random.Generator, name: str, seed: int) -> FurtherSet:
+    """The thrust, or the sway, wanders by one and a half times what the plant does to it."""
+    vessel = name == "quadratic_surge_drag"
+    group = "vessel/" if vessel else "clear/"
+    made = _as_further(sets.draw(group + name if name else "none", int(rng.integers(1 << 30))))
+    moved = "sway" if vessel else "thrust"
+
+    def read(log: dft.Log) -> dft.Log:
+        series = log.measured[moved]
+        wander = lfilter([1.0], [1.0, -0.99], rng.standard_normal(series.size))
+        wander *= 1.5 * np.nanstd(series) / np.std(wander)
+        measured = {**log.measured, moved: series + wander}
+        return dft.Log(log.time, dict(log.inputs), measured, name=log.name)
+
+    made = replace(made, train=tuple(map(read, made.train)), unseen=read(made.unseen))
+    return replace(made, asks="added" if name else "nothing", about=made.truth)
+
+
 def _of_plant(plant: Plant, rng: np.random.Generator) -> FurtherSet:
     logs = tuple(sets.recorded(plant, k, rng, f"run {'ABC'[k]}") for k in range(plants.LOGS))
     return _made(sets.guess(plant, rng), logs[:2], logs[2], plant)
@@ -221,4 +246,6 @@ _MAKERS: dict[str, Callable[[np.random.Generator, str, int], FurtherSet]] = {
     "held_none": _held,
     "gaps": _gaps,
     "gaps_none": _gaps,
+    "dominated": _dominated,
+    "dominated_none": _dominated,
 }

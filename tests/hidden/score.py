@@ -49,6 +49,8 @@ TARGETS: dict[str, float] = {
     "held_none": 0.95,
     "gaps": 0.95,
     "gaps_none": 0.95,
+    "dominated": 0.90,
+    "dominated_none": 0.95,
 }
 LABELS = (
     "right",
@@ -144,6 +146,10 @@ def _further(hidden: FurtherSet, diag: Any) -> Outcome:
         return Outcome(right, "right" if right else "missed", said)
     if hidden.asks == "nothing":
         return Outcome(not added, "false alarm" if added else "right", said)
+    if hidden.asks == "added":
+        right = _paired(hidden.about, [*groups, *map(set, diag.detectable_groups)]) is not None
+        label = "right" if right and added else "missed" if not added else "false alarm"
+        return Outcome(label == "right", label, f"{said}, groups {data['groups']}")
     if hidden.asks == "group":
         if not added:
             return Outcome(False, "missed", said)

@@ -52,6 +52,11 @@ def test_what_is_wrong_in_a_set_is_what_it_asks():
     assert len(six.train) == 6
     speed = bench.drawn("held_none", 0).train[0].measured["speed"]
     assert np.mean(np.diff(speed) == 0.0) > 0.45
+    for kind, moved in (("command_deadband", "thrust"), ("quadratic_surge_drag", "sway")):
+        made = bench.drawn(f"dominated/{kind}", 0)
+        assert made.about == (kind,)
+        clean = dft.simulate(made.model, made.unseen)[moved]
+        assert np.std(made.unseen.measured[moved] - clean) > np.std(clean)
     lost = bench.drawn("gaps_none", 0).train[0].measured["speed"]
     assert 0.0 < np.mean(np.isnan(lost)) <= 0.1
 
@@ -95,6 +100,10 @@ def test_the_score_of_what_is_asked():
     assert score.score(pair, told("effects_found", [["a", "c", "b"]])).right
     assert not score.score(pair, told("effects_found", [["a"]])).right
     assert score.score(pair, told("undecided")).label == "missed"
+    sure = replace(arm, asks="added", about=("a",))
+    assert score.score(sure, told("undecided", [["a", "c"]])).right
+    assert score.score(sure, told(detectable=["a"])).label == "missed"
+    assert score.score(sure, told("effects_found", [["a"], ["b"]])).label == "false alarm"
     small = replace(arm, asks="nothing")
     assert score.score(small, told(detectable=["a"])).right
     assert not score.score(small, told("effects_found", [["a"]])).right
