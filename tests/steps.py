@@ -94,6 +94,9 @@ from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
     no_longer_odd,
     odd_logs,
 )
+from diffthrust.diagnosis._periodic_stage import (  # private: without a search
+    unexplained_line,
+)
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
     error_changes,
     predicted_gains,
@@ -151,6 +154,11 @@ from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnos
     change_between,
     fitted_beside,
     fitted_to_runs,
+)
+from diffthrust.diagnosis._spectral_line import (  # private: spectra without a search
+    height_at,
+    height_over_turns,
+    strongest_line,
 )
 from diffthrust.diagnosis._stage_shares import (  # private: of stages made by hand
     shares_by_effect,
@@ -258,6 +266,8 @@ __all__ = [
     "harms",
     "hats",
     "headroom_between",
+    "height_at",
+    "height_over_turns",
     "is_at_null",
     "knots_of",
     "learners_for",
@@ -301,9 +311,11 @@ __all__ = [
     "stages_figure",
     "still_refused",
     "stopped",
+    "strongest_line",
     "sure_share",
     "term_along",
     "through_filters",
+    "unexplained_line",
     "unused_channels",
     "unused_notes",
     "upheld",

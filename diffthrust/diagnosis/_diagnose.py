@@ -31,6 +31,7 @@ from diffthrust.diagnosis._missing import (
 )
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
+from diffthrust.diagnosis._periodic_stage import add_periodic_force
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._rival_models import other_models
 from diffthrust.diagnosis._search_state import (
@@ -134,8 +135,7 @@ def diagnose(
     context, state = start_search(given, records, unseen_records, candidates, seed, say)
     baseline = state.current.trial
     mends = measured_mends(context, state.stages[0])
-    while not done(state):
-        state = step(context, state)
+    context, state = searched(context, state)
     # what the first model lacks is judged with errors clipped as they are at the end
     baseline = replace(baseline, clip=state.current.trial.clip)
     search = with_equivalents(context, state, baseline)
@@ -170,6 +170,20 @@ def diagnose(
         notes=(*notes, *unused_notes(context.given, unused)),
         origin=origin,
     )
+
+
+def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext, SearchState]:
+    """The search to its end: effects by their trials, periodic forces by their lines.
+
+    A line is looked for first, for others would be fitted to it, and where nothing else is left to
+    add.
+    """
+    context, state = add_periodic_force(context, state)
+    while not done(state):
+        state = step(context, state)
+        if state.exhausted:
+            context, state = add_periodic_force(context, state)
+    return context, state
 
 
 class Outcome(NamedTuple):

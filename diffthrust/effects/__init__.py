@@ -30,6 +30,7 @@ from diffthrust.effects._hull import QuadraticSurgeDrag as QuadraticSurgeDrag
 from diffthrust.effects._hull import QuadraticSwayDrag as QuadraticSwayDrag
 from diffthrust.effects._hull import QuadraticYawDrag as QuadraticYawDrag
 from diffthrust.effects._hull import SwayYawCoupling as SwayYawCoupling
+from diffthrust.effects._periodic import PeriodicForce as PeriodicForce
 from diffthrust.effects._propeller import AxialFlow as AxialFlow
 from diffthrust.effects._propeller import Cavitation as Cavitation
 from diffthrust.effects._propeller import InflowThrustLoss as InflowThrustLoss

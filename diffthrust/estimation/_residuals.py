@@ -165,8 +165,13 @@ class Innovations(Likelihood):
         return cls(noise, law, observer=observer_for(model, records))
 
     def starts(self, model: Model, records: Sequence[Record]) -> tuple[str, ...]:
-        """Those that are measured: the others come from the corrections."""
-        return self.observer.fed
+        """Those that are measured: the others come from the corrections.
+
+        And those of effects that no correction reaches, unless the records say where they begin.
+        """
+        unknown = (n for n in felt(model, records) if n in model.free_starts)
+        free = tuple(n for n in unknown if any(n not in record.start for record in records))
+        return (*self.observer.fed, *free)
 
     def parameters(
         self, channels: Sequence[str], records: Sequence[Record]

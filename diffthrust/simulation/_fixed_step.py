@@ -15,7 +15,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._trajectory import Grid, Key, driven, trajectory
+from diffthrust.simulation._trajectory import Grid, Key, driven, starting_point, trajectory
 
 
 @program(1)
@@ -110,9 +110,16 @@ def checked_initial(model: Model, initial: Any) -> dict[str, float]:
 
 
 def starting_states(model: Model, record: Record) -> dict[str, float]:
-    """Where every integrated state begins: first measurement, or the model's own initial value."""
+    """Where every integrated state begins: first measurement, or the model's own initial value.
+
+    Of the states of effects those that begin differently in every log.
+    """
     inputs = record.inputs_for(model)
     _, first = driven(model, record.time, inputs)
     integrated = [name for name in model.states if name not in inputs]
     start = {**(model.initial(first) if integrated else {}), **record.start}
-    return {name: float(start.get(name, 0.0)) for name in integrated}
+    begin = {name: float(start.get(name, 0.0)) for name in integrated}
+    if model.free_starts:
+        every = starting_point(model, first, begin)
+        begin |= {n: float(record.start.get(n, every[n])) for n in model.free_starts}
+    return begin

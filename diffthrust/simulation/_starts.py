@@ -5,7 +5,8 @@ model's `initial` says so by a free one, which all logs then share. It is **unkn
 measured output feels it: a fit estimates it for each of its logs, and over an unseen run it is
 estimated from that run, by least squares, as `compare` of System Identification does. Any other is
 of no account, and begins where the model says. The states of effects begin as the effects say:
-settled at the beginning of the log.
+settled at the beginning of the log; but those that an effect calls its `free_starts` (the phase of
+a wave) are unknown, too.
 """
 
 from __future__ import annotations
@@ -64,12 +65,12 @@ def _dependent(key: Key, free: tuple[str, ...], inputs: tuple[str, ...]) -> tupl
 
 
 def felt(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
-    """The model's own states that any measured output depends on, in their order."""
+    """The states with starts of their own that any measured output depends on, in their order."""
     names: set[str] = set()
     for record in records:
         inputs = tuple(sorted(record.inputs_for(model)))
         names |= _upstream(Key(model), inputs, tuple(record.measured))
-    return tuple(n for n in model.states if n in names)
+    return tuple(n for n in (*model.states, *model.free_starts) if n in names)
 
 
 @lru_cache(256)
@@ -83,7 +84,7 @@ def _upstream(key: Key, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> fr
 def unknown_starts(model: Model, record: Record, start: Mapping[str, float]) -> tuple[str, ...]:
     """The states whose beginning is unknown and that a measured output depends on."""
     settled = {*record.inputs, *start, *record.start}
-    if settled >= {*model.states}:
+    if settled >= {*model.states, *model.free_starts}:
         return ()
     settled |= {*following(model, [record])}
     return tuple(n for n in felt(model, [record]) if n not in settled)

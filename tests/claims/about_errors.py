@@ -112,6 +112,16 @@ def _lacks_unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"known effects explain it: {sorted(page.hidden)}" if page.hidden else "it lacks none"
 
 
+def amplitudes(fit: Any) -> list[float]:
+    """Of periodic forces, in each log."""
+    return [
+        fit.parameters[f"{name}.amplitude"].value
+        * np.hypot(start[f"{name}.sine"], start[f"{name}.cosine"])
+        for name in (e.name for e in fit.model.effects if "sine" in e.free_starts)
+        for start in fit.initial
+    ]
+
+
 @claim(r"The (?P<model>[^:.]+?) lacks (?P<what>[^:]+?): with (?:it|them) (?P<gain>the .+?)\.")
 def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     named = re.sub(r"\(these logs cannot tell it from .*?\)", "", m["what"])
@@ -122,8 +132,9 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         if in_words(name) not in named:
             yield f"{name} was added"
     estimates = [e for n, e in diag.fit.parameters.items() if n.rpartition(".")[0] in diag.added]
-    for number in re.findall(rf"(?<![\w.]){NUMBER}", named):
-        if not any(is_said(number, e.shown[0], 1e-9) for e in estimates):
+    values = [e.shown[0] for e in estimates] + amplitudes(diag.fit)
+    for number in re.findall(rf"(?<![\w.]){NUMBER}(?!\^)", named):
+        if not any(is_said(number, value, 1e-9) for value in values):
             yield f"no added parameter is {number}"
     if page and page.hidden is not None:
         for name, group in zip(diag.added, diag.groups, strict=True):

@@ -9,6 +9,7 @@
     held, gaps     sensors read at every 2nd to 20th sample; up to a tenth of a log lost
     dominated      a channel is moved by what no model explains, by more than by the plant: an
                    effect on the others must be added all the same, and nothing without one
+    periodic_force, periodic_none   a force that is periodic in time, and what looks like it
 
 The plants are those of the bench, or simulated in NumPy (`tanks`, `hull`).
 """
@@ -26,7 +27,7 @@ from scipy.signal import lfilter
 
 import diffthrust as dft
 
-from . import excitation, hull, plants, sets, tanks
+from . import excitation, hull, periodic, plants, sets, tanks
 from .plants import Plant
 from .sets import HiddenSet
 
@@ -52,6 +53,8 @@ FURTHER: sets.Classes = {
     "gaps_none": ((), 8),
     "dominated": (DOMINATED, 4),
     "dominated_none": ((), 4),
+    "periodic_force": (("alone", "gusty", "command_deadband", "vessel"), 5),
+    "periodic_none": (("gusty", "turns", "sines"), 4),
 }
 
 
@@ -62,7 +65,7 @@ class FurtherSet(HiddenSet):
     Attributes:
         candidates: what the diagnosis is to try; the catalogue where ``None``.
         asks: what must be said: "effect", "added", "not adequate", "held", "odd", "group",
-            "nothing".
+            "nothing", "periodic", "not periodic".
         about: the names that it must be said of.
     """
 
@@ -236,6 +239,15 @@ def _as_further(made: HiddenSet) -> FurtherSet:
     return _made(made.model, made.train, made.unseen, made.plant, made.truth)
 
 
+def _periodic_force(rng: np.random.Generator, name: str, seed: int) -> FurtherSet:
+    made, frequency = periodic.forced(rng, name)
+    return replace(_as_further(made), asks="periodic", about=(f"{frequency:.6f}",))
+
+
+def _periodic_none(rng: np.random.Generator, name: str, seed: int) -> FurtherSet:
+    return replace(_as_further(periodic.unforced(rng, name)), asks="not periodic")
+
+
 _MAKERS: dict[str, Callable[[np.random.Generator, str, int], FurtherSet]] = {
     "unmeasured": _unmeasured,
     "constants": _constants,
@@ -248,4 +260,6 @@ _MAKERS: dict[str, Callable[[np.random.Generator, str, int], FurtherSet]] = {
     "gaps_none": _gaps,
     "dominated": _dominated,
     "dominated_none": _dominated,
+    "periodic_force": _periodic_force,
+    "periodic_none": _periodic_none,
 }

@@ -47,6 +47,8 @@ class Plant:
         sensors: of each measured channel.
         gust: process noise, or ``None``.
         hidden: the hidden effects with their parameters.
+        pushes: by experiment a known push where the process noise acts, ``(T,)`` or ``(T, 3)``;
+            none where empty.
     """
 
     system: str
@@ -56,11 +58,13 @@ class Plant:
     sensors: Mapping[str, noise.Sensor]
     gust: Gust | None = None
     hidden: Hidden = field(default_factory=dict)
+    pushes: tuple[Array, ...] = ()
 
     @property
     def time(self) -> Array:
         """Sample instants of every log [s]."""
-        return TIME["thruster" if self.system == "thruster" else "vessel"]
+        samples = len(next(iter(self.experiments[0].values())))
+        return TIME["thruster" if self.system == "thruster" else "vessel"][:samples]
 
     def run(self, index: int, rng: np.random.Generator | None = None) -> Record:
         """One experiment: with the sensors' and the process noise of ``rng``, or without any."""
@@ -71,6 +75,8 @@ class Plant:
                 for std in self.gust.std
             ]
             options["disturbance"] = columns[0] if len(columns) == 1 else np.array(columns).T
+        if self.pushes:
+            options["disturbance"] = options.get("disturbance", 0.0) + self.pushes[index]
         if self.system == "thruster":
             command = inputs.pop("command")
             record = thruster.simulate(

@@ -14,6 +14,7 @@ from .sets import HiddenSet
 
 LARGEST_GROUP = 3
 CLOSE = 1.05
+FREQUENCY = 0.01
 
 #: The share of sets of each class that must be right.
 TARGETS: dict[str, float] = {
@@ -51,6 +52,8 @@ TARGETS: dict[str, float] = {
     "gaps_none": 0.95,
     "dominated": 0.90,
     "dominated_none": 0.95,
+    "periodic_force": 0.90,
+    "periodic_none": 0.97,
 }
 LABELS = (
     "right",
@@ -150,6 +153,8 @@ def _further(hidden: FurtherSet, diag: Any) -> Outcome:
         right = _paired(hidden.about, [*groups, *map(set, diag.detectable_groups)]) is not None
         label = "right" if right and added else "missed" if not added else "false alarm"
         return Outcome(label == "right", label, f"{said}, groups {data['groups']}")
+    if hidden.asks.endswith("periodic"):
+        return _periodic(hidden, diag, said)
     if hidden.asks == "group":
         if not added:
             return Outcome(False, "missed", said)
@@ -164,6 +169,25 @@ def _further(hidden: FurtherSet, diag: Any) -> Outcome:
     if named != about or added - same:
         return Outcome(False, "false alarm", said)
     return Outcome(True, "right", said)
+
+
+def _periodic(hidden: FurtherSet, diag: Any, said: str) -> Outcome:
+    """One force of the right frequency, beside the true effects and nothing else; or none."""
+    forces = [name for name in diag.added if name.startswith("periodic_force")]
+    if hidden.asks == "not periodic":
+        return Outcome(not forces, "false alarm" if forces else "right", said)
+    if not forces:
+        return Outcome(False, "missed", said)
+    found = [diag.fit.parameters[f"{name}.frequency"].value for name in forces]
+    said = f"{said}; {', '.join(f'{f:.4f}' for f in found)} Hz for {hidden.about[0]}"
+    if len(found) > 1 or abs(found[0] / float(hidden.about[0]) - 1.0) > FREQUENCY:
+        return Outcome(False, "false alarm", said)
+    others = [set(g) for g in (*diag.groups, *diag.detectable_groups) if forces[0] not in g]
+    if _paired(hidden.truth, others) is None:
+        label = "missed" if len(others) < len(hidden.truth) else "false alarm"
+        return Outcome(False, label, f"{said}; beside it {[sorted(g) for g in others]}")
+    right = diag.verdict != "unexplained"
+    return Outcome(right, "right" if right else "unexplained", f"{said}; {diag.remaining}")
 
 
 def held_out_ratio(hidden: HiddenSet, diag: Any) -> float:

@@ -119,3 +119,42 @@ def test_an_effect_that_is_detectable_counts_as_named():
     assert score.score(faint, told(detectable=("a", "b"))).label == "false alarm"
     assert score.score(replace(faint, truth=()), told(detectable=("b",))).label == "false alarm"
     assert score.score(replace(faint, truth=()), told("undecided")).right
+
+
+def test_the_score_of_periodic_forces():
+    waves = replace(bench.drawn("gaps_none", 0), asks="periodic", about=("0.7000",), truth=("a",))
+
+    def found(names, frequency=0.7, verdict="effects_found"):
+        said = told(verdict, [[name] for name in names])
+        full = {f"{n}.frequency": SimpleNamespace(value=frequency) for n in names}
+        said.fit = SimpleNamespace(parameters=full)
+        return said
+
+    for said, label in (
+        (found(["periodic_force", "a"]), "right"),
+        (found(["periodic_force", "a"], 0.71), "false alarm"),
+        (found(["periodic_force"]), "missed"),
+        (found(["periodic_force", "a", "b"]), "false alarm"),
+        (found(["a"]), "missed"),
+        (found(["periodic_force", "a"], verdict="unexplained"), "unexplained"),
+    ):
+        assert score.score(waves, said).label == label
+    none = replace(waves, asks="not periodic")
+    assert score.score(none, found(["a"])).right
+    assert score.score(none, found(["periodic_force"])).label == "false alarm"
+
+
+def test_a_periodic_set_has_its_line_and_the_ripple_its_turns():
+    """The spectrum of what pushes: one frequency over time, or one order over the angle."""
+    force = bench.drawn("periodic_force/alone", 3)
+    time, push = force.plant.time, force.plant.pushes[0]
+    about = 2 * np.pi * float(force.about[0]) * time
+    basis = np.stack([np.sin(about), np.cos(about)], axis=1)
+    left = push - basis @ np.linalg.lstsq(basis, push, rcond=None)[0]
+    assert np.std(left) < 1e-3 * np.std(push)
+    ripple = bench.drawn("periodic_none/turns", 3).plant
+    speed = ripple.run(0).truth["speed"]
+    angle = np.concatenate([[0.0], np.cumsum(speed[:-1]) * time[1]])
+    orders = np.linspace(0.02, 0.5, 400)
+    line = [abs(np.exp(-1j * order * angle) @ ripple.pushes[0]) for order in orders]
+    assert np.max(line) > 0.2 * ripple.pushes[0].size * np.std(ripple.pushes[0])

@@ -71,6 +71,9 @@ def sized_words(name: str, fit: Fit) -> str:
     effect = next((effect for effect in fit.model.effects if effect.name == name), None)
     form = effect.form if effect else {}
     formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
+    if effect and effect.free_starts:
+        starts = [{n: log[f"{name}.{n}"] for n in effect.free_starts} for log in fit.initial]
+        formed += f", {effect.size_words(starts)}"
     consequence = effect.consequence(fit.model) if effect else ""
     meaning = f" ({consequence})" if consequence else ""
     values = {key: measured(e) for key, e in estimates.items()}

@@ -18,7 +18,8 @@ class Effect(Component):
     name of an input or output channel to act on the whole recorded series), ``needs`` (channels
     that the log must have as inputs), declares its parameters with their ``null`` values, and
     implements ``__call__``. An effect with states of its own names them in ``states`` (name to
-    unit) and implements ``rates``; its states are then read from the signals by their names.
+    unit) and implements ``rates``; its states are then read from the signals by their names. Those
+    in ``free_starts`` begin somewhere else in every log, as the phase of a wave does.
     An effect on a channel that reads other samples than the present one (a delay, a rate limit)
     sets ``memory``. An effect that acts at several places lists them in ``ports`` and implements
     `at` instead of ``__call__``.
@@ -41,6 +42,8 @@ class Effect(Component):
     port: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[Mapping[str, str]] = {}
+    free_starts: ClassVar[tuple[str, ...]] = ()
+    """States of its own of which nothing tells where they begin: a fit estimates that by log."""
     memory: ClassVar[bool] = False
     ports: ClassVar[tuple[str, ...]] = ()
     reads: tuple[str, ...] = ()
@@ -119,6 +122,19 @@ class Effect(Component):
             f"'{port}'{'; ' + near if near else ''}.",
             f"Correct the name; known there are {listing(signals)}.",
         )
+
+    def size_words(self, starts: Sequence[Mapping[str, float]]) -> str:
+        """Its size in words, where its initial states in some logs tell of it; empty by default.
+
+        Args:
+            starts: log by log its states, by their own names.
+
+        Example:
+            >>> waves = dft.effects.PeriodicForce("shaft", 0.7, 25.0, unit="rad/s^2")
+            >>> waves.size_words([{"sine": 0.6, "cosine": 0.8}])
+            'amplitude 25 rad/s^2'
+        """
+        return ""
 
     @property
     def form(self) -> dict[str, float]:

@@ -369,6 +369,18 @@ class Model(Component):
         }
         return {**self.states, **effect_states}
 
+    @property
+    def free_starts(self) -> tuple[str, ...]:
+        """The states of its effects whose initial values are estimated for each log.
+
+        Example:
+            >>> (dft.Thruster() + dft.effects.PeriodicForce("shaft", 0.7)).free_starts
+            ('periodic_force.sine', 'periodic_force.cosine')
+        """
+        return tuple(
+            f"{effect.name}.{name}" for effect in self.effects for name in effect.free_starts
+        )
+
     def __repr__(self) -> str:
         return " + ".join([super().__repr__(), *(repr(effect) for effect in self.effects)])
 
