@@ -44,11 +44,11 @@ from diffthrust.estimation._status import (
     Local,
     correlation_notes,
     examine,
-    explained,
     failed_over,
     judge,
     unstable_advice,
 )
+from diffthrust.estimation._unexplained import explained
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from diffthrust._support.correlation import lag_one
-from diffthrust._support.words import joined, percent
 from diffthrust.estimation._insensitive import vanished
 from diffthrust.estimation._likelihood import Quadratic, errors_at
 from diffthrust.estimation._problem import Problem
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._runs import Run, are_tables
-from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._late import late_readings
-from diffthrust.soundness._record import jumps
 
 GRADIENT_LIMIT = 1e-5
 """A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""
@@ -318,61 +313,6 @@ def _correlated(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:
         if lag > limit:
             lags[name] = lag
     return ", ".join(f"{name} {lag:.2f}" for name, lag in lags.items())
-
-
-_LITTLE = 20.0
-"""A channel that is explained to less than so many per cent is not described by the model."""
-
-
-def explained(
-    errors: Errors, doubts: Sequence[Doubt], model: Model, runs: Sequence[Run]
-) -> tuple[str, tuple[Doubt, ...]]:
-    """What to add to a fit's message, and its doubts with those on channels it hardly explains.
-
-    Args:
-        errors: of the fit on its training logs.
-        doubts: on the logs themselves.
-        model: at the optimum.
-        runs: over its training logs.
-    """
-    doubts = (*_turning(model, runs), *late_readings(runs), *doubts)
-    little = {name: e.fit_percent for name, e in errors.channels.items() if e.fit_percent < _LITTLE}
-    if not little:
-        return "", doubts
-    words = [f"{percent(max(share, 0.0) / 100)} of {name}" for name, share in little.items()]
-    doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
-    added = [
-        Doubt(
-            name,
-            "silent",
-            f"the fit explains {percent(max(share, 0.0) / 100)} of {name}: it does not move as the "
-            "model's does.",
-            f"look at dft.compare(fit, logs).plot(), at the sign, unit and column of {name} and "
-            "of the inputs, and at what dft.diagnose(fit, logs) finds missing.",
-        )
-        for name, share in little.items()
-        if name not in doubted
-    ]
-    return f" But it explains {joined(words)}: look at the doubts first.", (*doubts, *added)
-
-
-def _turning(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
-    """Doubts on angles that jump by a full turn, of which the model's class does not say so."""
-    for name, unit in model.outputs.items():
-        for run in runs:
-            if name in model.angles or name not in run.channels:
-                continue
-            measured = run.channels[name].measured
-            if jumps(measured[np.isfinite(measured)]) == unit:
-                yield Doubt(
-                    name,
-                    "unit",
-                    f"{run.name}: {name} jumps by a full turn, 360 degrees, from one sample to the "
-                    f"next, and {type(model).__name__} compares it as a plain number.",
-                    f"name it in the class of the model: angles = ({name!r},); then {name} is "
-                    "compared modulo a full turn.",
-                )
-                break
 
 
 _SMALL = 1e-8

@@ -1,0 +1,118 @@
+"""What a fit does not explain, and what its user may look at first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from diffthrust._support.words import joined, number, percent
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors
+from diffthrust.simulation._runs import Run
+from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._late import late_readings
+from diffthrust.soundness._record import jumps
+
+_LITTLE = 20.0
+"""A channel that is explained to less than so many per cent is not described by the model."""
+
+
+def explained(
+    errors: Errors, doubts: Sequence[Doubt], model: Model, runs: Sequence[Run]
+) -> tuple[str, tuple[Doubt, ...]]:
+    """What to add to a fit's message, and its doubts with those on channels it hardly explains.
+
+    Args:
+        errors: of the fit on its training logs.
+        doubts: on the logs themselves.
+        model: at the optimum.
+        runs: over its training logs.
+    """
+    doubts = (*_turning(model, runs), *late_readings(runs), *doubts)
+    little = {name: e.fit_percent for name, e in errors.channels.items() if e.fit_percent < _LITTLE}
+    if not little:
+        return "", doubts
+    words = [f"{percent(max(share, 0.0) / 100)} of {name}" for name, share in little.items()]
+    held = "".join(_held_against(model, runs))
+    doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
+    added = [
+        Doubt(
+            name,
+            "silent",
+            f"the fit explains {percent(max(share, 0.0) / 100)} of {name}: it does not move as the "
+            "model's does.",
+            f"look at dft.compare(fit, logs).plot(), at the sign, unit and column of {name} and "
+            f"of the inputs, and at what dft.diagnose(fit, logs) finds missing.{held}",
+        )
+        for name, share in little.items()
+        if name not in doubted
+    ]
+    return f" But it explains {joined(words)}: look at the doubts first.", (*doubts, *added)
+
+
+def _turning(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
+    """Doubts on angles that jump by a full turn, of which the model's class does not say so."""
+    for name, unit in model.outputs.items():
+        for run in runs:
+            if name in model.angles or name not in run.channels:
+                continue
+            measured = run.channels[name].measured
+            if jumps(measured[np.isfinite(measured)]) == unit:
+                yield Doubt(
+                    name,
+                    "unit",
+                    f"{run.name}: {name} jumps by a full turn, 360 degrees, from one sample to the "
+                    f"next, and {type(model).__name__} compares it as a plain number.",
+                    f"name it in the class of the model: angles = ({name!r},); then {name} is "
+                    "compared modulo a full turn.",
+                )
+                break
+
+
+PUSHED = 0.5
+"""Mean of a force, in its standard deviations, from which on it pushes one way. Lower: a dozen
+levels drawn about zero have 0.3 by chance."""
+NOWHERE = 0.3
+"""Mean speed, in its standard deviations, up to which a vehicle comes back to where it was. Lower:
+dives that end deeper than they begin (0.2). Higher: boats that follow such a force, if slowly."""
+_WINDOWS = 50
+"""Of a log, over which the rates of a measured position are taken: between samples it is noise."""
+_SPEEDS = ("velocity", "surge")
+"""Speeds along what a force pushes."""
+
+
+def _held_against(model: Model, runs: Sequence[Run]) -> Iterator[str]:
+    """A hint for forces that push one way on average while the vehicle goes nowhere.
+
+    A heave axis whose thrust holds against the buoyancy has no drag and no mass that explain it: a
+    fit ends at a mass of 22 t for 26 kg, which does not move at all.
+    """
+    port = next((name for name in ("force", "surge_force") if name in model.ports), "")
+    speed = next((name for name in _SPEEDS if name in model.states), "")
+    if not (port and speed):
+        return
+    speeds = np.concatenate([_speed(run, speed) for run in runs])
+    if not speeds.size or abs(speeds.mean()) > NOWHERE * speeds.std():
+        return
+    for name, unit in model.inputs.items():
+        force = np.concatenate([run.log.inputs[name] for run in runs])
+        if unit == "N" and abs(force.mean()) > PUSHED * force.std():
+            yield (
+                f" {name} is {number(float(force.mean()), 3)} N on average, and {speed} none: "
+                "something constant (buoyancy, weight, a slope, a tare) may hold against it; add "
+                f'it by model + dft.effects.Formula("{port}", "push", push="N").'
+            )
+
+
+def _speed(run: Run, speed: str) -> np.ndarray:
+    """The measured speed; that of the measured position where the speed is not measured."""
+    if speed in run.channels:
+        measured = run.channels[speed].measured
+        return measured[np.isfinite(measured)]
+    if speed != "velocity" or "position" not in run.channels:
+        return np.zeros(0)
+    position = run.channels["position"].measured
+    seen = np.flatnonzero(np.isfinite(position))
+    seen = seen[:: max(1, seen.size // _WINDOWS)]
+    return np.diff(position[seen]) / np.diff(run.time[seen])
