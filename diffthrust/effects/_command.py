@@ -122,8 +122,10 @@ class CommandDelay(Effect):
     """The command arrives late.
 
     Acts on the recorded command: command(time - delay), linear between the samples; before
-    the log the first command. Null: delay = 0. Source: Åström & Wittenmark 1997, chapter 2
-    (sampling of systems with a time delay).
+    the log the first command. It counts from the log's samples: a log that samples a command
+    which changes between two of them shows the change at the second, half a step late on average,
+    and the delay comes out shorter by that. Null: delay = 0. Source: Åström & Wittenmark 1997,
+    chapter 2 (sampling of systems with a time delay).
 
     Example:
         >>> effect = dft.effects.CommandDelay(delay=0.05)
@@ -142,6 +144,16 @@ class CommandDelay(Effect):
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command as it was."""
         return delayed(s.time, value, self.delay)
+
+    def of_sampling(self, step: float) -> str:
+        """By how much the true delay is longer where the log only samples the command."""
+        if self.delay == 0:
+            return ""
+        return (
+            f"command_delay.delay counts from the samples of the command, {step:.3g} s apart. If "
+            "the log samples a command that changes between them, the true delay is longer by half "
+            f"of that on average, {0.5 * step:.2g} s, which its standard error does not hold."
+        )
 
 
 @registered

@@ -46,6 +46,7 @@ from diffthrust.estimation._status import (
     examine,
     failed_over,
     judge,
+    sampling_notes,
     unstable_advice,
 )
 from diffthrust.estimation._unexplained import explained
@@ -409,6 +410,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
             *vanished,
             *optimum.coarse,
             *correlated,
+            *sampling_notes(optimum.model, optimum.runs),
             *of_logs,
         ),
         "correlation": correlated,

@@ -305,6 +305,19 @@ def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> t
     return (white.sentence.format(lags),) if lags else ()
 
 
+def sampling_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
+    """Sentences on numbers of effects on held inputs that the spacing of the samples moves.
+
+    Args:
+        model: at the optimum.
+        runs: over its training logs.
+    """
+    record = runs[0].record
+    held = {n for n in model.inputs if record.hold.get(n) == "zero"}
+    notes = [e.of_sampling(record.step) for e in model.effects if held & {*e.ports}]
+    return tuple(filter(None, notes))
+
+
 def _correlated(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:
     """Channels with a lag-one correlation beyond a limit and beyond chance, with its value."""
     lags = {}

@@ -160,6 +160,20 @@ class Effect(Component):
         """
         return ""
 
+    def of_sampling(self, step: float) -> str:
+        """What a log's held samples do to the numbers, beyond their errors; "" by default.
+
+        Args:
+            step: from one sample of what it acts on to the next [s].
+
+        Example:
+            >>> dft.effects.CommandDelay(delay=0.1).of_sampling(0.02).partition(" ")[0]
+            'command_delay.delay'
+            >>> dft.effects.CommandOffset(offset=0.1).of_sampling(0.02)
+            ''
+        """
+        return ""
+
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Effect:
         """The effect with sizes and trial values that follow from the logs; as it is, by default.
 
