@@ -121,6 +121,7 @@ from diffthrust.diagnosis._report.tables import (  # private: its cells
     log_rows,
 )
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
+    added_bound_words,
     growth_words,
     sized_words,
     stage_words,
@@ -233,6 +234,7 @@ __all__ = [
     "Stage",
     "TriedEffect",
     "Worth",
+    "added_bound_words",
     "admission_module",
     "as_estimated",
     "as_formula",

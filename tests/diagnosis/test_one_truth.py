@@ -14,6 +14,7 @@ from reference import whole_runs as wr
 from steps import (
     Stage,
     Worth,
+    added_bound_words,
     growth_words,
     headroom_between,
     missing_words,
@@ -255,6 +256,21 @@ def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     before = at_bound(made.found(), 0, beta=0.2).summary
     assert "without a command dead band, which may stand in for a higher beta:" in before
     assert "stopped at its bound" not in before
+
+
+@pytest.mark.parametrize(("limit", "said"), [(1.0, False), (0.8, True)])
+def test_a_share_that_is_whole_has_no_bound_to_widen(limit, said):
+    """A full sag was to be widened."""
+    sag = dft.effects.SupplyVoltageSag(share=limit)
+    model = (dft.Thruster() + sag).replace({"supply_voltage_sag.share": {"bounds": (0, limit)}})
+    width = made.found().fit.parameters["command_deadband.width"]
+    estimates = {
+        name: replace(width, value=p.value, at_bound=name.endswith("share"))
+        for name, p in model.parameters.items()
+    }
+    fit = replace(made.found().fit, model=model, parameters=estimates)
+    diag = replace(made.found(), stages=(made.found().stages[0], Stage((sag.name,), fit)))
+    assert bool(added_bound_words(diag)) is said
 
 
 def test_what_has_no_size_does_not_show():

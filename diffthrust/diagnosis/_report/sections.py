@@ -38,6 +38,7 @@ from diffthrust.diagnosis._report.summary import summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
     beyond_bound,
+    is_whole,
     measured,
     model_words,
     odd_words,
@@ -282,7 +283,7 @@ def _stopped(diag: Findings) -> list[str]:
         for c in diag.ranking
         if c.effect not in diag.added and (c.delta_bic < 0 or c.effect in diag.possible)
         for name, e in c.parameters.items()
-        if e.at_bound
+        if e.at_bound and not is_whole(c.effect, name, e.value)
     }
     return [
         f"{capitalised(humanize(name))} of {an_effect(effect)} {beyond_bound(measured(e))}"

@@ -21,6 +21,7 @@ from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.models._base.effect import EFFECTS
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import ChannelError, Errors
 
@@ -458,19 +459,31 @@ def _stopped(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
     """Of each parameter that a bound stopped its name in words, the bound, and which way it went.
 
     Without those at the null of their effect, or at the zero of a logarithm: there the effect has
-    vanished, which the notes say.
+    vanished, which the notes say. And without shares that are whole, of which there is no more.
     """
     stopped = {}
     for full, p in fit.model.parameters.items():
         e, (low, high) = fit.parameters[full], p.limits
         above = abs(e.value - high) < abs(e.value - low)
         vanished = e.value == p.null or (p.transform == "log" and low <= 0 and not above)
-        if e.at_bound and not vanished:
-            effect, _, name = full.rpartition(".")
+        effect, _, name = full.rpartition(".")
+        if e.at_bound and not vanished and not is_whole(effect, name, e.value):
             words = capitalised(f"{humanize(name)} of {an_effect(effect)}") if effect else name
             amount = _amount(f"{e.shown[0]:.4g}", e.shown[2])
             stopped[full] = words, amount, "higher" if above else "lower"
     return stopped
+
+
+def is_whole(effect: str, name: str, value: float) -> bool:
+    """Whether a number of a known effect is a share at its natural end: a full sag, a swap.
+
+    Example:
+        >>> is_whole("supply_voltage_sag", "share", 1.0), is_whole("load_exponent", "exponent", 4.0)
+        (True, False)
+    """
+    known = EFFECTS[effect].declared.get(name) if effect in EFFECTS else None
+    ends = known.bounds if known and not known.unit else ()
+    return value in ends and value in (-1.0, 0.0, 1.0)
 
 
 def _odd_log(odd: OddLog) -> str:
