@@ -40,6 +40,26 @@ def listing(names: Iterable[str], limit: int = 30) -> str:
     return ", ".join(quoted[:limit]) + (f" and {more} more" if more > 0 else "")
 
 
+def nearby(word: str, options: Iterable[str], most: int = 8) -> str:
+    """What could have been written: all of it if it is little, else what is nearest.
+
+    Example:
+        >>> nearby("sped", ["speed", "thrust"])
+        "there are 'speed', 'thrust'"
+        >>> nearby("sped", [f"speed{k}" for k in range(30)])
+        "of 30 names the nearest are 'speed9', 'speed8', 'speed7'"
+    """
+    names = list(dict.fromkeys(options))
+    if len(names) <= most:
+        return f"there are {listing(names)}"
+    near = get_close_matches(word.lower().strip(), names, n=3, cutoff=0.4)
+    return (
+        f"of {len(names)} names the nearest are {listing(near)}"
+        if near
+        else (f"there are {len(names)} names, and none is near")
+    )
+
+
 def short_repr(value: object) -> str:
     """What was found, for a message: as Python writes it, cut where it is long.
 

@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
@@ -144,14 +144,13 @@ def _asked_for(
         if isinstance(candidate, str):
             if candidate not in effects:
                 near = nearest(candidate, (*effects, *constants))
-                besides = (
-                    f", and of the model's constants {listing(constants)}" if constants else ""
-                )
+                besides = f"; constants of the model are {listing(constants)}" if constants else ""
                 raise InputError(
                     f"candidates: the effect {candidate!r} is not known"
-                    f"{f' ({near})' if near else ''}; there are {listing(effects)}{besides}.",
-                    "Correct the name. An effect of your own is given as an object, on the command "
-                    "line as my_effect.py:MyEffect; 'all' stands for the catalogue.",
+                    f"{f' ({near})' if near else ''}; {nearby(candidate, effects)}{besides}.",
+                    "Correct the name ('diffthrust effects' lists all). An effect of your own is "
+                    "given as an object, on the command line as my_effect.py:MyEffect; 'all' "
+                    "stands for the catalogue.",
                 )
             candidate = effects[candidate]
         if isinstance(candidate, type) and issubclass(candidate, Effect):

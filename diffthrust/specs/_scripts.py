@@ -14,7 +14,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect
@@ -136,8 +136,7 @@ def _class(word: str, folder: Path, base: type, classes: Mapping[str, type], wha
         return classes[word]
     near = nearest(word, classes)
     raise InputError(
-        f"the {what} {word!r} is not known{'; ' + near if near else ''}; "
-        f"there are {listing(classes)}.",
+        f"the {what} {word!r} is not known{'; ' + near if near else ''}; {nearby(word, classes)}.",
         f"Correct the name; {'an' if what == 'effect' else 'a'} {what} of your own is named as "
         f"'script.py:Class'.",
     )

@@ -282,6 +282,13 @@ def test_what_has_no_size_does_not_show():
     assert words.endswith("no missing signal is significant.")
     tiny = replace(missing, runs=((time, 1e-9 * signal, error),))
     assert "a signal of 1.5e-08 rad/s^2 (RMS)" in missing_words(tiny, made.found().model)
+    remaining = replace(made.diagnosis().remaining, port=silent.port)
+    beside = missing_words(silent, made.found().model, remaining)
+    assert "no missing signal" not in beside
+    assert (
+        f"something enters there shows by the errors' dependence on {remaining.depends_on}"
+        in beside
+    )
 
 
 @pytest.mark.parametrize(("share", "right"), [(79, True), (91, False)])

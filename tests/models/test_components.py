@@ -246,6 +246,10 @@ def test_effects_of_installed_packages(installed):
     assert isinstance(registry.effect_named("test_fouling"), Fouling)
     with pytest.raises(InputError, match=r"'test_foulin' is not known; the nearest is"):
         registry.effect_named("test_foulin")
+    with pytest.raises(InputError) as error:
+        registry.effect_named("command_dedband")
+    assert "names the nearest are 'command_deadband', " in str(error.value)
+    assert len(str(error.value)) < 400  # and not the whole catalogue
 
 
 @pytest.mark.parametrize("thing", [3, dft.Thruster, CommandOffset()])

@@ -225,15 +225,26 @@ def _missing(diag: Findings) -> Section:
             "What would have to be added at a port of the model as given for it to follow the "
             "training logs, estimated without assuming its form."
         ),
-        Bullets(missing_words(m, diag.model) for m in diag.shown(diag.missing)),
+        Bullets(missing_words(m, diag.model, diag.remaining) for m in diag.shown(diag.missing)),
         *[picture] * any(missing.shows for missing in diag.missing),
     )
 
 
-def missing_words(missing: Missing, model: Model) -> str:
-    """The missing signal at a port: its size, and on what it depends."""
+def missing_words(missing: Missing, model: Model, remaining: Remaining | None = None) -> str:
+    """The missing signal at a port: its size, and on what it depends.
+
+    Args:
+        missing: the signal.
+        model: the model as given.
+        remaining: what no known effect explains, which may enter at this very port.
+    """
     place = place_words(model, missing.port)
     if not missing.shows:
+        if remaining is not None and remaining.port == missing.port:
+            return (
+                f"At {place} the missing signal is too small to be drawn over time; that something "
+                f"enters there shows by the errors' dependence on {remaining.depends_on}."
+            )
         return f"At {place} no missing signal is significant."
     size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
     chance = probability(missing.p_value)
