@@ -15,7 +15,8 @@ NRMSE over whole unseen runs (three starts): EMPS, position, velocity and both t
 with mass 93.5 kg, viscous 193 N s/m, dry 21.7 N, offset -3.34 N in the fourth row. The dry
 friction is seen only beside the offset, and two of three starts reach the fourth row.
 
-BlueBoat, means over half a second, masses from 15 kg, i33 1.7 kg m^2, all else to 1e4 (up to six starts):
+BlueBoat, means over half a second, masses from 15 kg, i33 1.7 kg m^2, all else to 1e4 (at most six
+starts):
 
 | equations | training cost | surge | sway | yaw rate | all |
 | --- | --- | --- | --- | --- | --- |
