@@ -88,11 +88,11 @@ def effects_line(effects: Iterable[Effect | str]) -> str:
 
 def _code(component: Component) -> str:
     """A model without its effects, or an effect, as it is constructed."""
-    known = isinstance(component, Effect) and catalogue().get(component.name) is type(component)
+    by_name = isinstance(component, Effect) and catalogue().get(component.name) is type(component)
     chosen = _chosen(component)
-    if known and not chosen:
+    if by_name and not chosen:
         return f'"{component.name}"'
-    own = component.own and not known
+    own = component.own and not by_name
     place = "" if own else "dft." if isinstance(component, Model) else "dft.effects."
     arguments = ", ".join(f"{name}={_argument(value)}" for name, value in chosen.items())
     return f"{place}{type(component).__name__}({arguments})"

@@ -481,8 +481,8 @@ def is_whole(effect: str, name: str, value: float) -> bool:
         >>> is_whole("supply_voltage_sag", "share", 1.0), is_whole("load_exponent", "exponent", 4.0)
         (True, False)
     """
-    known = EFFECTS[effect].declared.get(name) if effect in EFFECTS else None
-    ends = known.bounds if known and not known.unit else ()
+    declared = EFFECTS[effect].declared.get(name) if effect in EFFECTS else None
+    ends = declared.bounds if declared and not declared.unit else ()
     return value in ends and value in (-1.0, 0.0, 1.0)
 
 
