@@ -43,10 +43,10 @@ from diffthrust.estimation._status import (
     Checks,
     Local,
     correlation_notes,
+    effect_notes,
     examine,
     failed_over,
     judge,
-    sampling_notes,
     unstable_advice,
 )
 from diffthrust.estimation._unexplained import explained
@@ -410,7 +410,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
             *vanished,
             *optimum.coarse,
             *correlated,
-            *sampling_notes(optimum.model, optimum.runs),
+            *effect_notes(optimum.model, optimum.runs),
             *of_logs,
         ),
         "correlation": correlated,

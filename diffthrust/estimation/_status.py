@@ -305,8 +305,8 @@ def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> t
     return (white.sentence.format(lags),) if lags else ()
 
 
-def sampling_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
-    """Sentences on numbers of effects on held inputs that the spacing of the samples moves.
+def effect_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
+    """What the numbers of effects come to, and those that the spacing of held samples moves.
 
     Args:
         model: at the optimum.
@@ -314,8 +314,9 @@ def sampling_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
     """
     record = runs[0].record
     held = {n for n in model.inputs if record.hold.get(n) == "zero"}
-    notes = [e.of_sampling(record.step) for e in model.effects if held & {*e.ports}]
-    return tuple(filter(None, notes))
+    meant = [f"{e.name}: {words}." for e in model.effects if (words := e.consequence(model))]
+    sampled = [e.of_sampling(record.step) for e in model.effects if held & {*e.ports}]
+    return (*meant, *filter(None, sampled))
 
 
 def _correlated(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:

@@ -48,6 +48,8 @@ def _stopped(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         e, (low, high) = shown[stopped[0]], diag.fit.model.parameters[stopped[0]].limits
         if (m["way"] == "higher") != (abs(e.value - high) < abs(e.value - low)):
             yield f"{e.value:.4g} is at the other end of {low:.4g} to {high:.4g}"
+    elif stopped[0].endswith((".share", ".fraction")) and shown[stopped[0]].value in (-1.0, 1.0):
+        yield f"{stopped[0]} is whole: nothing lies beyond"
 
 
 @claim(rf"Log (?P<log>.+?) deviates from the others: (?P<evidence>.+?)\. It carries "

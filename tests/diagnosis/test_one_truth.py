@@ -271,6 +271,11 @@ def test_a_share_that_is_whole_has_no_bound_to_widen(limit, said):
     fit = replace(made.found().fit, model=model, parameters=estimates)
     diag = replace(made.found(), stages=(made.found().stages[0], Stage((sag.name,), fit)))
     assert bool(added_bound_words(diag)) is said
+    words = (
+        f"Share of a supply voltage sag stopped at its bound of {limit:g}: the effect may explain "
+        "more beyond it. Widen the bound, if physically possible."
+    )
+    assert (claims.contradictions(diag, text=words) == []) is said
 
 
 def test_what_has_no_size_does_not_show():

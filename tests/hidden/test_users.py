@@ -1,6 +1,10 @@
 """Users' sets are fair: the truth, begun at its true start, reaches the noise of the sensors."""
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +14,8 @@ from marks import slow_but
 from diffthrust.effects import EFFECTS
 
 from . import users
-from .users.__main__ import main, plain, work
+from .users.__main__ import main
+from .users.work import plain, work
 
 BEYOND = {
     # a twentieth of the commands is not in the log
@@ -141,6 +146,16 @@ def test_no_diagnosis_is_judged_without_a_least_squares(capsys):
     with pytest.raises(SystemExit):
         main(["tanks", "--starts", "0"])
     assert "at least 1" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_rows_are_written_by_the_command(tmp_path):
+    rows = tmp_path / "rows.jsonl"
+    command = [sys.executable, "-m", "hidden.users", "gear_motor", "--count", "1", "--plain"]
+    place = Path(__file__).parents[1]
+    subprocess.run([*command, "--starts", "1", "--out", rows], cwd=place, check=True, timeout=300)
+    (row,) = map(json.loads, rows.read_text().splitlines())
+    assert row["plain"]["identified"]
 
 
 @pytest.mark.slow
