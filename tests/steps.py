@@ -7,6 +7,7 @@ closed forms, or at the edge of a threshold.
 from diffthrust.diagnosis import (  # private: how a search begins
     _admission as admission_module,
 )
+from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
 from diffthrust.diagnosis import _search_state as search_state_module
 from diffthrust.diagnosis._candidates import (  # private: without a search
@@ -140,6 +141,7 @@ from diffthrust.diagnosis._screening import (  # private: the screen alone
     screened,
 )
 from diffthrust.diagnosis._search_state import (  # private: trials without a diagnosis
+    Clock,
     CurrentModel,
     FittedStage,
     SearchState,
@@ -211,6 +213,7 @@ __all__ = [
     "CandidateFitter",
     "ChannelError",
     "ChannelHeadroom",
+    "Clock",
     "CurrentModel",
     "ErrorRecord",
     "Errors",
@@ -288,6 +291,7 @@ __all__ = [
     "of_effect",
     "other_values",
     "own_effect",
+    "pairs_module",
     "place_words",
     "places_of",
     "pooled_sums",

@@ -245,15 +245,19 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
     present, last = state.current.trial.effects, state.stages[-1]
     tested = {candidate.effect for candidate in state.ranking}
     worth = shares_by_effect(state.stages) | {n: state.worth[n] for n in state.detectable}
+    # what lowers the errors of whole runs is tested by them, though not by one-step errors
+    supported = {*present, *state.possible}
+    untestable = {n: why for n, why in state.untestable.items() if n not in supported}
+    listed = {*supported, *untestable, *fitter.constants}
     return Selection(
         best=tuple(last.fit.model.effects[len(context.given.effects) :]),
         groups=search.groups,
         stages=tuple(Stage(stage.effects, stage.fit) for stage in state.stages),
         ranking=state.ranking,
-        untestable={n: why for n, why in state.untestable.items() if n not in present},
+        untestable=untestable,
         dropped=state.dropped,
         refused={n: why for n, why in state.refused.items() if n not in present},
-        silent=tuple(sorted(state.silent - tested - {*state.untestable, *fitter.constants})),
+        silent=tuple(sorted(state.silent - tested - listed)),
         worth={n: share for n, share in worth.items() if n not in fitter.constants},
         detectable=state.detectable,
         detectable_groups=search.detectable_groups,

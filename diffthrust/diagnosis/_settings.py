@@ -169,6 +169,21 @@ class WholeRuns:
 
 
 @dataclass(frozen=True)
+class Pairs:
+    """Which pairs of effects are fitted to whole runs where no single is added."""
+
+    most_effects: int = 8
+    """The number of effects of which pairs are made: the best single, those that one-step errors
+    cannot test, and further singles.
+    Origin: as many as the trials compile into one program. Lower: the second of a pair is not among
+    them. Higher: a second program, minutes for a vessel."""
+    most_fitted: int = 3
+    """The number of pairs that are fitted from several starts, those of least cost first.
+    Origin: chosen; each takes a fit of whole runs, half a minute for a boat. Lower: the pair that a
+    few steps put second is not fitted. Higher: minutes where no pair helps."""
+
+
+@dataclass(frozen=True)
 class Equivalence:
     """Which effects these logs cannot tell apart."""
 
@@ -440,6 +455,7 @@ class Settings:
     screening: Screening = Screening()
     admission: Admission = Admission()
     whole_runs: WholeRuns = WholeRuns()
+    pairs: Pairs = Pairs()
     equivalence: Equivalence = Equivalence()
     verdict: VerdictRule = VerdictRule()
     structure: Structure = Structure()

@@ -11,13 +11,14 @@ only whole runs support are reported as possible.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
 from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
+from diffthrust.diagnosis._pairs import with_pair
 from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import SearchContext, SearchState
@@ -134,13 +135,15 @@ def simulation_is_poor(context: SearchContext, state: SearchState, last: Stage) 
 def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     """Retry the effects that lower the errors over whole runs, from their values there.
 
-    The first that also lowers the one-step errors is added; the others are possible.
+    The first that also lowers the one-step errors is added; the others are possible. Where none is
+    added, pairs are tried.
     """
     if not simulation_is_poor(context, state, state.stages[-1]):
         return replace(state, possible={})
     context.say("fitting the effects to whole runs", state.share(0.5))
     with context.clock("whole runs"):
-        lowering = _lowering(context, state)
+        base, singles = _singles(context, state)
+        lowering = _lowering(context, base, singles)
     state = replace(state, possible={name: worth for name, (worth, _) in lowering.items()})
     for name, (worth, simulated) in lowering.items():
         with context.clock("whole runs"):
@@ -155,11 +158,11 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
             ranking = [c for c in outcome.ranking if (c.stage, c.effect) != here]
             ranking = sorted([*ranking, candidate], key=lambda c: (c.stage, c.delta_bic))
             return replace(outcome, ranking=tuple(ranking), refused={})
-    return state
+    return with_pair(context, state, base, singles)
 
 
-def _lowering(context: SearchContext, state: SearchState) -> dict[str, tuple[Worth, TrialFit]]:
-    """The effects that significantly lower the errors of whole runs, fitted to them, best first."""
+def _singles(context: SearchContext, state: SearchState) -> tuple[TrialFit, dict[str, TrialFit]]:
+    """The last stage, and the same with each promising effect alone, fitted to whole runs."""
     fitter = context.fitter
     base = fitted_to_runs(fitter, state.stages[-1])
     present = {*state.current.trial.effects}
@@ -171,12 +174,19 @@ def _lowering(context: SearchContext, state: SearchState) -> dict[str, tuple[Wor
     ]
     most = SETTINGS.whole_runs.most_user_effects
     started |= {name: _multistart_fit(context, state, base, name) for name in users[:most]}
-    ended = dict(
-        zip(started, side_by_side(simulation.further, list(started.values())), strict=True)
-    )
-    worths = {name: share_between(fitter, base, trial) for name, trial in ended.items()}
-    best = sorted((n for n in ended if worths[n].sure), key=lambda n: -worths[n].share)
-    return {name: (worths[name], ended[name]) for name in best[: SETTINGS.whole_runs.most_possible]}
+    ended = side_by_side(simulation.further, list(started.values()))
+    return base, dict(zip(started, ended, strict=True))
+
+
+def _lowering(
+    context: SearchContext, base: TrialFit, singles: Mapping[str, TrialFit]
+) -> dict[str, tuple[Worth, TrialFit]]:
+    """The effects that surely lower the errors of whole runs, best first."""
+    fitter = context.fitter
+    worths = {name: share_between(fitter, base, trial) for name, trial in singles.items()}
+    best = sorted((n for n in singles if worths[n].sure), key=lambda n: -worths[n].share)
+    most = SETTINGS.whole_runs.most_possible
+    return {name: (worths[name], singles[name]) for name in best[:most]}
 
 
 def _multistart_fit(

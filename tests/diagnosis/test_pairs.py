@@ -1,0 +1,144 @@
+"""Two effects that lower the errors of whole runs only together."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import claims
+import numpy as np
+import pytest
+from hidden import users
+from one_truth import contradictions
+from steps import Clock, FittedStage, SearchState, pairs_module, shares_by_effect
+
+import diffthrust as dft
+
+RNG = np.random.default_rng(0)
+MEASURED, RESIDUAL = RNG.standard_normal(600), RNG.standard_normal(600)
+
+
+def stage(size, *effects, unseen=True):
+    """A stage whose errors over whole runs are so large."""
+    channel = SimpleNamespace(rmse=size, nrmse=size)
+    errors = SimpleNamespace(nrmse=size, channels={"speed": channel})
+    trace = SimpleNamespace(measured=MEASURED, residual=size * RESIDUAL)
+    run = SimpleNamespace(channels={"speed": trace})
+    model = SimpleNamespace(parameters={})
+    fit = SimpleNamespace(train=errors, holdout=errors if unseen else None, model=model)
+    return FittedStage(effects, fit, (run, run), (run,) if unseen else ())
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a pair is judged by: the names of its effects."""
+
+    effects: tuple[str, ...]
+    values: dict[str, float] = field(default_factory=dict)
+    clip: None = None
+    expected: float = 0.0
+
+
+@dataclass(frozen=True)
+class Fitter:
+    """Fits that end where they begin."""
+
+    def further(self, trial):
+        return trial
+
+    def solve(self, effects, values, initial, clip):
+        return Trial(effects, values)
+
+    settled = solve
+
+    def absent(self, name, values):
+        return values
+
+
+@dataclass(frozen=True)
+class Context:
+    unseen: tuple[str, ...]
+    fitter: Fitter = field(default_factory=Fitter)
+    clock: Clock = field(default_factory=Clock)
+
+    def say(self, message, share):
+        """Nobody listens."""
+
+
+@pytest.fixture
+def searched(monkeypatch):
+    """The search after pairs, where whole runs err by so much with each set of effects."""
+
+    def after(sizes, unseen=("C",)):
+        fitted = []
+
+        def refitted(context, state):
+            effects = state.current.trial.effects
+            fitted.append(effects)
+            return stage(sizes.get(effects, 1.0), *effects)
+
+        pair = [names for names in sizes if len(names) == 2]
+        monkeypatch.setattr(pairs_module, "refitted_stage", refitted)
+        monkeypatch.setattr(pairs_module, "simulation_fitter", lambda fitter: fitter)
+        monkeypatch.setattr(pairs_module, "_started", lambda *_: [Trial(names) for names in pair])
+        given = SearchState(
+            SimpleNamespace(trial=Trial(())), (stage(1.0, unseen=bool(unseen)),), {}
+        )
+        return pairs_module.with_pair(Context(unseen), given, Trial(()), {}), fitted
+
+    return after
+
+
+def test_two_that_help_only_together_fill_one_stage_and_have_one_share(searched):
+    state, _ = searched({("a", "b"): 0.3, ("a",): 1.0, ("b",): 1.1})
+    assert [stage.effects for stage in state.stages] == [(), ("a", "b")]
+    assert state.current.trial.effects == ("a", "b")
+    worth = shares_by_effect(state.stages)
+    assert worth["a"].together == worth["b"].together == ("a", "b")
+    assert worth["a"].share == pytest.approx(0.91)
+
+
+def test_two_that_help_alone_as_well_have_a_stage_and_a_share_each(searched):
+    state, _ = searched({("a", "b"): 0.3, ("a",): 0.8, ("b",): 0.6})
+    assert [stage.effects for stage in state.stages] == [(), ("b",), ("a", "b")]
+    worth = shares_by_effect(state.stages)
+    assert worth["b"].share == pytest.approx(0.64)
+    assert worth["a"].share == pytest.approx(0.27)
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        {("a", "b"): 0.97, ("a",): 1.0, ("b",): 1.0},  # removes too little of unseen errors
+        {("a", "b"): 0.3, ("a",): 0.302, ("b",): 1.0},  # the second does nothing beside the first
+        {("a", "b"): np.inf, ("a",): 1.0, ("b",): 1.0},  # its runs fail
+    ],
+)
+def test_a_pair_that_is_not_proven_changes_nothing(searched, sizes):
+    state, _ = searched(sizes)
+    assert [stage.effects for stage in state.stages] == [()]
+    assert state.current.trial.effects == ()
+
+
+def test_without_unseen_logs_no_pair_is_fitted(searched):
+    state, fitted = searched({("a", "b"): 0.3, ("a",): 1.0, ("b",): 1.0}, unseen=())
+    assert [stage.effects for stage in state.stages] == [()]
+    assert fitted == []
+
+
+def test_the_next_pair_is_fitted_where_the_first_is_not_proven(searched):
+    sizes = {("a", "b"): 0.97, ("a", "c"): 0.3, ("a",): 1.0, ("b",): 1.0, ("c",): 1.0}
+    state, fitted = searched(sizes)
+    assert [stage.effects for stage in state.stages] == [(), ("a", "c")]
+    assert fitted[0] == ("a", "b")
+
+
+@pytest.mark.slow
+def test_a_current_and_a_weak_thruster_are_found_in_the_logs_of_a_boat():
+    made = users.draw("boat", 0)
+    *train, unseen = [log.averaged(10) for log in (*made.train, *made.unseen)]
+    names = ["water_current", "differential_gain", "quadratic_surge_drag", "quadratic_yaw_drag"]
+    diag = dft.diagnose(made.model, train, holdout=unseen, candidates=names, experiment=False)
+    assert {"water_current", "differential_gain"} <= {*diag.added}
+    assert not {"water_current", "differential_gain"} & {*diag.untestable}
+    assert diag.stages[-1].holdout.nrmse < 0.1
+    assert contradictions(diag) == []
+    assert claims.contradictions(diag) == []
