@@ -49,6 +49,7 @@ from diffthrust.diagnosis._explained_share import (  # private: the share and it
     explained_share,
     harms,
     matters,
+    negligible,
     sure_share,
 )
 from diffthrust.diagnosis._findings import (  # private: made by hand
@@ -283,6 +284,7 @@ __all__ = [
     "missing_figure",
     "missing_words",
     "models_fed_by",
+    "negligible",
     "next_stage",
     "no_better",
     "no_longer_odd",

@@ -88,19 +88,20 @@ def _as_good(page: Page, fit: Any, nrmse: float) -> Iterator[str]:
         yield f"training NRMSE {nrmse:.4g}, where a plain least squares reaches {reached:.4g}"
 
 
-def _levels(text: str, diag: Any, page: Page | None) -> Iterator[str]:
+def levels(text: str, diag: Any, comparison: Any, page: Page | None) -> Iterator[str]:
+    """That errors are so large, by the traces of a comparison and by a simulation written here."""
     found = [*LEVEL.finditer(text)]
     if not found:
         yield "no error is told"
     for m in found:
         channel = m["channel"].replace(" ", "_")
-        rmse, nrmse = error_of(diag.judged, channel)
-        per = diag.judged.errors.channels[channel].per
+        rmse, nrmse = error_of(comparison, channel)
+        per = comparison.errors.channels[channel].per
         if not is_said(m["size"], per * rmse, SIMULATED):
             yield f"{channel}: {m['size']} is {per * rmse:.4g}"
         if not is_said(m["nrmse"], nrmse, SIMULATED):
             yield f"{channel}: NRMSE {m['nrmse']} is {nrmse:.4g}"
-        if page and diag.apart is None:
+        if page:
             yield from _simulated(page, diag.fit, channel, m["nrmse"])
 
 
@@ -192,7 +193,7 @@ def _blind(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
        r"\(NRMSE [^()]+\)"
        r"(?:(?:, | and )the [a-zA-Z ]+? error is .+?\(NRMSE [^()]+\))*\.")  # fmt: skip
 def _level(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    yield from _levels(m[0], diag, page)
+    yield from levels(m[0], diag, diag.after, page)
 
 
 @claim(r"(?:Without what was learned t|T)he [a-zA-Z ]+? error on [a-z ]+? "
@@ -210,7 +211,7 @@ def _change(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 def _undecided(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "undecided":
         yield f"verdict {diag.verdict}"
-    yield from _levels(m["level"], diag, page)
+    yield from levels(m["level"], diag, diag.judged, None if diag.apart else page)
     channel = LEVEL.search(m["level"])["channel"].replace(" ", "_")
     multiple = error_of(diag.judged, channel)[0] / diag.one_step.get(channel, np.nan)
     if not is_said(m["multiple"], multiple, SIMULATED):

@@ -9,7 +9,7 @@ from typing import Any
 from reference import equations
 from reference import whole_runs as wr
 
-from .about_errors import SIMULATED
+from .about_errors import SIMULATED, levels
 from .page import Page
 from .parsing import NUMBER, SHARE, WORTH, claim, is_said, worth_is
 
@@ -63,10 +63,13 @@ def _odd(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "every log was recorded alike"
 
 
-@claim(r"The verdict rests on the other logs alone, with the model fitted to them: .+?\.")
+@claim(r"The verdict rests on the other logs alone, with the model fitted to them: .+?\. So "
+       r"fitted, (?P<levels>the .+?\(NRMSE [^()]+\)(?:(?:, | and )the .+?"
+       r"\(NRMSE [^()]+\))*)\.")  # fmt: skip
 def _rests(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.apart is None:
         yield "no log is apart"
+    yield from levels(m["levels"], diag, diag.judged, None)
 
 
 @claim(r"A channel may not mean what its name says:")

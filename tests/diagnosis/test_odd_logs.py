@@ -164,7 +164,10 @@ def test_a_verdict_rests_on_the_other_logs_where_an_odd_one_makes_whole_runs_poo
     assert diag.verdict == "adequate"
     words = "The verdict rests on the other logs alone"
     assert words in diag.summary
-    assert "on the other unseen logs is" in diag.summary
+    assert "So fitted, the speed error on the other unseen logs is" in diag.summary
+    first = diag.stages[0].holdout.channels["thrust"].nrmse  # of the model as given, of all logs
+    as_given = diag.summary.partition("The verdict rests")[0]
+    assert re.search(rf"the thrust error is \S+ N \(NRMSE {first:.2g}\)", as_given)
     assert contradictions(diag) == []
     others = diag.judged.errors
     assert others.channels["thrust"].nrmse < 0.02  # the noise is a hundredth

@@ -1,5 +1,7 @@
 """What an effect is worth over whole runs, and how sure that is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -12,6 +14,7 @@ from steps import (
     far_above_noise,
     harms,
     matters,
+    negligible,
     sure_share,
 )
 
@@ -83,7 +86,7 @@ def drowned(gain, loss=0.0):
 
 
 def test_a_channel_that_nothing_explains_drowns_no_other():
-    """BlueBoat exchanged: the drag removes 61 % of the surge error, 0 % (? to 0 %) of all."""
+    """BlueBoat exchanged: the drag removes half of the surge error, -2 % (-11 % to 5 %) of all."""
     worth = drowned(0.61)
     assert matters(worth, worth)
     assert sure_share(worth).channel == "surge"
@@ -94,6 +97,17 @@ def test_a_channel_that_nothing_explains_drowns_no_other():
     assert harms(Worth(-0.1, -0.3, 0.1, worse))
     assert not harms(worth)
     assert not matters(worth, Worth(-0.1, -0.3, 0.1, worse))
+    blind = {**worse, "sway": replace(worse["sway"], nrmse=1.2)}  # no better than a constant
+    assert matters(worth, Worth(-0.1, -0.3, 0.1, blind))
+
+
+def test_a_trial_of_whole_runs_that_shows_any_change_leaves_it_to_a_fit():
+    nothing = Worth(0.01, -0.1, 0.1, {"surge": Worth(0.05, 0.0, 0.1), "sway": Worth(0.0, 0, 0)})
+    assert negligible(nothing, nothing)
+    early = {"surge": Worth(0.52, -0.02, 0.77), "yaw_rate": Worth(-0.63, -4.92, 0.66)}
+    assert not negligible(nothing, Worth(0.02, -0.4, 0.3, early))  # unsure, and large
+    assert not negligible(Worth(-0.2, -0.4, -0.1), nothing)  # worse
+    assert not negligible(Worth(np.nan, np.nan, np.nan), nothing)
 
 
 def test_a_share_is_said_of_what_it_is_surely_a_share_of():

@@ -159,8 +159,15 @@ def gain_words(diag: Findings) -> str:
 
 
 def level_words(diag: Findings) -> str:
-    """How large the error of each channel is at the last stage."""
-    logs, errors = judged_errors(diag)
+    """How large the error of each channel is at the last stage, of all logs.
+
+    Also where a verdict rests on some logs alone: their fit is not the model as it was given.
+    """
+    logs, _, errors = errors_of(diag)
+    return _levels(logs, errors)
+
+
+def _levels(logs: str, errors: Errors) -> str:
     return joined(
         f"the {humanize(name)} error{'' if i else f' on {logs}'} is {_error_size(e)}"
         for i, (name, e) in enumerate(errors.channels.items())
@@ -379,7 +386,8 @@ def decisive_log_words(diag: Findings) -> list[str]:
     if diag.apart:
         sentences.append(
             "The verdict rests on the other logs alone, with the model fitted to them: the "
-            "deviating ones were recorded differently, or show what the others do not."
+            "deviating ones were recorded differently, or show what the others do not. So fitted, "
+            f"{_levels(*judged_errors(diag))}."
         )
     return sentences
 
