@@ -32,6 +32,7 @@ from diffthrust.estimation._likelihood import (  # private: costs and slopes bes
 )
 from diffthrust.estimation._multistart import (  # private: a search that stopped early
     Search,
+    carried_on,
     distinct,
 )
 from diffthrust.estimation._noise import (  # private: which samples a noise links
@@ -94,6 +95,7 @@ __all__ = [
     "alive",
     "bind",
     "build",
+    "carried_on",
     "distinct",
     "errors_at",
     "evaluate",

@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.progress import Progress, reporter, subtask
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._solver import Solved, solve
+from diffthrust.estimation._solver import MOST_STEPS, Solved, solve
 
 _DECADES = 1.0
 """Starts of a "log" parameter are drawn this many decades to either side of the guess."""
@@ -29,6 +29,12 @@ _BESIDE = 0.05
 the second, in standard errors: then it is of rounding, or of a kink."""
 _AGREED = 3
 """So many starts should end in the best optimum; with fewer, more are tried."""
+_LOOK_STEPS = 25
+"""Steps after which it is looked whether a start is on the way to an optimum that is known,"""
+_NEAR_COST = 10.0
+_ON_THE_WAY = (0.25, 0.5, 0.75)
+"""which it is if its log-likelihood is within the second of that optimum's and rises all along the
+straight line to it, here at these shares of the way."""
 
 _ROUNDS = ((0.0, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Rounds of starts, most often one, with the shares of the work from which to which each goes."""
@@ -153,7 +159,7 @@ def search(
         while begun and (wanted > 0 or _agreeing(ended) < enough):
             candidate = begun.pop(0)
             if np.isfinite(candidate.quadratic.cost):
-                ended.append(candidate if candidate.done else _close(problem, candidate.z))
+                ended.append(carried_on(problem, candidate, ended))
             wanted -= 1
             say(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
         if starts == 1 or _agreeing(ended) >= enough:
@@ -162,6 +168,41 @@ def search(
         ended.append(solve(problem, problem.start(), budget=1))
     optima = _best_ended(problem, distinct([(solved, 1) for solved in ended]))
     return Search(_mirrored(problem, optima), total + len(guesses), tuple(guesses))
+
+
+def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solved:
+    """Where a start ends: at its own optimum, or at the best known one if it is on the way there.
+
+    The last digits are most of the work. A curve learned on the EMPS axis: from within 10 of its
+    log-likelihood each of eight starts went some 200 steps to the same optimum.
+    """
+    reached, steps = start, start.steps
+    best = min(ended, key=_cost, default=None)
+    while not reached.done and steps < MOST_STEPS:
+        if best is not None and _leads(problem, reached, best):
+            return best
+        reached = solve(problem, reached.z, budget=_LOOK_STEPS, tolerance=_CLOSE)
+        steps += reached.steps
+        if reached.steps < _LOOK_STEPS:  # at its optimum, or stuck beside a kink
+            break
+    return reached
+
+
+def _leads(problem: Problem, start: Solved, optimum: Solved) -> bool:
+    """Whether the likelihood rises all along the straight line to an optimum that is near.
+
+    The line is straight in the parameters themselves: a valley along which one drag takes over what
+    another does is curved in their logarithms.
+    """
+    if not _cost(optimum) <= _cost(start) <= _cost(optimum) + _NEAR_COST:
+        return False
+    logs = [i for i, name in enumerate(problem.free) if problem.named[name].transform == "log"]
+    costs = [_cost(start)]
+    for share in _ON_THE_WAY:
+        z = (1.0 - share) * start.z + share * optimum.z
+        z[logs] = np.log((1.0 - share) * np.exp(start.z[logs]) + share * np.exp(optimum.z[logs]))
+        costs.append(_cost(solve(problem, z, budget=1)))
+    return bool(np.all(np.diff([*costs, _cost(optimum)]) <= 0))
 
 
 def _close(problem: Problem, z: np.ndarray) -> Solved:

@@ -15,6 +15,7 @@ from problems import (
     Quadratic,
     Search,
     build,
+    carried_on,
     examine,
     judge,
     least_in_box,
@@ -277,6 +278,42 @@ def test_newtons_method_ends_a_search_that_stopped_early():
     full = stopped(problem, 300)
     assert examine(problem, ended.z, ended.quadratic).gradient < 1e-6
     assert float(ended.quadratic.cost) <= float(full.quadratic.cost) + 1e-9
+
+
+class Swing(dft.Model):
+    """A sine of unknown frequency: each turn more over the log is another minimum."""
+
+    name = "swing"
+    inputs: ClassVar[dict] = {"push": "m/s"}
+    states: ClassVar[dict] = {"place": "m"}
+    outputs: ClassVar[dict] = {"place": "m"}
+    ports: ClassVar[dict] = {"motion": "motion [m/s]"}
+    frequency: float = dft.parameter(1.0, "rad/s", bounds=(0.1, 10.0))
+
+    def equations(self, s, port):
+        motion = port("motion", jnp.sin(self.frequency * s.time) + s.push)
+        return {"place": motion}, {"place": s.place}
+
+
+def test_a_start_that_is_on_the_way_to_a_known_optimum_ends_there_and_no_other_does():
+    time = 0.1 * np.arange(200)
+    noise = 0.1 * np.random.default_rng(3).standard_normal(200)
+    log = dft.Log(time, {"push": 0.0 * time}, {"place": (1.0 - np.cos(2.0 * time)) / 2.0 + noise})
+    problem = build(Swing(), [log], initial="measured")
+
+    def at(frequency, budget=1):
+        z = problem.at({"frequency": frequency})
+        return solve(problem, z, budget=budget)
+
+    optimum = at(1.98, budget=300)
+    assert problem.values(optimum.z)["frequency"] == pytest.approx(2.0, abs=1e-2)
+    near = at(2.01)
+    assert carried_on(problem, near, [optimum]) is optimum
+    alone = carried_on(problem, near, [])
+    assert alone.done
+    np.testing.assert_allclose(alone.z, optimum.z, atol=1e-5)
+    beyond_a_hill = at(2.9)
+    assert carried_on(problem, beyond_a_hill, [optimum]) is not optimum
 
 
 def test_a_planted_point_beside_the_minimum_is_not_converged():
