@@ -186,6 +186,7 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     best_match,
     form_values,
     ranked_matches,
+    with_companion,
 )
 from diffthrust.diagnosis._unknown_term.terms import (  # private: a part alone
     PortSeries,
@@ -332,4 +333,5 @@ __all__ = [
     "verdict_words",
     "wald",
     "with_candidates",
+    "with_companion",
 ]

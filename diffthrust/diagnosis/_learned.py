@@ -32,6 +32,7 @@ class TriedForm(Brief):
         one_step: the same criterion by one-step errors, but for a constant.
         times: the factor of the form; it may differ from the curve's.
         reference: typical size of the signal, to which its powers are related.
+        companion: what stands beside it: "constant", "even part", or "" for nothing.
     """
 
     name: str
@@ -41,6 +42,12 @@ class TriedForm(Brief):
     one_step: float
     times: str = ""
     reference: float = 1.0
+    companion: str = ""
+
+    @property
+    def title(self) -> str:
+        """Its name with what stands beside it: "dry and constant"."""
+        return f"{self.name} and {self.companion}" if self.companion else self.name
 
 
 @dataclass(frozen=True, repr=False)
@@ -152,8 +159,8 @@ class LearnedLaw(Brief):
         return {
             "port": self.curve.port,
             "signals": list(self.signals),
-            "form": self.form.name if self.form else None,
-            "alike": [form.name for form in self.alike],
+            "form": self.form.title if self.form else None,
+            "alike": [form.title for form in self.alike],
             "worth": self.worth.to_json(),
             "holdout": self.reported.holdout.to_json() if self.reported.holdout else None,
         }

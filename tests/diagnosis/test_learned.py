@@ -29,6 +29,7 @@ from steps import (
     ranked_matches,
     regressors_of,
     term_along,
+    with_companion,
 )
 
 import diffthrust as dft
@@ -120,6 +121,61 @@ def test_a_law_that_has_a_closed_form_is_given_its_name(name):
     found = ranked_matches({"": judged(LAWS[name])})
     best = min(found, key=lambda one: price * len(one.form.parameters) - one.gain)
     assert best.form.name == name, [(one.form.name, one.gain) for one in found[:3]]
+
+
+def named(law):
+    """The form that fits samples of a law best, with what earns its price beside it."""
+    price, seen = np.log(4000.0), judged(law)
+    matches = [with_companion(m, seen, None, price) for m in ranked_matches({"": seen})]
+    count = [len(m.form.parameters) + len(m.form.amplitudes) - 1 for m in matches]
+    _, best = min(zip(count, matches, strict=True), key=lambda each: price * each[0] - each[1].gain)
+    return best
+
+
+@pytest.mark.parametrize(
+    ("law", "name", "companion", "values"),
+    [
+        (lambda x: 21.0 * np.tanh(x / 0.46) - 3.3, "dry", "constant", {"a": 21.0, "d": -3.3}),
+        (lambda x: 1e-3 * x**3 + 9.0, "cubic", "constant", {"a": 1e-3, "d": 9.0}),
+        (
+            lambda x: 0.02 * x * np.abs(x) + 0.008 * x**2,
+            "square with sign", "even part", {"a": 0.02, "d": 0.008},
+        ),
+        (lambda x: 0.2 * x + 0.05 * np.abs(x), "linear", "even part", {"a": 0.2, "d": 0.05}),
+    ],
+)  # fmt: skip
+def test_a_form_is_named_with_the_constant_or_the_even_part_beside_it(law, name, companion, values):
+    best = named(law)
+    assert (best.form.name, best.form.companion) == (name, companion)
+    assert {n: best.values[n] for n in values} == pytest.approx(values, rel=0.03)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_nothing_stands_beside_a_form_that_fits_alone(name):
+    form = named(LAWS[name]).form
+    assert (form.name, form.companion) == (name, "")
+
+
+def test_whole_runs_may_ask_for_a_constant_that_one_step_errors_do_not_show():
+    dry = judged(lambda x: 21.0 * np.tanh(x / 0.46))
+    offset = judged(lambda x: 21.0 * np.tanh(x / 0.46) - 3.3)
+    alone = best_match(next(form for form in FORMS if form.name == "dry"), dry)
+    assert with_companion(alone, dry, None, np.log(4000.0)) is alone
+    asked = with_companion(alone, dry, offset, np.log(4000.0))
+    assert asked.form.companion == "constant"
+    scaled = alone._replace(times="value")  # a share of what arrives has no constant of its own
+    assert with_companion(scaled, dry, offset, np.log(4000.0)) is scaled
+
+
+def test_the_gain_of_two_shapes_is_that_of_both_fitted_together():
+    rows = np.random.default_rng(8).standard_normal((3, 50))
+    errors = 0.7 * rows[0] - 0.4 * rows[1] + 0.1 * np.random.default_rng(9).standard_normal(50)
+    seen = evidence.LinearizedEvidence(np.arange(3.0), np.eye(3), rows @ rows.T, rows @ errors, 1.0)
+    amplitudes, misfit, _, _ = np.linalg.lstsq(rows[:2].T, -errors, rcond=None)
+    gain, best = seen.gain_of(np.eye(3)[:2])
+    np.testing.assert_allclose(best, amplitudes)
+    assert gain == pytest.approx(errors @ errors - misfit[0])
+    assert seen.gain_of(np.eye(3)[[0, 0]])[0] == 0.0  # the same shape twice
 
 
 def test_the_gain_of_a_shape_is_the_likelihood_ratio_at_its_best_amplitude():

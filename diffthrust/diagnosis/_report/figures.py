@@ -25,7 +25,7 @@ from diffthrust.diagnosis._missing import (
 )
 from diffthrust.diagnosis._report.learned import manner_words, signal_words
 from diffthrust.diagnosis._report.text import stage_words
-from diffthrust.diagnosis._unknown_term.closed_forms import FORMS, form_values
+from diffthrust.diagnosis._unknown_term.closed_forms import form_of, form_values
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.simulation._runs import Run
 
@@ -273,7 +273,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
         if values is not None:
             width, note = (1.8, " (its name)") if tried is law.form else (1.0, "")
             style = {"color": colour, "linewidth": width, "linestyle": "--"}
-            panel.plot(position, values, label=f"{tried.name}{note}", **style)
+            panel.plot(position, values, label=f"{tried.title}{note}", **style)
     panel.legend(fontsize=8, framealpha=0.9)
     panel.set_ylabel(_labelled("curve", law.curve.unit or "-"), fontsize=9)
     title = textwrap.fill(f"at '{law.curve.port}' {manner_words(law)}", _TITLE)
@@ -283,7 +283,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
 
 def _form_over(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | None:
     """A form over the signal, as what the curve is; ``None`` where it is that of no one curve."""
-    form = next(form for form in FORMS if form.name == tried.name)
+    form = form_of(tried.name, tried.companion)
     values = form.over(x, {**form_values(form, tried.formula), "r": tried.reference})
     if tried.times != law.curve.times:
         if tried.times or law.factors is None:

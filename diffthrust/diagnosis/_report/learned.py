@@ -9,7 +9,7 @@ from diffthrust._support.words import capitalised, humanize, joined, number
 from diffthrust.diagnosis._candidates import place_words
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._unknown_term.closed_forms import FORMS
+from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
@@ -94,12 +94,12 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
         >>> form_words(law, law.form)  # doctest: +SKIP
         'it is a hump of speed about 21 rad/s, 4.6 rad/s to either side: ...'
     """
-    form = next(form for form in FORMS if form.name == tried.name)
+    form = form_of(tried.name, tried.companion)
     names = [name for name in tried.fit.parameters if name.startswith(f"{tried.formula.name}.")]
     amounts = [tried.fit.parameters[name].shown for name in names]
     sizes = [f"{number(value, 2)} {unit}".rstrip() for value, _, unit in amounts]
-    by_parameter = dict(zip(("a", *form.parameters), sizes, strict=False))
-    verb = form.words.format(x=signal_words(law, tried.formula), **by_parameter)
+    by_parameter = dict(zip(parameter_names(form), sizes, strict=False))
+    verb = form.described(signal_words(law, tried.formula), by_parameter)
     subject = "what is added" if law.manner == "scales" else "it"
     subject = "its factor" if tried.times == ARRIVING else subject
     times = f", times {tried.times}" if tried.times not in ("", ARRIVING) else ""

@@ -195,7 +195,7 @@ def form_rows(diag: Findings) -> list[Rows]:
     for law in diag.laws:
         tried = [
             ("the curve", law.fit, ""),
-            *((f.name, f.fit, number(f.bic, 3)) for f in law.forms),
+            *((f.title, f.fit, number(f.bic, 3)) for f in law.forms),
         ]
         rows = (
             (name, bic, *(number(e.nrmse, 2) if e else "" for e in (fit.train, fit.holdout)))

@@ -2,6 +2,7 @@
 
 A form is an expression of one signal ``x`` with an amplitude ``a``, and as far as it has them a
 place ``b`` and a width ``c`` in the signal's unit, an exponent ``p``, and a wave number ``k``.
+Beside it may stand a companion of amplitude ``d``: a constant, or the even part of an odd form.
 """
 
 from __future__ import annotations
@@ -22,6 +23,12 @@ from diffthrust.effects._grammar import expression_of
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 
+CONSTANT, EVEN_PART = "constant", "even part"
+"""Companions of a form."""
+_COMPANION_WORDS = {CONSTANT: "with an offset of {d}", EVEN_PART: "with an even part of {d}"}
+_WITHOUT_CONSTANT = ("constant", "linear", "line")
+"""Forms beside which a constant is nothing new: a line has one."""
+
 
 class Form(NamedTuple):
     """A closed form.
@@ -31,23 +38,60 @@ class Form(NamedTuple):
         text: the expression, of ``x``, ``a`` and further parameters; ``r`` is a typical size of x.
         per: power of the signal's unit in the denominator of the amplitude's unit.
         words: description for a report; ``{a}``, ``{b}``, ``{c}``, ``{p}`` are given with units.
-        plain: the form of fewer parameters that is a limit of this one.
+        plain: the forms of fewer parameters that are limits of this one.
         even: whether its place ``b`` stands for both signs of the signal.
         far: whether its place may lie far beyond the range of the signal.
+        companion: what stands beside it, of amplitude ``d``; "" for nothing.
     """
 
     name: str
     text: str
     per: int = 0
     words: str = ""
-    plain: str = ""
+    plain: tuple[str, ...] = ()
     even: bool = False
     far: bool = False
+    companion: str = ""
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Its parameters besides the amplitude."""
+        """Its parameters besides the amplitudes."""
         return tuple(n for n in expression_of(self.text).places if n in ("b", "c", "p", "k"))
+
+    @property
+    def amplitudes(self) -> tuple[str, ...]:
+        """What it is linear in: its own amplitude, and that of its companion."""
+        return ("a", "d") if self.companion else ("a",)
+
+    @property
+    def is_odd(self) -> bool:
+        """Whether it changes its sign with its signal."""
+        x = np.linspace(0.1, 2.0, 20)
+        values = {"a": 1.0, "b": 0.3, "c": 0.7, "p": 1.5, "k": 2.0, "r": 1.0}
+        return bool(np.allclose(self.over(-x, values), -self.over(x, values)))
+
+    @property
+    def companions(self) -> tuple[Form, ...]:
+        """The same form with each companion that makes it another one."""
+        shape = self.text.removeprefix("a * ")
+        texts = {}
+        if self.name not in _WITHOUT_CONSTANT:
+            texts[CONSTANT] = f"{self.text} + d"
+        if self.is_odd and self.name != "dry":  # the even part of dry friction is a constant
+            texts[EVEN_PART] = f"{self.text} + d * abs({shape})"
+        return tuple(self._replace(text=text, companion=name) for name, text in texts.items())
+
+    def shapes(self, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+        """The form, and its companion if it has one, at an amplitude of one; ``(1 or 2, N)``."""
+        none = dict.fromkeys(self.amplitudes, 0.0)
+        return np.array([self.over(x, {**none, **values, n: 1.0}) for n in self.amplitudes])
+
+    def described(self, x: str, amounts: Mapping[str, str]) -> str:
+        """The form in words, of a signal and with amounts of its parameters."""
+        words = self.words.format(x=x, **amounts)
+        if not self.companion:
+            return words
+        return f"{words}, {_COMPANION_WORDS[self.companion].format(**amounts)}"
 
     def over(self, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
         """The form over a signal, ``(N,)``, at values of its parameters and of ``r``."""
@@ -62,40 +106,46 @@ FORMS = (
     Form("linear", "a * x", 1, "goes in proportion to {x}"),
     Form(
         "line", "a * (x - b)", 1,
-        "goes in proportion to {x}, from {b} on and below", "linear", far=True,
+        "goes in proportion to {x}, from {b} on and below", ("linear",), far=True,
     ),
     Form("even square", "a * x**2", 2, "goes with the square of {x}"),
     Form("square with sign", "a * x * abs(x)", 2, "goes with {x} times its size"),
     Form("cubic", "a * x**3", 3, "goes with the cube of {x}"),
     Form(
         "power", "a * sign(x) * (abs(x) / r)**p", 0,
-        "goes with {x}, to the power of {p}", "linear",
+        "goes with {x}, to the power of {p}", ("linear",),
     ),
     Form(
         "even power", "a * (abs(x) / r)**p", 0,
-        "goes with the size of {x}, to the power of {p}", "even square",
+        "goes with the size of {x}, to the power of {p}", ("even square",),
     ),
-    Form("dry", "a * tanh(x / (0.02 * r))", 0, "is of constant size, with the sign of {x}"),
-    Form("saturating", "a * tanh(x / c)", 0, "goes with {x}, and saturates beyond {c}", "linear"),
+    Form(
+        "dry", "a * tanh(x / (0.02 * r))", 0,
+        "is of constant size, with the sign of {x} (as Coulomb friction)",
+    ),
+    Form(
+        "saturating", "a * tanh(x / c)", 0,
+        "goes with {x}, and saturates beyond {c}", ("linear", "dry"),
+    ),
     Form(
         "dead zone", "a * sign(x) * max(abs(x) - b, 0)", 1,
-        "goes in proportion to {x}, beyond {b}", "linear", even=True,
+        "goes in proportion to {x}, beyond {b}", ("linear",), even=True,
     ),
-    Form("ramp above", "a * max(x - b, 0)", 1, "goes in proportion to {x}, above {b}", "linear"),
-    Form("ramp below", "a * max(b - x, 0)", 1, "goes in proportion to {x}, below {b}", "linear"),
+    Form("ramp above", "a * max(x - b, 0)", 1, "goes in proportion to {x}, above {b}", ("linear",)),
+    Form("ramp below", "a * max(b - x, 0)", 1, "goes in proportion to {x}, below {b}", ("linear",)),
     Form(
         "square beyond", "a * max(abs(x) - b, 0)**2", 2,
-        "goes by the square of {x}, beyond {b}", "even square", even=True,
+        "goes by the square of {x}, beyond {b}", ("even square",), even=True,
     ),
     Form("square above", "a * max(x - b, 0)**2", 2, "goes by the square of {x}, above {b}"),
     Form("square below", "a * max(b - x, 0)**2", 2, "goes by the square of {x}, below {b}"),
     Form(
         "exponential", "a * (exp(x / c) - 1)", 0,
-        "goes exponentially with {x}, over {c}", "linear",
+        "goes exponentially with {x}, over {c}", ("linear",),
     ),
     Form(
         "levelling", "a * (1 - exp(-x / c))", 0,
-        "goes with {x}, and levels off over {c}", "linear",
+        "goes with {x}, and levels off over {c}", ("linear",),
     ),
     Form("hump", "a * exp(-((x - b) / c)**2)", 0, "is a hump of {x} about {b}, {c} to either side"),
     Form(
@@ -115,6 +165,12 @@ FORMS = (
 )  # fmt: skip
 
 
+def form_of(name: str, companion: str = "") -> Form:
+    """A form by its name, with a companion."""
+    form = next(form for form in FORMS if form.name == name)
+    return next(each for each in (form, *form.companions) if each.companion == companion)
+
+
 # Grids on which a form is first placed, and limits of its parameters, over the signal's range.
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
 """Numerics: grid of first guesses: places, widths over the range of the signal, and exponents."""
@@ -123,6 +179,9 @@ _LEAST_WIDTH, _LARGEST_WIDTH = 0.01, 2.0
 _PLACE_MARGIN, _FAR_PLACE_MARGIN = 0.1, 4.0
 """Numerics: how far beyond the range of the signal a place may lie: that of a line may be its far
 zero. A closer limit makes the starts of a later fit agree."""
+_RESOLVED = 1e-3
+"""Numerics: a companion that makes less of the gain is one of splines, which cannot turn as sharply
+as dry friction."""
 _MOST_WAVES = 9
 """Numerics: a ripple of more waves over the range is not looked for: as many pieces has a curve.
 More are found by the periodogram (`wave_along`)."""
@@ -133,7 +192,7 @@ class Match(NamedTuple):
 
     Args:
         form: the form.
-        values: its parameters, ``a`` among them.
+        values: its parameters, the amplitudes among them.
         gain: the likelihood ratio that it promises.
         reference: the typical size of the signal, ``r``.
         times: its factor, as a curve's; "" for none.
@@ -182,10 +241,9 @@ def best_match(form: Form, evidence: LinearizedEvidence) -> Match:
     }  # fmt: skip
     unit = {"b": span, "c": span, "p": 1.0, "k": 1.0 / span}
 
-    def gain_at(values: Sequence[float]) -> tuple[float, float]:
+    def gain_at(values: Sequence[float]) -> tuple[float, np.ndarray]:
         parameters = dict(zip(names, values, strict=True))
-        shape = form.over(x, {"a": 1.0, **parameters, "r": evidence.reference})
-        return evidence.gain(shape) if np.all(np.isfinite(shape)) else (0.0, 0.0)
+        return evidence.gain_of(form.shapes(x, {**parameters, "r": evidence.reference}))
 
     def loss(scaled: np.ndarray) -> float:
         return -gain_at([v * unit[n] for n, v in zip(names, scaled, strict=True)])[0]
@@ -198,9 +256,38 @@ def best_match(form: Form, evidence: LinearizedEvidence) -> Match:
         optimum = minimize(loss, start, method="Nelder-Mead", bounds=bounds,
                            options={"maxiter": 200})  # fmt: skip
         best = tuple(float(v) * unit[n] for n, v in zip(names, optimum.x, strict=True))
-    gain, amplitude = gain_at(best)
-    values = {"a": amplitude, **dict(zip(names, best, strict=True))}
-    return Match(form, values, gain, evidence.reference)
+    gain, amplitudes = gain_at(best)
+    values = dict(zip(form.amplitudes, map(float, amplitudes), strict=True))
+    return Match(form, {**values, **dict(zip(names, best, strict=True))}, gain, evidence.reference)
+
+
+def with_companion(
+    match: Match, evidence: LinearizedEvidence, whole_runs: LinearizedEvidence | None, price: float
+) -> Match:
+    """A match with the companion that earns its price, by one-step errors or over whole runs.
+
+    The force of a linear axis errs by a constant: EMPS has dry friction of 21 N and an offset of
+    -3.3 N. Without the offset a fit of whole runs finds no dry friction, and no form fits.
+
+    Args:
+        match: the form alone.
+        evidence: what one-step errors say of its shapes.
+        whole_runs: what a curve says that was fitted to whole runs; ``None`` if there is none.
+        price: what a further parameter costs.
+    """
+    if match.times == ARRIVING:  # a constant share of what arrives is the model's own
+        return match
+
+    def earned(form: Form, by: LinearizedEvidence) -> float:
+        alone, both = (best_match(each, by).gain for each in (match.form, form))
+        return both - alone - max(price, _RESOLVED * both)
+
+    kinds = (evidence, whole_runs) if whole_runs else (evidence,)
+    earnings = {form: max(earned(form, by) for by in kinds) for form in match.form.companions}
+    best = max(earnings, key=lambda form: earnings[form], default=match.form)
+    if earnings.get(best, 0.0) <= 0.0:
+        return match
+    return best_match(best, evidence)._replace(times=match.times)
 
 
 def as_formula(match: Match, curve: Curve, unit: str, signal_unit: str, channel: str) -> Formula:
@@ -224,9 +311,10 @@ def as_formula(match: Match, curve: Curve, unit: str, signal_unit: str, channel:
     reach = 2.0 * _FAR_PLACE_MARGIN * span if form.far else _PLACE_MARGIN * span
     lowest = 0.0 if form.even else curve.low - reach
     of_signal = unit_following(channel, signal_unit)
+    per = {"a": form.per, "d": 0 if form.companion == CONSTANT else form.per}
     fields = {
-        "a": {"unit": product_unit((unit, 1), (signal_unit, -form.per)), "value": match.values["a"],
-              "null": 0.0, "size": abs(match.values["a"]) or 1.0},
+        **{n: {"unit": product_unit((unit, 1), (signal_unit, -per[n])), "value": match.values[n],
+               "null": 0.0, "size": abs(match.values[n]) or 1.0} for n in form.amplitudes},
         "b": {"unit": of_signal, "bounds": _rounded(lowest, curve.high + reach)},
         "c": {"unit": of_signal, "bounds": _rounded(_LEAST_WIDTH * span, _LARGEST_WIDTH * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
@@ -257,8 +345,14 @@ def as_estimated(formula: Formula) -> Formula:
 
 def form_values(form: Form, formula: Formula) -> dict[str, float]:
     """The parameters of a form, by its own names, in the formula that was made of it."""
-    names = ("a", *form.parameters)
-    return {n: getattr(formula, name) for n, name in zip(names, formula.given, strict=False)}
+    names = zip(parameter_names(form), formula.given, strict=False)
+    return {n: getattr(formula, name) for n, name in names}
+
+
+def parameter_names(form: Form) -> tuple[str, ...]:
+    """The parameters of a form, in the order in which its formula has them."""
+    own, *companion = form.amplitudes
+    return (own, *form.parameters, *companion)
 
 
 def _rounded(*numbers: float) -> tuple[float, ...]:
@@ -268,7 +362,7 @@ def _rounded(*numbers: float) -> tuple[float, ...]:
 def _names(form: Form, *expressions: str) -> dict[str, str]:
     """Names of a form's parameters that do not clash with the names in some expressions."""
     taken = {name for text in expressions if text for name in expression_of(text).places}
-    return {n: n if n not in taken else f"{n}_form" for n in ("a", *form.parameters)}
+    return {n: n if n not in taken else f"{n}_form" for n in parameter_names(form)}
 
 
 def _substituted(form: Form, signal: str, match: Match) -> str:
@@ -278,5 +372,5 @@ def _substituted(form: Form, signal: str, match: Match) -> str:
         "r": f"{match.reference:.4g}",
         **_names(form, signal, match.times),
     }
-    text = re.sub(r"\b[xrabcpk]\b", lambda word: words[word[0]], form.text)
+    text = re.sub(r"\b[xrabcdpk]\b", lambda word: words[word[0]], form.text)
     return ast.unparse(ast.parse(text, mode="eval").body)

@@ -51,6 +51,8 @@ _FINE_PIECES = 29
 """Numerics: pieces of the spline basis on which any shape is represented."""
 _GRID_POINTS = 241
 """Numerics: values of the signal at which shapes are compared: eight for each fine piece."""
+_ALIKE = 1e-6
+"""Numerics: shapes are one shape where the least eigenvalue of their correlations is below this."""
 _WAY_TO_BOUND = 0.9
 """Numerics: beside another shape a parameter moves at most this share of the way to its bound: a
 fit that begins on a bound has no gradient there."""
@@ -265,14 +267,27 @@ class LinearizedEvidence(NamedTuple):
 
     def gain(self, shape: Float[np.ndarray, " N"]) -> tuple[float, float]:
         """The likelihood ratio for a shape at its best amplitude, and that amplitude."""
-        weights = self.projection @ shape
-        curvature = float(weights @ self.information @ weights)
-        scale = float(np.sum((weights @ self.information) ** 2)) ** 0.5
-        slope = float(weights @ self.gradient)
+        gain, (amplitude,) = self.gain_of(shape[None])
+        return gain, float(amplitude)
+
+    def gain_of(self, shapes: Float[np.ndarray, "S N"]) -> tuple[float, Float[np.ndarray, " S"]]:
+        """The likelihood ratio for several shapes at their best amplitudes, and these."""
+        nothing = 0.0, np.zeros(len(shapes))
+        if not np.all(np.isfinite(shapes)):
+            return nothing
+        weights = shapes @ self.projection.T
+        curvature, slope = weights @ self.information @ weights.T, weights @ self.gradient
+        alone = np.diagonal(curvature)
+        scale = np.sqrt(np.sum((weights @ self.information) ** 2, axis=1))
         # a shape that the parameters can do all of has no curvature but rounding errors
-        if not curvature > 1e-12 * scale > 0.0:
-            return 0.0, 0.0
-        return slope**2 / curvature, -slope / curvature
+        if not np.all((alone > 1e-12 * scale) & (scale > 0.0)):
+            return nothing
+        unit = np.sqrt(alone)
+        correlation = curvature / unit / unit[:, None]
+        if np.linalg.eigvalsh(correlation)[0] < _ALIKE:  # two shapes that are one
+            return nothing
+        amplitudes = -np.linalg.solve(correlation, slope / unit) / unit
+        return -float(slope @ amplitudes), amplitudes
 
 
 def linearized_evidence(fitter: CandidateFitter, trial: TrialFit, term: Term) -> LinearizedEvidence:
