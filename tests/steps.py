@@ -113,6 +113,9 @@ from diffthrust.diagnosis._report.figures import (  # private: each figure alone
     ranking_figure,
     stages_figure,
 )
+from diffthrust.diagnosis._report.learned import (  # private: a law's sentence alone
+    form_words,
+)
 from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
     caution_words,
     diagnosis_page,
@@ -187,6 +190,9 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     form_values,
     ranked_matches,
     with_companion,
+)
+from diffthrust.diagnosis._unknown_term.state_terms import (  # private: without a whole search
+    state_terms,
 )
 from diffthrust.diagnosis._unknown_term.terms import (  # private: a part alone
     PortSeries,
@@ -269,6 +275,7 @@ __all__ = [
     "fitted_to_runs",
     "fitting",
     "form_values",
+    "form_words",
     "growth_words",
     "harms",
     "hats",
@@ -318,6 +325,7 @@ __all__ = [
     "smoothed_signals",
     "stage_words",
     "stages_figure",
+    "state_terms",
     "still_refused",
     "stopped",
     "strongest_line",

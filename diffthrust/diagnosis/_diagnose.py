@@ -9,6 +9,7 @@ from typing import NamedTuple
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
+from diffthrust.diagnosis._admission import remaining_share
 from diffthrust.diagnosis._candidates import Candidates, asks_for_all
 from diffthrust.diagnosis._channel_use import unused_channels, unused_notes
 from diffthrust.diagnosis._criteria import held_values
@@ -44,7 +45,9 @@ from diffthrust.diagnosis._search_state import (
 from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
 from diffthrust.diagnosis._stage_shares import shares_by_effect
 from diffthrust.diagnosis._stepwise import done, step
+from diffthrust.diagnosis._unknown_term.fit import worth_between_fits
 from diffthrust.diagnosis._unknown_term.select import learned_law
+from diffthrust.diagnosis._unknown_term.state_terms import state_terms
 from diffthrust.diagnosis._verdict import verdict_of
 from diffthrust.estimation._arguments import (
     FitOptions,
@@ -141,14 +144,16 @@ def diagnose(
     search = with_equivalents(context, state, baseline)
     say("what no known effect explains", SOUGHT)
     outcome = add_law(context, assessed(context, search), baseline)
-    outcome = add_headroom(context, outcome)
-    search, selection, assessment, law = outcome
+    outcome = add_headroom(context, add_state_terms(context, outcome))
+    search, selection, assessment, laws = outcome
     kept = {n: why for n, why in selection.refused.items() if not undone_by(n, mends)}
     selection = replace(selection, refused=kept)
-    verdict = verdict_of(verdict_evidence(selection, assessment))
+    evidence = verdict_evidence(selection, assessment)
+    verdict = verdict_of(replace(evidence, structure=evidence.structure or bool(laws)))
     missing, left = missing_before_and_after(context, search.state, baseline)
     possible = still_possible(search.state) if verdict in ("undecided", "unexplained") else {}
     proposed = proposal(context, search, possible, limits) if experiment else None
+    law = laws[0] if laws else None
     others = other_models(context, search.state, law, asks_for_all(candidates))
     unused = unused_channels(context.given, (*records, *unseen_records))
     say("done", 1.0)
@@ -160,7 +165,7 @@ def diagnose(
         **vars(assessment),
         missing=missing,
         left=left,
-        laws=(law,) if law else (),
+        laws=laws,
         possible=possible,
         experiment=proposed,
         seconds=context.clock.seconds,
@@ -193,13 +198,13 @@ class Outcome(NamedTuple):
         search: where it ended, and what the logs cannot tell apart.
         selection: its effects, as the result lists them.
         assessment: its last model against the logs.
-        law: what no known effect expresses, learned as a curve.
+        laws: what no known effect expresses: a curve, or terms of states that are not measured.
     """
 
     search: SearchResult
     selection: Selection
     assessment: Assessment
-    law: LearnedLaw | None = None
+    laws: tuple[LearnedLaw, ...] = ()
 
 
 def assessed(
@@ -288,7 +293,29 @@ def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Out
     if updated is not search or (odd and agree):
         outcome = assessed(context, updated, [log.log for log in odd] if agree else ())
     place = replace(remaining, port=law.curve.port, manner=law.manner)
-    return outcome._replace(assessment=replace(outcome.assessment, remaining=place), law=law)
+    return outcome._replace(assessment=replace(outcome.assessment, remaining=place), laws=(law,))
+
+
+def add_state_terms(context: SearchContext, outcome: Outcome) -> Outcome:
+    """The outcome with terms of states that are not measured, where whole runs ask for them.
+
+    They are tried where whole runs err far too much, and against a law of one signal: the recent
+    past of an input imitates a level that nobody measures. They must be surely better than it.
+    """
+    state, laws = outcome.search.state, outcome.laws
+    far = verdict_evidence(outcome.selection, outcome.assessment).far
+    if not (far or laws) or outcome.assessment.apart:
+        return outcome
+    context.say("learning terms of states that are not measured", LEARNING)
+    with context.clock("learned"):
+        terms = state_terms(context, state.stages[-1].fit)
+    if not terms:
+        return outcome
+    rival = laws[0].reported if laws else None
+    if rival and not worth_between_fits(context, rival, terms[0].reported).sure:
+        return outcome
+    share = remaining_share(state, state.stages[-1])
+    return outcome._replace(laws=tuple(replace(t, worth=t.worth.of(share)) for t in terms))
 
 
 def agrees_with_law(

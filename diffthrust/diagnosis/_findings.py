@@ -21,6 +21,7 @@ from diffthrust.diagnosis._other_models import OtherModel
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
+from diffthrust.effects._formula import Formula
 from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.logs._written import ShownUnits
@@ -235,7 +236,8 @@ class Findings(Selection, Assessment):
         model: the model that was diagnosed, as it was given.
         missing: the missing signals of the model as given, the one that explains most first.
         left: those of the last stage, where structure remains beside the effects that were added.
-        laws: what no known effect expresses, learned as curves.
+        laws: what no known effect expresses, learned as curves, or as terms of states that are
+            not measured.
         possible: where the verdict is "undecided" or "unexplained", effects that would lower the
             errors over whole runs although one-step errors do not ask for them, with their worth.
         experiment: the test that would best separate the first group of several, or else show a
@@ -265,12 +267,12 @@ class Findings(Selection, Assessment):
     origin: Origin | None = field(default=None, repr=False)
 
     @property
-    def learned(self) -> tuple[Curve, ...]:
+    def learned(self) -> tuple[Curve | Formula, ...]:
         """The learned laws as effects.
 
         ``diag.model + diag.best + diag.learned`` has all that was found.
         """
-        return tuple(law.curve for law in self.laws)
+        return tuple(law.effect for law in self.laws)
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:

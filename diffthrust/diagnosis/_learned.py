@@ -70,6 +70,8 @@ class LearnedLaw(Brief):
         signal_unit: the unit of the signal; "" where it is not known.
         channel: the channel of the model in whose unit the signal is; "" for none.
         port_unit: the unit of the signal at the port.
+        together: whether its closed form was fitted in the place of a curve, with those of the
+            other laws: worth and evidence are those of all of them, and the curve only draws it.
     """
 
     curve: Curve
@@ -84,6 +86,12 @@ class LearnedLaw(Brief):
     signal_unit: str = ""
     channel: str = ""
     port_unit: str = ""
+    together: bool = False
+
+    @property
+    def effect(self) -> Curve | Formula:
+        """The law as an effect, as it was fitted."""
+        return self.form.formula if self.form and self.together else self.curve
 
     @property
     def form(self) -> TriedForm | None:

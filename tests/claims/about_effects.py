@@ -178,6 +178,29 @@ def _placeless(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"verdict {diag.verdict}, remaining {diag.remaining}"
 
 
+@claim(r"Structure remains that no known effect explains: whole runs show it\.")
+def _shown_by_whole_runs(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.remaining is not None or not diag.laws:
+        yield f"remaining {diag.remaining}, {len(diag.laws)} laws"
+
+
+@claim(rf"Learned from whole runs, of states that are not measured too: (?P<terms>.+?)\. Of the "
+       rf"squared error over whole runs of unseen logs they remove (?P<worth>{WORTH}); with them "
+       rf"the NRMSE there is (?P<last>{NUMBER}), as given (?P<first>{NUMBER})\.")  # fmt: skip
+def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    told = m["terms"].split("; ")
+    if len(told) != len(diag.laws):
+        yield f"{len(diag.laws)} terms"
+    for text, law in zip(told, diag.laws, strict=False):
+        if f"'{law.curve.port}'" not in text or law.form.formula.expression not in text:
+            yield f"{law.form.formula.expression} at {law.curve.port}"
+        if not worth_is(m["worth"], law.worth):
+            yield f"they remove {law.worth}"
+    first, last = diag.stages[0].holdout.nrmse, diag.laws[0].reported.holdout.nrmse
+    if not is_said(m["first"], first) or not is_said(m["last"], last):
+        yield f"the NRMSE is {last:.3g}, as given {first:.3g}"
+
+
 @claim(rf"Learned: at (?P<place>.+?'(?P<port>\w+)'.*?) (?P<manner>what passes is scaled by a curve "
        r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare>, for which no closed form was found)?\. "
        rf"Of the squared error over whole runs of [a-z ]+? it removes (?P<worth>{WORTH}); with it "

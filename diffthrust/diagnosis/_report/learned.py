@@ -20,8 +20,8 @@ from diffthrust.models._base.made_effect import ARRIVING
 
 def learned_words(diag: Findings) -> list[str]:
     """Of each learned law: where it acts, what it is worth, its form, and what it replaces."""
-    sentences = []
-    for law in diag.laws:
+    sentences = _together_words(diag)
+    for law in (law for law in diag.laws if not law.together):
         baseline, updated = diag.stages[0].fit, law.reported
         unseen = baseline.holdout is not None and updated.holdout is not None
         logs = "unseen logs" if unseen else "the training logs"
@@ -43,6 +43,25 @@ def learned_words(diag: Findings) -> list[str]:
             names = joined(humanize(name) for name in law.superfluous)
             sentences.append(f"{capitalised(names)} only imitated it, or did nothing beside it.")
     return sentences
+
+
+def _together_words(diag: Findings) -> list[str]:
+    """Of terms that were fitted together: each with its numbers, and what all are worth."""
+    laws = [law for law in diag.laws if law.together]
+    if not laws:
+        return []
+    terms = "; ".join(
+        f"at {place_words(diag.model, law.curve.port)} {form_words(law, law.form)}"
+        for law in laws
+        if law.form
+    )
+    baseline, updated = diag.stages[0].fit, laws[0].reported
+    last, first = ((fit.holdout or fit.train) for fit in (updated, baseline))
+    return [
+        f"Learned from whole runs, of states that are not measured too: {terms}. Of the squared "
+        f"error over whole runs of unseen logs they remove {laws[0].worth}; with them the NRMSE "
+        f"there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
+    ]
 
 
 def _range_words(law: LearnedLaw) -> str:

@@ -347,6 +347,8 @@ def remaining_words(diag: Findings) -> str:
     """What no known effect explains: where it enters and on what it depends."""
     remaining = diag.remaining
     if remaining is None:
+        if diag.laws:
+            return "Structure remains that no known effect explains: whole runs show it."
         if diag.verdict == "unexplained":
             if diag.repeating:
                 return _repeating_words(diag)
