@@ -50,6 +50,7 @@ def candidates_of(
     inputs = set.intersection(*(set(record.inputs) for record in records))
     has = {effect.name for effect in model.effects}
     places = {*model.ports, *inputs, *model.outputs}
+    passed = {*records[0].inputs_for(model)}
     unseen = unseen_at(model, records[0], measured)
     prescribed = [name for name in model.states if name in records[0].inputs]
     tried: list[Effect] = []
@@ -59,6 +60,8 @@ def candidates_of(
         if effect.reads and not elsewhere and effect.name not in has:
             effect = (model + effect).effects[-1]  # which knows what it needs there
         lacking = [name for name in effect.needs if name not in inputs]
+        # the trials of an effect read what reaches the model without it
+        unread = [name for name in effect.needs if name not in passed]
         if effect.name in has:
             continue
         if effect.name in model.parameters:  # each of these is a candidate by its own name
@@ -78,6 +81,10 @@ def candidates_of(
             continue
         if lacking:
             untestable[effect.name] = f"needs the channel {listing(lacking)}, which no log has"
+        elif unread:
+            untestable[effect.name] = (
+                f"reads the channel {listing(unread)}, which the model {model.name} does not take"
+            )
         elif all(p in model.outputs and p not in measured for p in effect.ports):
             untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
         elif remembered:

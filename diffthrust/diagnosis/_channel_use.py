@@ -116,9 +116,10 @@ def _others(model: Model) -> list[Effect]:
 
 
 def _acts_in(effect: Effect, model: Model) -> bool:
-    """Whether a model has all places at which an effect acts."""
-    places = {*model.ports, *model.inputs, *model.optional_inputs, *model.outputs}
-    return {*effect.ports} <= places
+    """Whether a model has all places at which an effect acts, and takes the channels it needs."""
+    channels = {*model.inputs, *model.optional_inputs}
+    places = {*model.ports, *channels, *model.outputs}
+    return {*effect.ports} <= places and {*effect.needs} <= channels
 
 
 def _in_equations(

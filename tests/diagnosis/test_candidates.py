@@ -79,6 +79,19 @@ def test_a_channel_that_only_some_logs_have_does_not_count():
     assert "inflow" in untestable["inflow_load_relief"]
 
 
+def test_a_channel_that_the_model_does_not_take_is_no_ground_for_a_trial():
+    """A diagnosis of a DC motor on a log with its battery ended in a signal that is not there."""
+    model = dft.DCMotorThruster()
+    tried, untestable = candidates_of(model, bind(model, [log(inputs=("supply_voltage",))]))
+    assert "supply_voltage_sag" not in {effect.name for effect in tried}
+    assert untestable["supply_voltage_sag"] == (
+        "reads the channel 'supply_voltage', which the model dc_motor_thruster does not take"
+    )
+    model = dft.Thruster()
+    tried, _ = candidates_of(model, bind(model, [log(inputs=("supply_voltage",))]))
+    assert "supply_voltage_sag" in {effect.name for effect in tried}
+
+
 def test_effects_that_the_model_has_and_those_of_other_models_are_left_out():
     model = dft.Thruster() + dft.effects.LinearDamping()
     tried, untestable = candidates_of(model, bind(model, [log()]))

@@ -55,6 +55,9 @@ def test_a_channel_that_only_another_model_reads_is_named():
     )
     assert "a channel of dc_motor_thruster" in unused["current"]
     assert unused_channels(dft.Thruster(), bind(dft.Thruster(), logs)).keys() == {"current"}
+    motor = dft.DCMotorThruster()
+    assert unused_channels(motor, bind(motor, logs)).keys() == {"supply_voltage"}
+    assert "dc_motor" not in unused["supply_voltage"]
     (note, _) = unused_notes(model, unused)
     assert note.startswith("The logs have 'supply_voltage', and neither the speed loop thruster")
 
