@@ -192,6 +192,7 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     with_companion,
 )
 from diffthrust.diagnosis._unknown_term.state_terms import (  # private: without a whole search
+    library,
     state_terms,
 )
 from diffthrust.diagnosis._unknown_term.terms import (  # private: a part alone
@@ -286,6 +287,7 @@ __all__ = [
     "knots_of",
     "learners_for",
     "levels_of",
+    "library",
     "log_rows",
     "matters",
     "missed",

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from steps import bind, form_words, places_of, state_terms
+from steps import bind, form_words, library, places_of, state_terms
 
 import diffthrust as dft
 
@@ -81,6 +81,19 @@ def test_an_overflow_of_a_state_that_is_not_measured_is_learned():
     x, drawn, _ = spill.drawn()
     np.testing.assert_allclose(drawn, -SPILL * np.maximum(x - KNEE, 0.0), atol=0.15)
     assert "goes in proportion to behind, above 1." in form_words(spill, spill.form)
+
+
+def test_a_bend_may_stand_where_a_tank_is_empty():
+    """At zero, the lower end of its range: its coordinate is no logarithm."""
+    context = context_of(Cascade(), [log(1, SPILL)], [log(3, SPILL)])
+    ranges = {"behind": np.linspace(0.0, 2.0, 9), "seen": np.linspace(0.0, 1.0, 9)}
+    formulas, terms = library(context, Cascade(), ranges)
+    model = Cascade() + formulas
+    places = [term.place for term in terms if term.place]
+    assert len(terms) == 16
+    assert len(places) == 12
+    moved = model.replace(dict.fromkeys(places, 0.0))
+    assert {moved.parameters[n].to_coordinate(0.0) for n in places} == {0.0}
 
 
 def test_no_term_is_learned_where_none_is_missing():

@@ -28,6 +28,8 @@ CONSTANT, EVEN_PART = "constant", "even part"
 _COMPANION_WORDS = {CONSTANT: "with an offset of {d}", EVEN_PART: "with an even part of {d}"}
 _WITHOUT_CONSTANT = ("constant", "linear", "line")
 """Forms beside which a constant is nothing new: a line has one."""
+_WITHOUT_EVEN_PART = ("dry", "saturating")
+"""Odd forms of which the even part is a constant, or hardly anything else."""
 
 
 class Form(NamedTuple):
@@ -77,7 +79,7 @@ class Form(NamedTuple):
         texts = {}
         if self.name not in _WITHOUT_CONSTANT:
             texts[CONSTANT] = f"{self.text} + d"
-        if self.is_odd and self.name != "dry":  # the even part of dry friction is a constant
+        if self.is_odd and self.name not in _WITHOUT_EVEN_PART:
             texts[EVEN_PART] = f"{self.text} + d * abs({shape})"
         return tuple(self._replace(text=text, companion=name) for name, text in texts.items())
 

@@ -232,7 +232,7 @@ def try_closed_forms(
 
 
 def _leading_form(context: SearchContext, tried: Sequence[TriedForm]) -> TriedForm:
-    """The likeliest form, or one of no more parameters with which unseen runs are surely better.
+    """The likeliest form, or one of no more parameters that errs less on unseen runs by a tenth.
 
     Dry friction of EMPS as a dead zone beside a steep slope errs by half of what its tanh with an
     offset errs in training (NRMSE 0.022, 0.040), and by a quarter more on unseen runs.
@@ -240,9 +240,13 @@ def _leading_form(context: SearchContext, tried: Sequence[TriedForm]) -> TriedFo
     leader = tried[0]
     for form in tried[1:] if context.unseen else ():
         plain = len(form.formula.declared) <= len(leader.formula.declared)
-        if plain and worth_between_fits(context, leader.fit, form.fit).sure:
+        if plain and not _errs_as_little(leader, form):
             leader = form
     return leader
+
+
+def _errs_as_little(form: TriedForm, rival: TriedForm) -> bool:
+    return holdout_error_within(form.fit, rival.fit, SETTINGS.whole_runs.equivalent_error)
 
 
 def _may_name(form: TriedForm, law: LearnedLaw) -> bool:
@@ -377,6 +381,8 @@ def _equivalent_forms(
     """
     best, *rivals = tried
     near = (f for f in rivals if f.one_step <= best.one_step + SETTINGS.closed_form.most_bic_apart)
+    if context.unseen:  # a form that errs a tenth more there has lost already
+        near = (f for f in near if _errs_as_little(f, best))
     equivalent = [best, *(f for f in near if not surely_better(context, best.fit, f.fit))]
     return [form for form in equivalent if _may_name(form, law)] or equivalent
 

@@ -171,7 +171,7 @@ def _fitted_from(
     ranges = _ranges(model, records, states)
     if ranges is None:
         return None
-    effects, terms = _library(context, model, ranges)
+    effects, terms = library(context, model, ranges)
     own = tuple(n for n, p in model.parameters.items() if not p.fixed)
     model = model + effects
     free = [n for n, p in model.parameters.items() if not p.fixed]
@@ -204,7 +204,7 @@ def _ranges(
     return out if moves else None
 
 
-def _library(
+def library(
     context: SearchContext, model: Model, ranges: Mapping[str, np.ndarray]
 ) -> tuple[list[Formula], tuple[StateTerm, ...]]:
     """One formula for each driving port with all its terms, at their null, and the terms."""
@@ -246,7 +246,10 @@ def _formula_of(
             else:
                 pieces.append(f"{a} * max({state} - {b}, 0)")
                 at = low + share * (high - low)
-                parameters[b] = {"unit": units[state], "value": at, "bounds": (low, high)}
+                # linear: a bend of two tanks that moved to an empty one, at zero, has no logarithm
+                parameters[b] = {
+                    "unit": units[state], "value": at, "bounds": (low, high), "transform": "linear",
+                }  # fmt: skip
             place_name = "" if share is None else f"{name}.{b}"
             terms.append(StateTerm(place.port, state, f"{name}.{a}", place_name))
     return Formula(place.port, " + ".join(pieces), name=name, **parameters), terms
@@ -346,7 +349,10 @@ def _as_formula(
     text = f"a * {term.state}"
     if term.place:
         place = search.model.parameters[term.place]
-        parameters["b"] = {"unit": place.unit, "value": values[term.place], "bounds": place.bounds}
+        parameters["b"] = {
+            "unit": place.unit, "value": values[term.place], "bounds": place.bounds,
+            "transform": "linear",
+        }  # fmt: skip
         text = f"a * max({term.state} - b, 0)"
     return Formula(term.port, text, name=f"{_name(number)}_form", **parameters)
 
