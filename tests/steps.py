@@ -9,6 +9,7 @@ from diffthrust.diagnosis import (  # private: how a search begins
 )
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
+from diffthrust.diagnosis import _rival_models as rival_models_module
 from diffthrust.diagnosis import _search_state as search_state_module
 from diffthrust.diagnosis._candidates import (  # private: without a search
     candidates_of,
@@ -205,6 +206,9 @@ from diffthrust.diagnosis._verdict import (  # private: from numbers alone
     far_above_noise,
     verdict_of,
 )
+from diffthrust.simulation._commands import (  # private: the unit that a fit takes
+    adopted,
+)
 from diffthrust.simulation._errors import (  # private: errors of no run
     ChannelError,
     Errors,
@@ -248,6 +252,7 @@ __all__ = [
     "Worth",
     "added_bound_words",
     "admission_module",
+    "adopted",
     "as_estimated",
     "as_formula",
     "best_match",
@@ -318,6 +323,7 @@ __all__ = [
     "regressors_of",
     "residual_structure_module",
     "ridge_solution",
+    "rival_models_module",
     "score_test",
     "screened",
     "search_state_module",

@@ -87,15 +87,21 @@ def _error(fit: Fit) -> float:
 
 
 def _rivals_of(context: SearchContext) -> list[Model]:
-    """Other models of the library that the logs feed, and that all measured channels compare."""
+    """Other models of the library that the logs feed, and that all measured channels compare.
+
+    Where the logs do not say in which unit the command is, it is in that of the diagnosed model.
+    """
     given, records = context.given, (*context.fitter.records, *context.unseen)
     prescribed = {name for record in records for name in record.inputs}
+    models = models_fed_by([record.log for record in records])
+    models = [m.commanded_in(given.command) if given.command in m.commands else m for m in models]
     return [
         model
-        for model in models_fed_by([record.log for record in records])
+        for model in models
         if type(model) is not type(given)
         and not prescribed & {*model.states, *given.states}
-        and {*_measured(model, records)} == {*context.fitter.channels}
+        and all(given.inputs.get(name, unit) == unit for name, unit in model.inputs.items())
+        and _measured(model, records) == {*context.fitter.channels}
     ]
 
 

@@ -2,13 +2,23 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import claims
 import made_diagnosis as made
 import numpy as np
 import pytest
 from one_truth import contradictions
-from steps import OtherModel, Worth, bind, models_fed_by, unused_channels, unused_notes
+from steps import (
+    OtherModel,
+    Worth,
+    adopted,
+    bind,
+    models_fed_by,
+    rival_models_module,
+    unused_channels,
+    unused_notes,
+)
 from test_public_docs import schema
 
 import diffthrust as dft
@@ -37,6 +47,25 @@ def log(inputs=("command",), measured=("speed",), **units):
 )
 def test_models_that_some_channels_feed(channels, models):
     assert [model.name for model in models_fed_by([log(**channels)])] == models
+
+
+@pytest.mark.parametrize(
+    ("unit", "rivals"),
+    [
+        ("V", {"speed_loop_thruster": "V", "dc_motor_thruster": "V"}),
+        ("effort", {"speed_loop_thruster": "effort"}),
+        ("N m", {"ducted_thruster": "N m"}),
+        ("", {"speed_loop_thruster": "V", "dc_motor_thruster": "V"}),
+    ],
+)
+def test_rivals_of_a_thruster_have_its_command(unit, rivals):
+    """A log without units is in those of the diagnosed model: volts are no torque."""
+    logs = [log(**({"command": unit} if unit else {}))]
+    given = adopted(dft.Thruster(), logs)
+    fitter = SimpleNamespace(records=bind(given, logs), channels=("speed",))
+    context = SimpleNamespace(given=given, fitter=fitter, unseen=())
+    models = rival_models_module._rivals_of(context)
+    assert {model.name: model.inputs["command"] for model in models} == rivals
 
 
 def test_channels_of_another_machine_feed_no_model():
