@@ -315,7 +315,10 @@ def add_state_terms(context: SearchContext, outcome: Outcome) -> Outcome:
     if rival and not worth_between_fits(context, rival, terms[0].reported).sure:
         return outcome
     share = remaining_share(state, state.stages[-1])
-    return outcome._replace(laws=tuple(replace(t, worth=t.worth.of(share)) for t in terms))
+    terms = tuple(replace(term, worth=term.worth.of(share)) for term in terms)
+    # what one-step errors depend on was their imitation: the last 80 s of a pump, for a level
+    assessment = replace(outcome.assessment, remaining=None)
+    return outcome._replace(assessment=assessment, laws=terms)
 
 
 def agrees_with_law(
@@ -336,7 +339,8 @@ def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
     """The outcome with what a flexible model could explain, where the verdict depends on it."""
     assessment = outcome.assessment
     far = verdict_evidence(outcome.selection, assessment).far
-    if not far or assessment.remaining is not None or assessment.trained is None:
+    is_placed = outcome.laws or assessment.remaining is not None
+    if not far or is_placed or assessment.trained is None:
         return outcome
     training, judged = assessment.apart or (assessment.trained[1], assessment.after)
     with context.clock("headroom"):
