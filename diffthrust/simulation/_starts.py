@@ -159,7 +159,8 @@ def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np
             # scaling.
             step = np.linalg.solve(square + damping * np.diag(np.diag(square)), gradient)
             trial = residuals(y - step)
-            fell = max(0.0, 1.0 - float(trial @ trial) / float(current @ current))
+            with np.errstate(over="ignore", invalid="ignore"):  # a step at which the run diverges
+                fell = max(0.0, 1.0 - float(trial @ trial) / float(current @ current))
             damping *= 0.1 if fell > 0 else 10.0
             if fell > 0:
                 y, current = y - step, trial
