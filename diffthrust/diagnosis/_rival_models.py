@@ -145,6 +145,9 @@ def _searched(
     gained = {c.effect for c in state.ranking if c.delta_bic < 0}
     names = {*present, *state.possible, *gained} & {*context.fitter.candidates}
     candidates = [context.fitter.candidates[name] for name in sorted(names)]
+    # where a periodic force begins, the rival's records do not say: its trials would have more
+    # initial states than the rest, and fail
+    candidates = [effect for effect in candidates if not effect.free_starts]
     candidates = [e for e in candidates if _with(fit.model, e) is not fit.model]
     if catalogue:
         alone, _ = candidates_of(fit.model, (*rival.train, *rival.unseen))
