@@ -41,7 +41,7 @@ def test_the_table_of_a_fit(fit):
 
 def test_fixed_parameters_have_no_error(line):
     text = dft.fit(dft.LinearSensor(offset=1.6).fix("offset"), line).report()
-    (row,) = [row for row in text.splitlines() if row.startswith("offset")]
+    (row,) = [row for row in text.splitlines() if row.startswith("offset   ")]
     assert row.split() == ["offset", "1.600", "-", "V", "fixed"]
     assert "unseen" not in text
 

@@ -78,7 +78,7 @@ def test_it_prints_and_writes(spec, handed, tmp_path):
     assert list(data) == [
         "schema", "verdict", "doubts", "added", "detectable", "detectable_groups", "worth",
         "possible", "groups", "stages", "ranking", "remaining", "learned", "odd_logs", "held",
-        "untestable", "headroom",
+        "untestable", "other_models", "unused", "headroom",
     ]  # fmt: skip
     text = page.read_text()
     assert "<title>Diagnosis: run</title>" in text
