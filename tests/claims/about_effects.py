@@ -30,9 +30,9 @@ def _each_removes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     shares = re.findall(rf"(?:^|, |and )([^,()]+?)(?: removes?)? ({WORTH})", m["list"])
     if sum(shares_in(text)[0] for _, text in shares) > 1.0 + 0.005 * len(shares):
         yield "more is removed than there is"
-    whole = {name: _of(diag.worth[name], channel, everywhere) for name in diag.worth}
+    whole = {n: w for n in diag.worth if (w := _of(diag.worth[n], channel, everywhere))}
     for words, text in shares:
-        names = [n for n in diag.added if n in diag.worth and _shared(n, diag) == words.strip()]
+        names = [n for n in diag.added if n in whole and _shared(n, diag) == words.strip()]
         yield from _removes(words, text, names, whole)
         if page and names:
             yield from _plainly(names, text, channel, everywhere, diag, page)
@@ -45,8 +45,9 @@ def _shared(name: str, diag: Any) -> str:
 
 
 def _of(worth: Any, channel: str, everywhere: bool) -> Any:
+    """The share that is told, ``None`` where there is none of that channel."""
     worth = worth.everywhere if everywhere else worth
-    return worth.channels[channel] if worth and channel else worth
+    return worth.channels.get(channel) if worth and channel else worth
 
 
 def _named(words: str, worths: Any) -> list[str]:
@@ -128,7 +129,8 @@ def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     )
     for words, text, channel, everywhere in re.findall(said, m["list"]):
         channel = channel.replace(" ", "_")
-        whole = {n: _of(w, channel, bool(everywhere)) for n, w in diag.possible.items()}
+        shares = {n: _of(w, channel, bool(everywhere)) for n, w in diag.possible.items()}
+        whole = {n: w for n, w in shares.items() if w}
         yield from _removes(words, text, _named(words, whole), whole)
 
 
