@@ -109,6 +109,7 @@ from diffthrust.diagnosis._rating import (  # private: one step alone
     other_values,
     stopped,
 )
+from diffthrust.diagnosis._recurrence import recurring_shares  # private: its coverage
 from diffthrust.diagnosis._report.figures import (  # private: each figure alone
     missing_figure,
     ranking_figure,
@@ -318,6 +319,7 @@ __all__ = [
     "ranked",
     "ranked_matches",
     "ranking_figure",
+    "recurring_shares",
     "refusing",
     "regression",
     "regressors_of",

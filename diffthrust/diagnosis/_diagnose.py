@@ -33,6 +33,7 @@ from diffthrust.diagnosis._missing import (
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
 from diffthrust.diagnosis._periodic_stage import add_periodic_force
+from diffthrust.diagnosis._recurrence import recurring_shares
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._rival_models import other_models
 from diffthrust.diagnosis._search_state import (
@@ -336,7 +337,7 @@ def agrees_with_law(
 
 
 def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
-    """The outcome with what a flexible model could explain, where the verdict depends on it."""
+    """The outcome with what could be explained, and what recurs, where the verdict rests on it."""
     assessment = outcome.assessment
     far = verdict_evidence(outcome.selection, assessment).far
     is_placed = outcome.laws or assessment.remaining is not None
@@ -345,7 +346,9 @@ def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
     training, judged = assessment.apart or (assessment.trained[1], assessment.after)
     with context.clock("headroom"):
         room = headroom_between(training, judged if context.unseen else None)
-    return outcome._replace(assessment=replace(assessment, room=room))
+    runs = (*training.runs, *(judged.runs if context.unseen else ()))
+    recurring = recurring_shares(context.given, runs)
+    return outcome._replace(assessment=replace(assessment, room=room, recurring=recurring))
 
 
 def missing_before_and_after(

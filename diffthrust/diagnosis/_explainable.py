@@ -346,6 +346,14 @@ def explainable(
     return Explainable(estimate.share, estimate.low, high, best.rung, features.names)
 
 
+def independent_samples(records: Sequence[ErrorRecord]) -> float:
+    """The number of independent samples that tell as much as the errors of some records."""
+    errors = [record.error[np.isfinite(record.error)] for record in records]
+    samples = sum(error.size for error in errors)
+    lags = max(1, min(error.size for error in errors) // 2)
+    return samples / max(integral(autocorrelation(errors, lags)), 1.0)
+
+
 def _estimate(
     learner: Learner, train: Sequence[ErrorRecord], test: Sequence[ErrorRecord], seed: int
 ) -> _Estimate:

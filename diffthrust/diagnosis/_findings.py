@@ -208,6 +208,8 @@ class Assessment(Brief):
         room: how much any flexible model could explain of the errors on which the verdict rests;
             worked out where whole runs err far above the noise and nothing in ``remaining`` says
             why.
+        recurring: worked out where ``room`` may be, of runs that repeat their inputs: by channel
+            the share of the squared error that recurs.
     """
 
     before: Comparison
@@ -218,6 +220,7 @@ class Assessment(Brief):
     odd_logs: tuple[OddLog, ...] = ()
     apart: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
     room: Headroom | None = field(default=None, repr=False)
+    recurring: Mapping[str, Worth] = field(default_factory=dict)
 
     @property
     def judged(self) -> Comparison:
@@ -232,7 +235,7 @@ class Findings(Selection, Assessment):
     Args:
         verdict: "adequate", "effects_found", "unexplained" (structure remains; effects may
             still have been added), or "undecided" (errors over whole runs are large and last, and
-            these logs let random forces explain them as well as physics).
+            these logs cannot tell a disturbance from missing physics).
         model: the model that was diagnosed, as it was given.
         missing: the missing signals of the model as given, the one that explains most first.
         left: those of the last stage, where structure remains beside the effects that were added.
@@ -334,10 +337,14 @@ def verdict_evidence(selection: Selection, assessment: Assessment) -> VerdictEvi
             stated = run.log.noise_in(name, trace.unit)
             noise[name] = min(stated or math.inf, noise.get(name, math.inf))
     channels = assessment.room.channels if assessment.room else {}
+    recurring = assessment.recurring
     return VerdictEvidence(
         errors=judged.errors if assessment.apart else last.holdout or last.train,
         noise=noise,
-        repeated={name: channel.low for name, channel in channels.items()},
+        repeated={
+            name: max(share.low for share in (channels.get(name), recurring.get(name)) if share)
+            for name in {*channels, *recurring}
+        },
         structure=assessment.remaining is not None,
         contradicted=bool(judged.hints),
         added=bool(selection.best),

@@ -21,7 +21,13 @@ from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
-from diffthrust.diagnosis._explainable import ErrorRecord, Explainable, Rung, explainable
+from diffthrust.diagnosis._explainable import (
+    ErrorRecord,
+    Explainable,
+    Rung,
+    explainable,
+    independent_samples,
+)
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -180,13 +186,14 @@ def headroom_of(
     model, runs, unseen = learn.model, learn.runs, judge.runs if judge else None
     channels, report = {}, reporter(progress)
     names = list(dict.fromkeys(n for run in (unseen or runs) for n in run.channels))
+    hidden = bool({*model.all_states} - {n for run in runs for n in run.channels})
     for k, name in enumerate(names):
         report(f"what could be explained of {name}", k / len(names))
         train = [_record(model, run, name) for run in runs if name in run.channels]
         test = [_record(model, run, name) for run in unseen or () if name in run.channels]
         measured = [r.channels[name].measured for r in (unseen or runs) if name in r.channels]
         if train:
-            channels[name] = _channel(_thinned(train), test, np.concatenate(measured), seed)
+            channels[name] = _channel(_thinned(train), test, np.concatenate(measured), seed, hidden)
     if not channels:
         raise InputError(
             "headroom: the logs to learn from and the unseen ones have no channel in common.",
@@ -216,8 +223,13 @@ def _thinned(records: list[ErrorRecord]) -> list[ErrorRecord]:
 
 
 def _channel(
-    train: list[ErrorRecord], test: list[ErrorRecord], measured: np.ndarray, seed: int
+    train: list[ErrorRecord], test: list[ErrorRecord], measured: np.ndarray, seed: int, hidden: bool
 ) -> ChannelHeadroom:
+    """The headroom of a channel; ``hidden`` says whether the model has states nobody measures.
+
+    What is missing may be a law of such a state. The model's own is then no guide to it, and a
+    correction learns it from many swings only: from few it excludes no share.
+    """
     if len(train) < _FEWEST_RECORDS:
         train = [stretch for record in train for stretch in _cut(record, _STRETCHES // len(train))]
     samples = sum(int(np.isfinite(r.error).sum()) for r in train)
@@ -225,6 +237,9 @@ def _channel(
     explained = (
         explainable(train, test, seed) if samples >= SETTINGS.headroom.least_samples else nothing
     )
+    few = samples and independent_samples(train) < SETTINGS.headroom.least_independent
+    if hidden and few:
+        explained = explained._replace(high=1.0)
     errors = np.concatenate([record.error for record in test or train])
     physics = float(np.sqrt(np.nanmean(errors**2))) / float(np.nanstd(measured))
     corrected = physics * float(np.sqrt(1.0 - explained.share))

@@ -175,6 +175,7 @@ class Diagnosis(Result, Findings):
             "untestable": dict(self.untestable),
             "other_models": [other.to_json() for other in self.other_models],
             "unused": dict(self.unused),
+            "recurring": {name: share.to_json() for name, share in self.recurring.items()},
             "headroom": {"before": headroom[0].to_json(), "after": headroom[1].to_json()}
             if headroom
             else None,
@@ -186,7 +187,7 @@ def _why_none(diag: Findings) -> str:
     if diag.verdict == "unexplained":
         return "structure remains, but no function of one signal surely explains it"
     if diag.verdict == "undecided":
-        return "these logs do not tell what is missing from random forces"
+        return "these logs cannot tell a disturbance from missing physics"
     return "what it names, or noise, explains these logs"
 
 

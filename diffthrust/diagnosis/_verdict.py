@@ -21,7 +21,8 @@ class VerdictEvidence:
         noise: by channel the standard deviation of its one-step errors, or of its sensor where
             that is stated and smaller.
         repeated: by channel the least share of its squared errors that a flexible model surely
-            explains, as far as that was worked out.
+            explains, or that surely recurs in runs with the same inputs, as far as that was worked
+            out.
         structure: one-step errors still depend on a signal of the model at some port.
         contradicted: a channel contradicts the model: its sign or scale is another, or inputs are
             exchanged (the hints of a comparison).

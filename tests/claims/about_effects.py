@@ -156,12 +156,18 @@ def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"it is at {page.law[0]}, by {page.law[1]}"
 
 
-@claim(r"Structure remains that no known effect explains: over whole runs of [a-z ]+? a flexible "
-       r"model of these signals explains (?P<shares>.+?), so it is repeatable; where it enters is "
+@claim(rf"Structure remains that no known effect explains: over whole runs of [a-z ]+? (?:a "
+       rf"flexible model of these signals explains (?P<shares>.+?))?(?: and )?(?:where logs repeat "
+       rf"their inputs (?P<recurs>{WORTH}.+?) recurs)?, so it is repeatable; where it enters is "
        r"not clear\.")  # fmt: skip
 def _repeats(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    for text, words in re.findall(
+        rf"({WORTH}) of the squared ([a-zA-Z ]+?) error", m["recurs"] or ""
+    ):
+        if not worth_is(text, diag.recurring[words.replace(" ", "_")]):
+            yield f"{words}: {text} recurs"
     shares = re.findall(rf"({SHARE}) \(({SHARE}) to ({SHARE})\) of the squared ([a-zA-Z ]+?) error",
-                        m["shares"])  # fmt: skip
+                        m["shares"] or "")  # fmt: skip
     for share, low, high, words in shares:
         room = diag.room.channels[words.replace(" ", "_")]
         for text, value in zip((share, low, high), (room.share, room.low, room.high), strict=True):

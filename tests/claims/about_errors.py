@@ -10,7 +10,7 @@ import numpy as np
 from reference import equations
 
 from .page import Page
-from .parsing import NUMBER, claim, error_of, in_words, is_said
+from .parsing import NUMBER, WORTH, claim, error_of, in_words, is_said, worth_is
 
 SIMULATED = 0.01
 """Share by which two integrations of the same model may differ in their error."""
@@ -206,8 +206,9 @@ def _change(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(rf"Undecided: over whole runs of (?P<logs>[a-z ]+?) (?P<level>the [a-zA-Z ]+? error is "
        rf"{NUMBER} ?[^()]*?\(NRMSE {NUMBER}\)), (?P<multiple>\S+) times that from one sample to "
-       r"the next; on these logs random forces explain it as well as missing "
-       r"physics\.")  # fmt: skip
+       rf"the next; (?:these logs cannot tell a disturbance from missing physics|where logs repeat "
+       rf"their inputs, (?P<recurs>{WORTH}) of its square recurs(?P<forces>: most of it comes from "
+       r"random forces)?)\.")  # fmt: skip
 def _undecided(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "undecided":
         yield f"verdict {diag.verdict}"
@@ -216,12 +217,24 @@ def _undecided(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     multiple = error_of(diag.judged, channel)[0] / diag.one_step.get(channel, np.nan)
     if not is_said(m["multiple"], multiple, SIMULATED):
         yield f"{m['multiple']} is {multiple:.3g}"
-    if page and page.quiet:
+    yield from _recurs(m["recurs"], channel, diag)
+    if m["forces"] and not diag.recurring[channel].high < 0.5:
+        yield f"{diag.recurring[channel]} recurs: more than half may"
+    if m["forces"] and page and page.quiet:
         yield "no random force is at work: the truth reaches the noise of the sensors"
 
 
+def _recurs(text: str | None, channel: str, diag: Any) -> Iterator[str]:
+    """A share that recurs, by the correlation of the errors of two runs with the same inputs."""
+    share = diag.recurring.get(channel)
+    if bool(text) != bool(share):
+        yield f"recurring: {share}"
+    elif text and not worth_is(text, share):
+        yield f"{text} recurs: {share}"
+
+
 @claim(r"To decide, record a run that repeats the inputs of one of these logs: errors that recur "
-       r"are physics, the others are random forces\.")  # fmt: skip
+       r"are physics, the others are a disturbance\.")  # fmt: skip
 def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "undecided":
         yield f"verdict {diag.verdict}"
@@ -229,9 +242,10 @@ def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(rf"From one sample to the next the (?P<channel>[a-zA-Z ]+?) is predicted to within "
        rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of [a-z ]+?(?P<learned>, with what was "
-       rf"learned,)? to (?P<run>{NUMBER}) ?[^:]*?: (?P<why>missing physics adds up, and random "
-       r"forces may, too|the difference is attributed to random forces and lasting sensor errors, "
-       r"which no signal of these logs surely explains)\.")  # fmt: skip
+       rf"learned,)? to (?P<run>{NUMBER}) ?[^:]*?: (?P<why>missing physics adds up, and a "
+       r"disturbance may, too|no signal of these logs surely explains the difference\. It is a "
+       r"disturbance, a lasting error of a sensor, or physics that these logs do not "
+       r"show)\.")  # fmt: skip
 def _growth(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     per = diag.judged.errors.channels[channel].per
@@ -244,9 +258,9 @@ def _growth(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for number, value in zip((m["step"], m["run"]), (diag.one_step[channel], run), strict=True):
         if not is_said(number, per * value, SIMULATED):
             yield f"{number} is {per * value:.3g}"
-    forces = m["why"].startswith("the difference is attributed to random forces")
-    if page and page.quiet and (forces or page.law is None):
-        yield "no random force is at work: the truth reaches the noise of the sensors"
+    adds_up = m["why"].startswith("missing physics")
+    if page and page.quiet and adds_up and page.law is None:
+        yield "nothing adds up: the truth reaches the noise of the sensors"
 
 
 @claim(rf"An? (?P<model>[^:.]+?) errs less over whole runs of the same (?P<logs>unseen|training) "

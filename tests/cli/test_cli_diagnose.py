@@ -78,7 +78,8 @@ def test_it_prints_and_writes(spec, handed, tmp_path):
     assert list(data) == [
         "schema", "verdict", "doubts", "added", "detectable", "detectable_groups", "worth",
         "possible", "groups", "stages", "ranking", "remaining", "learned", "odd_logs", "held",
-        "untestable", "other_models", "unused", "headroom",
+        "untestable", "other_models", "unused", "recurring",
+            "headroom",
     ]  # fmt: skip
     text = page.read_text()
     assert "<title>Diagnosis: run</title>" in text

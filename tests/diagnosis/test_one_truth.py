@@ -86,7 +86,12 @@ def test_a_fit_that_ended_early_and_a_false_name_are_seen():
 
 
 def test_random_forces_are_not_said_of_a_plant_without():
-    wrong = claims.contradictions(made.undecided(), page_of_a_dead_band())
+    chance = replace(made.undecided(), recurring={"thrust": Worth(0.05, -0.1, 0.2)})
+    assert (
+        "5 % (-10 % to 20 %) of its square recurs: most of it comes from random" in chance.summary
+    )
+    assert claims.contradictions(chance) == []
+    wrong = claims.contradictions(chance, page_of_a_dead_band())
     assert any("no random force is at work" in words for words in wrong)
 
 
@@ -132,8 +137,14 @@ def test_errors_that_repeat_are_not_left_to_chance():
     diag = replace(diag, verdict=verdict_of(verdict_evidence(diag, diag)))
     assert diag.verdict == "unexplained"
     assert "so it is repeatable" in diag.summary
-    assert "random forces and lasting sensor errors" not in diag.summary
+    assert "cannot tell a disturbance" not in diag.summary
     assert contradictions(diag) == []
+    recurs = {"speed": Worth(0.8, 0.6, 0.9)}
+    for room, explains in ((diag.room, " and where logs repeat"), (None, "where logs repeat")):
+        again = replace(diag, room=room, recurring=recurs)
+        assert again.repeating
+        assert f"{explains} their inputs 80 % (60 % to 90 %) of the squared" in again.summary
+        assert claims.contradictions(again) == []
 
 
 def test_what_matters_leads_and_what_does_not_is_told_as_such():
@@ -191,7 +202,7 @@ def test_errors_do_not_add_up_where_a_law_removes_them():
     """99 % was said to be removed by a law, and missing physics to add up."""
     diag = replace(made.unexplained(), one_step={"speed": 0.3, "thrust": 0.5})
     (words,) = growth_words(diag)
-    assert words.endswith("missing physics adds up, and random forces may, too.")
+    assert words.endswith("missing physics adds up, and a disturbance may, too.")
     small = SimpleNamespace(reported=made.found().fit)
     assert growth_words(replace(diag, laws=(small,))) == []
     large = SimpleNamespace(reported=diag.fit)
@@ -207,7 +218,7 @@ def test_shares_that_add_up_to_more_than_all_are_seen():
 def test_undecided_says_what_is_possible_and_which_record_would_decide():
     text = made.undecided().summary
     assert text.startswith("Undecided: over whole runs of unseen logs the thrust error is ")
-    assert "random forces explain it as well as missing physics" in text
+    assert "these logs cannot tell a disturbance from missing physics" in text
     assert "each would remove: a command dead band 40 % (20 % to 60 %)" in text
     assert "repeats the inputs of one of these logs" in text
     proposed = replace(made.undecided(), experiment=made.diagnosis().experiment)

@@ -25,6 +25,8 @@ from diffthrust.models._base.effect import EFFECTS
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import ChannelError, Errors
 
+_HALF = 0.5
+"""Display: where surely less recurs, most does not."""
 _NAMED = 2
 """Channels that the summary names; more are summed up by their mean."""
 
@@ -245,22 +247,29 @@ def _judged_logs(diag: Findings, everywhere: bool) -> str:
 
 
 def undecided_words(diag: Findings) -> list[str]:
-    """That large, lasting errors may come from missing physics or from random forces."""
+    """That large, lasting errors may be a disturbance's or missing physics, and what would decide.
+
+    Random forces are named only where runs that repeat their inputs show that errors do not recur.
+    """
     logs, errors = judged_errors(diag)
     name = next(iter(diag.far), next(iter(errors.channels)))
     error = errors.channels[name]
     multiple = number(error.rmse / diag.one_step.get(name, math.nan), 2)
+    cause, recurring = "these logs cannot tell a disturbance from missing physics", None
+    if recurring := diag.recurring.get(name):
+        cause = f"where logs repeat their inputs, {recurring} of its square recurs"
+    if recurring and recurring.high < _HALF:
+        cause += ": most of it comes from random forces"
     if diag.experiment and diag.possible:
         deciding = f"A further record would decide: {diag.experiment.sentence}"
     else:
         deciding = (
             "To decide, record a run that repeats the inputs of one of these logs: errors that "
-            "recur are physics, the others are random forces."
+            "recur are physics, the others are a disturbance."
         )
     return [
         f"Undecided: over whole runs of {logs} the {humanize(name)} error is {_error_size(error)}, "
-        f"{multiple} times that from one sample to the next; on these logs random forces explain "
-        "it as well as missing physics.",
+        f"{multiple} times that from one sample to the next; {cause}.",
         *possible_words(diag),
         deciding,
     ]
@@ -314,10 +323,10 @@ def growth_words(diag: Findings) -> list[str]:
         f"{_sized(size, unit)}"
     )
     if diag.verdict == "unexplained":
-        return [f"{words}: missing physics adds up, and random forces may, too."]
+        return [f"{words}: missing physics adds up, and a disturbance may, too."]
     return [
-        f"{words}: the difference is attributed to random forces and lasting sensor errors, which "
-        "no signal of these logs surely explains."
+        f"{words}: no signal of these logs surely explains the difference. It is a disturbance, a "
+        "lasting error of a sensor, or physics that these logs do not show."
     ]
 
 
@@ -354,7 +363,7 @@ def remaining_words(diag: Findings) -> str:
                 return _repeating_words(diag)
             return "Structure remains that no known effect explains; its place is not clear."
         if diag.verdict == "undecided":
-            return "What remains is lasting, and cannot be told from random forces."
+            return "What remains is lasting, and cannot be told from a disturbance."
         return "What remains cannot be told from noise."
     enters = "it enters at" if remaining.manner == "adds" else "it scales what passes"
     still = "Structure still remains" if diag.best else "Structure remains"
@@ -366,16 +375,28 @@ def remaining_words(diag: Findings) -> str:
 
 
 def _repeating_words(diag: Findings) -> str:
-    """That large errors over whole runs repeat, as a flexible model shows."""
+    """That large errors over whole runs repeat: a flexible model or repeated inputs show it."""
     channels = diag.room.channels if diag.room else {}
-    shares = joined(
-        "{2} ({3})".format(*channels[name].cells) + f" of the squared {humanize(name)} error"
-        for name in diag.repeating
+    explained, recurring = (
+        [name for name in diag.repeating if name in shares and shares[name].low > 0]
+        for shares in (channels, diag.recurring)
     )
+    reasons = []
+    if explained:
+        shares = joined(
+            "{2} ({3})".format(*channels[name].cells) + f" of the squared {humanize(name)} error"
+            for name in explained
+        )
+        reasons.append(f"a flexible model of these signals explains {shares}")
+    if recurring:
+        shares = joined(
+            f"{diag.recurring[name]} of the squared {humanize(name)} error" for name in recurring
+        )
+        reasons.append(f"where logs repeat their inputs {shares} recurs")
     return (
         f"Structure remains that no known effect explains: over whole runs of "
-        f"{judged_errors(diag)[0]} a flexible model of these signals explains {shares}, so it is "
-        "repeatable; where it enters is not clear."
+        f"{judged_errors(diag)[0]} {joined(reasons)}, so it is repeatable; where it enters is not "
+        "clear."
     )
 
 
