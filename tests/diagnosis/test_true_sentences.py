@@ -118,7 +118,7 @@ def emps():
         dft.read_log(
             folder / f"{name}.csv",
             time="time_exp",
-            inputs={"force": dft.Column("u_in", "N", scale=35.15, hold="linear")},
+            inputs={"thrust": dft.Column("u_in", "N", scale=35.15, hold="linear")},
             measured={
                 "position": dft.Column("q_meas", "m", scale=0.125),
                 "velocity": dft.Column("v_est", "m/s", scale=0.125),
