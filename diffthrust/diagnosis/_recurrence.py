@@ -19,7 +19,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
 
 _FEWEST = 100
-"""Numerics: samples in common from which two runs are compared; a mean square of fewer says little."""
+"""Numerics: samples in common from which two runs are compared; fewer give no mean square."""
 
 
 def recurring_shares(model: Model, runs: Sequence[Run]) -> dict[str, Worth]:
