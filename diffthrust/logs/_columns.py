@@ -130,11 +130,20 @@ class Column:
             numbers = convert(numbers, self.unit, "dimensionless", where=place)
         if self.kept_unit == "effort":
             _check_effort(numbers, place)
+        return numbers, self.written, note
+
+    @property
+    def written(self) -> Written:
+        """How the user writes the channel, of a checked column.
+
+        Example:
+            >>> dft.Column("thrust_kgf", unit="kgf").written.unit
+            'kgf'
+        """
         plain = (self.scale, self.offset) == (1.0, 0.0)
         if isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain:
-            return numbers, Written(self.unit or "us", self.column, self.pwm), note
-        written = Written(self.unit or self.kept_unit, self.column, scale=float(self.scale))
-        return numbers, written, note
+            return Written(self.unit or "us", self.column, self.pwm)
+        return Written(self.unit or self.kept_unit, self.column, scale=float(self.scale))
 
 
 def _check_effort(numbers: np.ndarray, place: Place) -> None:

@@ -161,9 +161,12 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     if problem["type"] == "extra_forbidden":
         keys = _keys(parent)
         near = nearest(key, keys)
+        quantity = key == "unit" and parent[:1] == ("parameters",)
         return InputError(
             f"{where}: the key {key!r} is not known in {table}{'; ' + near if near else ''}.{also}",
-            f"Correct the key; known there are {listing(keys)}.",
+            'Write the unit with the number: value = "25 us".'
+            if quantity
+            else f"Correct the key; known there are {listing(keys)}.",
         )
     if problem["type"] == "missing":
         example = f"[{key}]" if not parent and key in ("logs", "channels") else f"{key} = ..."

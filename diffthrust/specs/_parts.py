@@ -62,7 +62,7 @@ def _as_time(value: Any) -> Any:
 
 
 def _as_value(value: Any) -> Any:
-    return {"value": value} if isinstance(value, int | float) else value
+    return {"value": value} if isinstance(value, int | float | str) else value
 
 
 def _stage(value: Any) -> float | None:
@@ -135,6 +135,7 @@ class PWMPart(_Part):
 
 
 _Bound = Annotated[float, AllowInfNan(True)]
+_Quantity = float | str
 
 
 class ChannelPart(_Part):
@@ -174,21 +175,24 @@ class ChannelPart(_Part):
 
 
 class PriorPart(_Part):
-    """A Gaussian prior, in the parameter's unit."""
+    """A Gaussian prior."""
 
-    mean: float
-    """Its mean, in the parameter's unit."""
-    std: Annotated[float, Field(gt=0)]
-    """Its standard deviation."""
+    mean: _Quantity
+    """Its mean, as ``value``."""
+    std: _Quantity
+    """Its standard deviation, above zero."""
 
 
 class ParameterPart(_Part):
     """``[parameters]``: what differs from the model's own description."""
 
-    value: float | None = None
-    """Where the search begins, or where the parameter is held."""
-    bounds: Annotated[list[_Bound], Field(min_length=2, max_length=2)] | None = None
-    """Lowest and highest value; ``-inf`` and ``inf`` for none."""
+    value: _Quantity | None = None
+    """Where the search begins, or where the parameter is held.
+
+    A number in the parameter's unit, or one with its unit as in a report: ``"25 us"``.
+    """
+    bounds: Annotated[list[_Bound | str], Field(min_length=2, max_length=2)] | None = None
+    """Lowest and highest value, as ``value``; ``-inf`` and ``inf`` for none."""
     fixed: bool | None = None
     """Hold it at its value."""
     prior: PriorPart | None = None

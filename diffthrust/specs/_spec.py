@@ -23,14 +23,14 @@ from diffthrust.logs._read import read_log
 from diffthrust.logs._robots.read import read_robot_log
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.parameter import Normal
 from diffthrust.simulation._commands import adopted, command_kind
 from diffthrust.simulation._record import bind
 from diffthrust.specs._channels import columns_of, roles_of
 from diffthrust.specs._effects import effect_of
 from diffthrust.specs._file import NAME, parse_spec, parse_toml, read_spec_text
 from diffthrust.specs._lines import line_of
-from diffthrust.specs._parts import ParameterPart, SpecFile, TimePart
+from diffthrust.specs._parts import SpecFile, TimePart
+from diffthrust.specs._quantities import fields_of
 from diffthrust.specs._scripts import (
     check_place,
     effect_class,
@@ -322,27 +322,13 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
         loc = ("effects",)
         for entry in file.effects:
             model = model + effect_of(entry, path.parent, trust)
+        written = {name: channel.as_column().written for name, channel in file.channels.items()}
         for name, settings in file.parameters.items():
             loc = ("parameters", name)
-            model = model.replace({name: _fields(settings)})
+            model = model.replace({name: fields_of(settings, name, model, written)})
     except InputError as error:
         raise _with_place(text, path, loc, error) from None
     return model
-
-
-def _fields(settings: ParameterPart) -> dict[str, Any]:
-    fields: dict[str, Any] = {}
-    if settings.value is not None:
-        fields["value"] = settings.value
-    if settings.bounds is not None:
-        low, high = settings.bounds
-        infinite = float("inf")
-        fields["bounds"] = (None if low == -infinite else low, None if high == infinite else high)
-    if settings.fixed is not None:
-        fields["fixed"] = settings.fixed
-    if settings.prior is not None:
-        fields["prior"] = Normal(settings.prior.mean, settings.prior.std)
-    return fields
 
 
 def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:

@@ -1,0 +1,120 @@
+"""Numbers of ``[parameters]`` with their units, as reports print them: ``"25.03 us"``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._result import shown_unit
+from diffthrust.logs._units import convert_scale, same_quantity
+from diffthrust.logs._written import FURTHEST, ShownUnits, Written
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Normal
+from diffthrust.specs._parts import ParameterPart
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)\s*(.*?)\s*")
+_PER = " per "
+"""As in ``rad/s per full effort``: what stands below a command that has no symbol."""
+
+
+def fields_of(
+    settings: ParameterPart, name: str, model: Model, written: Mapping[str, Written]
+) -> dict[str, Any]:
+    """The fields that `Model.replace` takes, in the parameter's unit.
+
+    Args:
+        settings: the entry of the spec.
+        name: full name of the parameter.
+        model: the model, its command in the unit of the logs.
+        written: how each channel of the logs is written.
+
+    Raises:
+        InputError: a unit is unknown, or measures something else; or a number without one is no
+            share of a full command, and so in another unit.
+
+    Example:
+        >>> settings, widths = ParameterPart(value="25 us"), PWM(stop=1500, full=1900)
+        >>> model = dft.Thruster(command="effort") + "command_deadband"
+        >>> written = {"command": Written("us", pwm=widths)}
+        >>> fields_of(settings, "command_deadband.width", model, written)
+        {'value': 0.0625}
+    """
+    parameter = model.parameters.get(name)
+    if parameter is None:  # refused by `Model.replace`, which names the nearest
+        return {}
+    per, shown = shown_unit(parameter, model, ShownUnits((written,)))
+    read = _Reader(name, parameter.unit, shown, 1 / per)
+    fields: dict[str, Any] = {}
+    if settings.value is not None:
+        fields["value"] = read(settings.value)
+    if settings.bounds is not None:
+        low, high = map(read, settings.bounds)
+        infinite = float("inf")
+        fields["bounds"] = (None if low == -infinite else low, None if high == infinite else high)
+    if settings.fixed is not None:
+        fields["fixed"] = settings.fixed
+    if settings.prior is not None:
+        fields["prior"] = Normal(read(settings.prior.mean), read(settings.prior.std))
+    return fields
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Read a number, or a number with its unit, of a parameter.
+
+    Args:
+        name: of the parameter.
+        unit: its unit.
+        shown: the unit in which reports show it.
+        scale: how many of its unit are one of the shown.
+    """
+
+    name: str
+    unit: str
+    shown: str
+    scale: float
+
+    def __call__(self, number: float | str) -> float:
+        if isinstance(number, str):
+            return self._with_unit(number)
+        if self.unit == "effort" and FURTHEST < abs(number) < float("inf"):
+            # 25 of a dead band that reports show as 25 us would start the fit at 25 full commands.
+            raise InputError(
+                f"expected a share of the full command, found {number:g} times it.",
+                f'Give the unit with the number: "{number:g} {self.shown}".'
+                if self.shown != self.unit
+                else "Write 0.05 for 5 %.",
+            )
+        return number
+
+    def _with_unit(self, text: str) -> float:
+        match = _QUANTITY.fullmatch(text)
+        unit = match[2] if match else ""
+        if match is None or not unit:
+            raise InputError(
+                f"expected a number, or a number with its unit, found {text!r}.",
+                f'Write it as in "0.05 {self.shown}".' if self.shown else "Write it as in 0.05.",
+            )
+        number, near = float(match[1]), [(self.shown, self.scale), (self.unit, 1.0)]
+        for known, scale in near:
+            if unit == known:
+                return number * scale
+        for known, scale in near:
+            if convert := _conversion(unit, known):
+                return convert(number) * scale
+        units = " or ".join(f"'{u}'" for u in dict.fromkeys((self.shown, self.unit)) if u)
+        raise InputError(
+            f"expected a number in {units or 'no unit'}, found {text!r}.",
+            f"Write it in {self.shown!r}, as reports do." if self.shown else "Leave the unit out.",
+        )
+
+
+def _conversion(unit: str, target: str) -> Callable[[float], float] | None:
+    """How numbers in one unit become those in another, if they can."""
+    (above, _, below), (wanted, _, same) = unit.partition(_PER), target.partition(_PER)
+    if below != same or not same_quantity(above, wanted):
+        return None
+    return lambda number: convert_scale(number, above, wanted, where="")
