@@ -42,7 +42,7 @@ for method in ("paper", "consistent", "simulation"):
     print(f"{method}: break frequency up to {fastest:.2f} rad/s at commands up to 4 V")
     found.plot_break().savefig(folder / f"figure_12_{method}.png", dpi=100)
 
-dead = dft.describing_function(jason + effects.CommandDeadband(width=0.3), volts, pace)
+dead = dft.describing_function(jason + effects.CommandDeadband(half_width=0.3), volts, pace)
 print(dead.report())
 dead.plot().savefig(folder / "map_with_deadband.png", dpi=100)
 print(f"Figures: {folder}")

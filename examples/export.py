@@ -20,7 +20,7 @@ import diffthrust as dft
 
 fits = Path(__file__).parents[1] / "fits"
 log = dft.specs.load_spec(fits / "jason_thruster").holdout_logs()[0]
-band = dft.effects.CommandDeadband(width=dft.Parameter(0.2, fixed=True))
+band = dft.effects.CommandDeadband(half_width=dft.Parameter(0.2, fixed=True))
 fit = dft.fit(dft.Thruster() + band, dft.specs.load_spec(fits / "jason_thruster").train_logs())
 
 folder = output_folder()

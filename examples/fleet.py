@@ -44,7 +44,7 @@ for i in range(8):
         grown = 1.0 + (0.06 * k if vehicle == "auv5" else 0.0)
         model = dft.Thruster().replace({**own, "alpha": own["alpha"] * grown})
         if vehicle == "auv2":
-            model = model + CommandDeadband(width=0.3)
+            model = model + CommandDeadband(half_width=0.3)
         size, samples = (0.5, 100) if little else (3.0, 1200)
         logs.append(dive(model, f"{vehicle}/{date}", samples, size))
         vehicles.append(vehicle)

@@ -43,7 +43,7 @@ thruster = thruster.replace(
         "beta": 700.0,
         "ct": 0.04,
         "linear_damping.rate": 14.0,
-        "command_deadband.width": 0.8,
+        "command_deadband.half_width": 0.8,
         "axial_flow.loss": 4.0,
         "axial_flow.mass": 2.2,
     }

@@ -77,7 +77,7 @@ def post() -> Any:
 @cache
 def lacking() -> tuple[dft.Log, dft.Log]:
     """Two records of a thruster that ignores small commands."""
-    model = dft.Thruster(**TRUTH) + dft.effects.CommandDeadband(width=0.4)
+    model = dft.Thruster(**TRUTH) + dft.effects.CommandDeadband(half_width=0.4)
     return _made(model, 3, "run3.csv"), _made(model, 4, "run4.csv")
 
 

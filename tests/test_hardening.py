@@ -205,7 +205,7 @@ def test_starting_states_follow_the_model_where_nothing_is_measured():
     motor = dft.DCMotorThruster(resistance=4.0)
     (record,) = bind(motor, [log])
     assert starting_states(motor, record) == {"current": 0.5, "speed": 0.0}
-    banded = starting_states(motor + CommandDeadband(width=1.0), record)
+    banded = starting_states(motor + CommandDeadband(half_width=1.0), record)
     assert banded == {"current": 0.25, "speed": 0.0}
     (record,) = bind(dft.Thruster(), [Log([0.0, 0.1], {"speed": [1.0, 1.0]})])
     assert starting_states(dft.Thruster(), record) == {}
@@ -267,9 +267,11 @@ def test_a_declaration_that_cannot_be_is_refused_when_the_model_is_made():
 
 
 def test_a_parameter_of_another_unit_is_refused_and_the_null_value_stays():
-    with pytest.raises(InputError, match="'width': expected a value in the unit of command, found"):
-        CommandDeadband(width=dft.Parameter(50.0, "mV"))
-    assert CommandDeadband(width=dft.Parameter(0.2)).at_null().width == 0.0
+    with pytest.raises(
+        InputError, match="'half_width': expected a value in the unit of command, found"
+    ):
+        CommandDeadband(half_width=dft.Parameter(50.0, "mV"))
+    assert CommandDeadband(half_width=dft.Parameter(0.2)).at_null().half_width == 0.0
 
 
 # The dead band.
@@ -277,18 +279,18 @@ def test_a_parameter_of_another_unit_is_refused_and_the_null_value_stays():
 
 def test_the_dead_band_restores_the_command_over_an_edge_with_a_slope():
     value = jnp.array([-2.0, -0.48, -0.47, -0.3, 0.0, 0.3, 0.475, 0.5, 0.525, 2.0])
-    lost = CommandDeadband(width=0.5)(value, None)
+    lost = CommandDeadband(half_width=0.5)(value, None)
     np.testing.assert_allclose(lost, np.sign(value) * np.maximum(np.abs(value) - 0.5, 0.0))
-    full = CommandDeadband(width=0.5, restored=1.0)(value, None)
+    full = CommandDeadband(half_width=0.5, restored=1.0)(value, None)
     np.testing.assert_allclose(full[jnp.array([0, 8, 9])], [-2.0, 0.525, 2.0], rtol=1e-9)
     np.testing.assert_allclose(full[2:7], 0.0, atol=1e-9)
     assert float(full[7]) == pytest.approx(0.25)  # half of it, at the edge itself
     for restored in (0.0, 0.4, 1.0):
-        none = CommandDeadband(width=0.0, restored=restored)(value, None)
+        none = CommandDeadband(half_width=0.0, restored=restored)(value, None)
         np.testing.assert_array_equal(none, value)
 
     def through(width, value):
-        return CommandDeadband(restored=1.0)._bound({"width": width})(value, None)
+        return CommandDeadband(restored=1.0)._bound({"half_width": width})(value, None)
 
     assert abs(float(jax.grad(through)(0.5, 0.52))) > 1.0  # the edge moves with the width
     assert np.isfinite(float(jax.grad(through)(0.0, 0.0)))

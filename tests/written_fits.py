@@ -13,7 +13,7 @@ from diffthrust.logs import PWM, Written
 RPM, KGF, WIDTH = 60 / (2 * np.pi), 1 / 9.80665, 400.0
 """What one rad/s, one N and one full effort are to the user."""
 TRUTH = dft.SpeedLoopThruster(gain=330.0, time_constant=0.15, ct=4.5e-4) + CommandDeadband(
-    width=0.0625
+    half_width=0.0625
 )
 WRITTEN = {
     "command": Written("us", "pwm", PWM(1500.0, 1900.0)),

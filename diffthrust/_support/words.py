@@ -52,7 +52,8 @@ def humanize(name: str) -> str:
         >>> humanize("command_deadband")
         'command dead band'
     """
-    return " ".join(_SPELT.get(word, word) for word in name.split("_"))
+    words = " ".join(_SPELT.get(word, word) for word in name.split("_"))
+    return words.replace("half width", "half-width")
 
 
 def an(words: str) -> str:

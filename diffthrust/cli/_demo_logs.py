@@ -17,7 +17,7 @@ _STEP = 0.05
 _SAMPLES = 1200
 _SEEDS = {"train_1.csv": 1, "train_2.csv": 2, "unseen.csv": 3}
 HIDDEN = (
-    effects.CommandDeadband(width=0.25),
+    effects.CommandDeadband(half_width=0.25),
     effects.ReverseThrustAsymmetry(change=-0.15),
 )
 _SPEC = """\

@@ -105,9 +105,8 @@ class ResidualTests(Brief):
             words = f"{self.channel}: the residual may be white noise"
         else:
             words = (
-                f"{self.channel}: the residual is correlated over {self.correlation_time:.2g} s "
-                f"({self.lag_one:+.2f} from sample to sample): its {self.samples} samples carry "
-                f"the information of about {self.effective_samples:.0f} independent ones"
+                f"{self.channel}: the error persists for {self.correlation_time:.2g} s: something "
+                "is missing"
                 if self.effective_samples < 0.9 * self.samples
                 else f"{self.channel}: the residual is slightly correlated "
                 f"({self.lag_one:+.2f} from sample to sample)"
@@ -120,7 +119,7 @@ class ResidualTests(Brief):
             )
         related = [s for s in self.signals.values() if s.related]
         if not related:
-            return words + "; it is not significantly related to any signal."
+            return f"{words}."
         most = max(related, key=lambda s: abs(s.peak) / s.band)
         when = f"{most.lag:.2g} s before" if most.lag > 0 else f"{-most.lag:.2g} s later"
         return (

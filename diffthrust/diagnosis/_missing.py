@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from diffthrust._support.results import Brief
+from diffthrust._support.words import number
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
@@ -22,6 +23,7 @@ class SignalForm:
         rate: its rate of change.
         past: its mean over about so many seconds [s] up to now.
         wave: waves along it, so long each, in its unit.
+        unit: of a wave's length.
 
     Example:
         >>> str(SignalForm("speed", rate=True)), str(SignalForm("command", past=2.0))
@@ -32,10 +34,11 @@ class SignalForm:
     rate: bool = False
     past: float | None = None
     wave: float | None = None
+    unit: str = ""
 
     def __str__(self) -> str:
         if self.wave is not None:
-            return f"waves of {self.name}, {self.wave:.2g} long"
+            return f"{self.name}, repeating every {number(self.wave, 2)} {self.unit}".rstrip()
         if self.past is not None:
             return f"the last {self.past:.2g} s of {self.name}"
         return f"d({self.name})/dt" if self.rate else self.name

@@ -289,7 +289,7 @@ def _waves(
     """The waves that stand out along states: sine and cosine, log by log ``(2, T)``."""
     names = [n for n in fitter.model.states if all(n in path for path in observed.paths)]
     return {
-        SignalForm(name, wave=wave.length): [
+        SignalForm(name, wave=wave.length, unit=fitter.model.states[name]): [
             np.stack([np.sin(wave.number * path[name]), np.cos(wave.number * path[name])])
             for path in observed.paths
         ]

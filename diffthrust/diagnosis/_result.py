@@ -38,7 +38,7 @@ class Diagnosis(Result, Findings):
 
         Example:
             >>> print(diag.summary.splitlines()[0][:60])
-            The basic thruster lacks a command dead band of 0.40 V: with
+            The basic thruster lacks a command dead band of ±0.40 V: wit
         """
         from diffthrust.diagnosis._report.summary import summary
 

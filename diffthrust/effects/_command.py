@@ -18,25 +18,25 @@ from diffthrust.models._base.signals import Signal, Signals
 class CommandDeadband(Effect):
     """The motor controller ignores small commands.
 
-    Acts on the recorded command: zero while |command| < width, and beyond it
-    command - (1 - restored) * width * sign(command). Controllers differ in whether they subtract
-    the band (``restored = 0``, the default) or jump to the full command (``restored = 1``); a
-    diagnosis tries both. What is restored comes back over a tenth of the band about its edge, so
-    that a fit can feel it. The band is applied to the recorded samples, before any interpolation
-    between them.
-    Null: width = 0. Source: the dead-zone of Slotine & Li 1991, section 5.2; common in motor
+    Acts on the recorded command: zero while |command| < half_width, and beyond it
+    command - (1 - restored) * half_width * sign(command). Controllers differ in whether they
+    subtract the half-width (``restored = 0``, the default) or jump to the full command
+    (``restored = 1``); a diagnosis tries both. What is restored comes back over a tenth of the
+    half-width about its edge, so that a fit can feel it. The band is applied to the recorded
+    samples, before any interpolation between them.
+    Null: half_width = 0. Source: the dead-zone of Slotine & Li 1991, section 5.2; common in motor
     controllers.
 
     Example:
-        >>> effect = dft.effects.CommandDeadband(width=0.05)
+        >>> effect = dft.effects.CommandDeadband(half_width=0.05)
         >>> model = dft.Thruster() + effect
-        >>> model.parameters["command_deadband.width"].range_text()
+        >>> model.parameters["command_deadband.half_width"].range_text()
         '[0, inf) V'
     """
 
     name = "command_deadband"
     port = "command"
-    width: float = parameter(
+    half_width: float = parameter(
         0.05,
         "{command}",
         bounds=(0, None),
@@ -48,10 +48,10 @@ class CommandDeadband(Effect):
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command that the motor sees."""
-        beyond = jnp.abs(value) - self.width
-        # a jump has no slope by the width: the ramp over a tenth of the band gives one
-        edge = jnp.clip(0.5 + beyond / (0.1 * self.width + 1e-12), 0.0, 1.0)
-        passed = jnp.maximum(beyond, 0.0) + self.restored * self.width * edge
+        beyond = jnp.abs(value) - self.half_width
+        # a jump has no slope by the half-width: the ramp over a tenth of it gives one
+        edge = jnp.clip(0.5 + beyond / (0.1 * self.half_width + 1e-12), 0.0, 1.0)
+        passed = jnp.maximum(beyond, 0.0) + self.restored * self.half_width * edge
         return jnp.sign(value) * passed
 
 

@@ -356,8 +356,8 @@ def rail_notes(law: Law, records: Sequence[Record]) -> tuple[str, ...]:
             counts[name] = counts.get(name, 0) + record.rails[name].sides.size
     samples = joined([f"{count} of {name}" for name, count in counts.items()])
     if law.censors:
-        return (f"Samples at a rail are taken as 'at least' or 'at most' it: {samples}.",)
+        return (f"Saturated samples are taken as 'at least' or 'at most': {samples}.",)
     return (
-        f"Samples at a rail carry no weight: {samples}. Only likelihood='simulation' with white "
+        f"Saturated samples are ignored: {samples}. Only likelihood='simulation' with white "
         "Gaussian noise can take them as 'at least' or 'at most'.",
     )

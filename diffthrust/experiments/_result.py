@@ -63,7 +63,7 @@ class Experiment(Result):
         written: how the logs so far wrote them; used as display units.
 
     Example:
-        >>> rivals = [dft.Thruster(), dft.Thruster() + dft.effects.CommandDeadband(width=0.4)]
+        >>> rivals = [dft.Thruster(), dft.Thruster() + dft.effects.CommandDeadband(half_width=0.4)]
         >>> test = dft.suggest_experiment(
         ...     rivals,
         ...     limits={"command": (-2, 2)},

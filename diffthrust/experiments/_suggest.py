@@ -84,7 +84,7 @@ def suggest_experiment(
             an argument out of range.
 
     Example:
-        >>> rivals = [dft.Thruster(), dft.Thruster() + dft.effects.CommandDeadband(width=0.4)]
+        >>> rivals = [dft.Thruster(), dft.Thruster() + dft.effects.CommandDeadband(half_width=0.4)]
         >>> test = dft.suggest_experiment(
         ...     rivals,
         ...     limits={"command": (-2, 2)},

@@ -87,8 +87,8 @@ def railed_note(
             value = number(float(display.values(channel, end, unit)))
             counts.append(f"{count} at {value} {display.unit(channel, unit)}".rstrip())
     return (
-        f"measured {channel!r}: {' and '.join(counts)} of {at.side.size} samples stand where the "
-        f"sensor's range ends; they {'are in no error' if censored else 'carry no weight'}."
+        f"measured {channel!r}: {' and '.join(counts)} of {at.side.size} samples are saturated; "
+        f"they {'are in no error' if censored else 'are ignored'}."
     )
 
 

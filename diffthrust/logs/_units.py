@@ -301,12 +301,17 @@ def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
     return f"{base:~C}" or "dimensionless"
 
 
+_WRITTEN_FIRST = ("effort", "kg", "kgf", "N", "V", "A", "W", "Pa", "m", "rad", "s")
+
+
 def product_unit(*powers: tuple[str, int]) -> str:
     """The unit of a product of powers; "" for a pure number, or if a factor is not a unit.
 
     Example:
         >>> product_unit(("rad/s^2", 1), ("rad/s", -2))
         '1/rad'
+        >>> product_unit(("N*m", 1), ("rad/s", -1))
+        'N m s/rad'
     """
     try:
         product = _parse("")
@@ -314,4 +319,16 @@ def product_unit(*powers: tuple[str, int]) -> str:
             product = product * _parse(unit) ** power
     except InputError:
         return ""
-    return f"{product:~C}".replace("**", "^").replace("*", " ").replace("dimensionless", "")
+    over, under = [], []
+    for factor in f"{product:~C}".replace("**", "^").split("/"):
+        (under if over else over).extend(factor.split("*"))
+    over, under = (sorted(factors, key=_place_in_product) for factors in (over, under))
+    top = " ".join(over).replace("dimensionless", "")
+    bottom = " ".join(under)
+    return f"{top}/{bottom if len(under) < 2 else f'({bottom})'}" if under else top
+
+
+def _place_in_product(factor: str) -> int:
+    """Where a factor of a unit is written: "N m s", where "m N s" reads as a millinewton."""
+    name = factor.partition("^")[0]
+    return _WRITTEN_FIRST.index(name) if name in _WRITTEN_FIRST else len(_WRITTEN_FIRST)

@@ -165,19 +165,19 @@ def _resting(log: Log, channel: str, values: np.ndarray, runs: _Runs) -> Doubt |
 def _saturated(log: Log, channel: str, ends: Railed) -> Doubt:
     """Samples at the end of the sensor's range."""
     shares = [
-        f"{np.count_nonzero(ends.side == side)} samples of {channel} stand exactly at its {word} "
+        f"{np.count_nonzero(ends.side == side)} samples of {channel} are saturated at its {word} "
         f"value, {value_shown(log, channel, end)}"
         for side, end, word in ((1, ends.high, "largest"), (-1, ends.low, "smallest"))
         if np.isfinite(end)
     ]
-    evidence = f"{log.name}: {', and '.join(shares)}: there the sensor's range ends."
+    evidence = f"{log.name}: {', and '.join(shares)}."
     if channel in log.censored:
         return Doubt(channel, "saturated", evidence, "none is needed; a larger range tells more.")
     limits = ", ".join(f"{as_written(log, channel, end):g}" for end in (ends.low, ends.high))
     return Doubt(
         channel,
         "saturated",
-        f"{evidence} They carry no weight.",
+        f"{evidence} They are ignored.",
         f"choose a larger range; or say where it ends and have them taken as 'at least': "
         f"[channels.{channel}] rails = [{limits}] and censored = true, or Column(..., rails="
         f"({limits}), censored=True). If it is no end of the range: rails = [-inf, inf].",

@@ -39,7 +39,7 @@ def fields_of(
         >>> settings, widths = ParameterPart(value="25 us"), PWM(stop=1500, full=1900)
         >>> model = dft.Thruster(command="effort") + "command_deadband"
         >>> written = {"command": Written("us", pwm=widths)}
-        >>> fields_of(settings, "command_deadband.width", model, written)
+        >>> fields_of(settings, "command_deadband.half_width", model, written)
         {'value': 0.0625}
     """
     parameter = model.parameters.get(name)

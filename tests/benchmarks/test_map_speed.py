@@ -67,7 +67,7 @@ def test_seconds_of_a_map():
     rows = [["64 x 64, plain thruster, with compilation", f"{time.perf_counter() - start:.2f} s"]]
     models = {
         "plain thruster": dft.Thruster(),
-        "with command_deadband": dft.Thruster() + effects.CommandDeadband(width=0.3),
+        "with command_deadband": dft.Thruster() + effects.CommandDeadband(half_width=0.3),
         "with actuator_lag": dft.Thruster() + effects.ActuatorLag(time_constant=0.2),
     }
     for name, model in models.items():

@@ -213,7 +213,7 @@ def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str
        r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare>, for which no closed form was found)?\. "
        rf"Of the squared error over whole runs of [a-z ]+? it removes (?P<worth>{WORTH}); with it "
        rf"the NRMSE there is (?P<last>{NUMBER}), as given (?P<first>{NUMBER})\."
-       r"(?: These logs determine it from .+? to .+? only\.)?")  # fmt: skip
+       r"(?: Valid from .+? to .+?\.(?=\s|$))?")  # fmt: skip
 def _learned(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     laws = [law for law in diag.laws if law.curve.port == m["port"]]
     if not laws:

@@ -208,13 +208,13 @@ def test_the_demo_of_a_missing_effect_is_a_folder_like_a_users(tmp_path):
     better = dft.fit(spec.model + list(HIDDEN), train, holdout=unseen, starts=2)
     assert plain.holdout.nrmse > 0.05
     assert better.holdout.channels["thrust"].rmse == pytest.approx(0.2, rel=0.05)  # the sensor's
-    assert better.parameters["command_deadband.width"].value == pytest.approx(0.25, rel=0.02)
+    assert better.parameters["command_deadband.half_width"].value == pytest.approx(0.25, rel=0.02)
 
 
 @pytest.mark.slow
 def test_the_demo_finds_what_is_missing(tmp_path):
     told = " ".join(run("demo", "--missing", "--output", tmp_path / "out").stdout.split())
-    assert "lacks a command dead band of 0.250 V and a reverse thrust asymmetry of" in told
+    assert "lacks a command dead band of ±0.250 V and a reverse thrust asymmetry of" in told
     assert (tmp_path / "out" / "diagnosis.html").is_file()
 
 

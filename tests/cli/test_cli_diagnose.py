@@ -155,7 +155,7 @@ def test_a_diagnosis_from_beginning_to_end(spec, tmp_path):
     assert data["added"] == ["command_deadband"]
     before, after = (stage["holdout"]["nrmse"] for stage in data["stages"])
     assert after < 0.2 * before
-    told = re.search(r"lacks a command dead band of (\S+) V:", " ".join(result.stdout.split()))
+    told = re.search(r"lacks a command dead band of ±(\S+) V:", " ".join(result.stdout.split()))
     assert told is not None
     assert float(told[1]) == pytest.approx(made.BAND, rel=0.02)
     assert "data:image/png;base64," in page.read_text()

@@ -11,7 +11,7 @@ from diffthrust.effects import CommandDeadband
 
 RPM, KGF = 60 / (2 * np.pi), 1 / 9.80665
 TRUTH = dft.SpeedLoopThruster(gain=330.0, time_constant=0.15, ct=4.5e-4) + CommandDeadband(
-    width=0.0625
+    half_width=0.0625
 )
 
 
@@ -55,12 +55,12 @@ def fit(logs):
 
 
 def test_a_dead_band_is_told_in_microseconds_and_kept_in_efforts(fit):
-    width = fit.parameters["command_deadband.width"]
+    width = fit.parameters["command_deadband.half_width"]
     assert width.unit == "effort"
     assert width.value == pytest.approx(0.0625, abs=5 * width.std_error)
     value, error, unit = width.shown
     assert (value, error, unit) == (400 * width.value, 400 * width.std_error, "us")
-    (line,) = (line for line in fit.report().splitlines() if "deadband.width" in line)
+    (line,) = (line for line in fit.report().splitlines() if "deadband.half_width" in line)
     assert line.split()[-1] == "us"
     assert float(line.split()[1]) == pytest.approx(25.0, abs=1.0)
 
@@ -103,17 +103,17 @@ def test_regimes_and_tests_speak_them_too(fit, logs):
 
 def test_intervals_profiles_and_predictions_speak_them_too(fit, logs):
     table = dft.intervals(fit, logs[0])
-    row = table.rows["command_deadband.width"]
+    row = table.rows["command_deadband.half_width"]
     assert row.unit == "effort"
     assert row.shown.best.low == pytest.approx(400 * row.best.low)
-    assert "command_deadband.width [us]" in table.report()
-    profile = dft.uncertainty.profile(fit, logs[0], ["command_deadband.width"])
-    curve = profile["command_deadband.width"]
+    assert "command_deadband.half_width [us]" in table.report()
+    profile = dft.uncertainty.profile(fit, logs[0], ["command_deadband.half_width"])
+    curve = profile["command_deadband.half_width"]
     assert curve.value == pytest.approx(0.0625, rel=0.05)
     assert curve.shown.high == pytest.approx(400 * curve.high)
     assert " us (" in curve.sentence
     figure = profile.plot()
-    assert figure.axes[0].get_xlabel() == "command_deadband.width [us]"
+    assert figure.axes[0].get_xlabel() == "command_deadband.half_width [us]"
     band = dft.predict(fit, logs[1]).channels["speed"]
     np.testing.assert_allclose(band.shown.median, RPM * band.median, rtol=1e-12)
     assert dft.predict(fit, logs[1]).plot().axes[0].get_ylabel() == "speed [rpm]"

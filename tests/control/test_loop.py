@@ -112,7 +112,7 @@ def test_a_sampled_loop_is_that_of_scipy_from_sample_to_sample():
 COMMAND = (
     effects.CommandOffset(offset=0.05),
     effects.CommandRateLimit(rate=6.0),
-    effects.CommandDeadband(width=0.1),
+    effects.CommandDeadband(half_width=0.1),
     effects.CommandDelay(delay=0.053),
     effects.CommandSaturation(limit=0.9),
 )
@@ -163,7 +163,7 @@ def test_the_inflow_is_the_velocity_of_the_vehicle():
 
 @pytest.mark.slow
 def test_a_closed_loop_record_is_fitted_and_its_hidden_effect_is_found():
-    hidden = THRUSTER + effects.CommandDeadband(width=0.25)
+    hidden = THRUSTER + effects.CommandDeadband(half_width=0.25)
     loop = tracking_loop(
         control.Lead.of(THRUSTER),
         thruster=hidden,
@@ -182,7 +182,9 @@ def test_a_closed_loop_record_is_fitted_and_its_hidden_effect_is_found():
     for name in ("alpha", "beta", "ct"):
         truth = hidden.parameters[name].value
         assert found.fit.parameters[name].value == pytest.approx(truth, rel=0.03)
-    assert found.fit.parameters["command_deadband.width"].value == pytest.approx(0.25, abs=0.01)
+    assert found.fit.parameters["command_deadband.half_width"].value == pytest.approx(
+        0.25, abs=0.01
+    )
 
 
 def test_the_vehicle_is_fitted_from_the_same_run():

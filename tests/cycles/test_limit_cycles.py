@@ -473,7 +473,7 @@ def test_thruster_loop_is_that_of_scipy():
 @pytest.mark.slow
 def test_loop_of_a_model_with_effects_agrees_with_its_simulation():
     effects = [
-        CommandDeadband(width=0.1),
+        CommandDeadband(half_width=0.1),
         ActuatorLag(time_constant=0.1),
         ReverseThrustAsymmetry(change=-0.3),
     ]
@@ -487,7 +487,7 @@ def test_loop_of_a_model_with_effects_agrees_with_its_simulation():
 def test_a_delay_of_the_command_is_carried_exactly():
     """Against a loop in plain numpy that keeps the commands of the last moments."""
     delay, mass, gain, step = 0.15, 340.0, 0.022 * 42.0 / 0.037, 0.15 / 100
-    late = dft.Thruster(**JASON) + CommandDeadband(width=0.1) + CommandDelay(delay=delay)
+    late = dft.Thruster(**JASON) + CommandDeadband(half_width=0.1) + CommandDelay(delay=delay)
     loop = thruster_loop_cycle(late, drag=0.0)
     c = loop.cycle
     assert c.verdict == "stable"

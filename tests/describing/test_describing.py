@@ -25,7 +25,7 @@ from diffthrust.describing import DescribingMap, Reason, describing_function, un
 
 AMPLITUDES = np.geomspace(0.05, 10.0, 8)
 FREQUENCIES = np.geomspace(0.1, 30.0, 8)
-DEADBAND = dft.Thruster() + effects.CommandDeadband(width=0.3)
+DEADBAND = dft.Thruster() + effects.CommandDeadband(half_width=0.3)
 LAGGED = dft.Thruster() + effects.ActuatorLag(time_constant=0.2)
 
 
@@ -183,7 +183,7 @@ def test_static_nonlinearities_are_those_of_python_control():
         )
     # python-control has no dead zone: one minus a saturation
     found = describing_function(
-        Static() + effects.CommandDeadband(width=0.8), a, 1.0, output="reading"
+        Static() + effects.CommandDeadband(half_width=0.8), a, 1.0, output="reading"
     )
     known = 1 - np.array([control.saturation_nonlinearity(0.8).describing_function(x) for x in a])
     np.testing.assert_allclose(found.complex[:, 0], known, atol=1e-4)

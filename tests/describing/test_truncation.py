@@ -15,7 +15,7 @@ from diffthrust.describing._periodic.truncation import GAIN_ERROR, PHASE_ERROR  
 from diffthrust.describing._request import request  # private: what periodic_values takes
 
 A, W = np.geomspace(0.05, 10.0, 6), np.geomspace(0.1, 30.0, 6)
-DEADBAND = dft.Thruster() + effects.CommandDeadband(width=0.3)
+DEADBAND = dft.Thruster() + effects.CommandDeadband(half_width=0.3)
 SATURATED = dft.Thruster() + effects.CommandSaturation(limit=2.0)
 RUBBING = dft.Thruster() + effects.CoulombFriction(level=20.0)
 

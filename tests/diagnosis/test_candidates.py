@@ -208,11 +208,11 @@ def test_all_stands_for_the_catalogue_beside_effects_of_ones_own():
     ] == [e.name for e in every]
     with pytest.raises(dft.InputError, match=r"my_effect\.py:MyEffect"):
         candidates_of(dft.Thruster(), bind(dft.Thruster(), logs), ["all", "ripple"])
-    mine = dft.effects.CommandDeadband(width=1.0)
+    mine = dft.effects.CommandDeadband(half_width=1.0)
     both = candidates_of(
         dft.Thruster(), bind(dft.Thruster(), logs), [mine, "command_deadband", "all"]
     )[0]
-    assert [e.width for e in both if e.name == "command_deadband"] == [1.0]
+    assert [e.half_width for e in both if e.name == "command_deadband"] == [1.0]
 
 
 def test_an_effect_that_is_called_like_a_parameter_is_refused_or_passed_over(monkeypatch):

@@ -87,7 +87,7 @@ def test_both_hidden_effects_are_found_and_the_errors_fall(diag):
     unseen_errors = [stage.holdout.nrmse for stage in found.stages]
     assert unseen_errors == sorted(unseen_errors, reverse=True)
     values = found.fit.parameters
-    assert values["command_deadband.width"].value == pytest.approx(0.4, abs=0.02)
+    assert values["command_deadband.half_width"].value == pytest.approx(0.4, abs=0.02)
     assert values["thrust_sensor_offset.offset"].value == pytest.approx(1.0, abs=0.05)
     again = dft.fit(dft.Thruster() + found.best, train, holdout=unseen)
     assert again.holdout.nrmse == pytest.approx(unseen_errors[-1], rel=0.02)

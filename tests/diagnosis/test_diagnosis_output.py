@@ -182,7 +182,7 @@ def test_an_effect_of_several_parameters_names_each(full):
         **full.fit.parameters, "command_deadband.restored": replace(freed, value=0.5, fixed=False),
     }  # fmt: skip
     words = sized_words("command_deadband", replace(full.fit, parameters=parameters))
-    assert words == "a command dead band (width 0.399 V, restored 0.50)"
+    assert words == "a command dead band (half-width 0.399 V, restored 0.50)"
     assert sized_words("swapped_thrusters", full.fit) == "swapped thrusters"
 
 
@@ -453,13 +453,15 @@ def test_figures_do_not_touch_pyplot(full, monkeypatch):
 
 def test_parameters_in_json_are_in_their_unit_and_as_the_log_was_written(full):
     fit = written_fits.fit()
-    tried = replace(full.ranking[0], parameters={"width": fit.parameters["command_deadband.width"]})
+    tried = replace(
+        full.ranking[0], parameters={"half_width": fit.parameters["command_deadband.half_width"]}
+    )
     diag = replace(full, stages=(*full.stages[:1], Stage(("x",), fit)), ranking=(tried,))
     data = json.loads(json.dumps(diag.to_json()))
-    stage, width = data["stages"][1]["parameters"], fit.parameters["command_deadband.width"]
+    stage, width = data["stages"][1]["parameters"], fit.parameters["command_deadband.half_width"]
     assert stage == json.loads(json.dumps(fit.to_json()))["parameters"]
-    assert stage["command_deadband.width"]["written"]["unit"] == "us"
-    assert data["ranking"][0]["parameters"]["width"] == {
+    assert stage["command_deadband.half_width"]["written"]["unit"] == "us"
+    assert data["ranking"][0]["parameters"]["half_width"] == {
         "value": width.value,
         "unit": "effort",
         "written": {"value": 400 * width.value, "unit": "us"},

@@ -32,7 +32,9 @@ def test_dead_band_loop_and_asymmetry_are_recovered_and_nothing_else(jumps, tmp_
     print(better.report())
     values = {name: e.shown[0] for name, e in better.parameters.items()}
     # what is restored comes back over a tenth of the band, which makes its edge that uncertain
-    assert values["command_deadband.width"] == pytest.approx(esc.BAND, abs=1.25 if jumps else 0.7)
+    assert values["command_deadband.half_width"] == pytest.approx(
+        esc.BAND, abs=1.25 if jumps else 0.7
+    )
     assert values["command_deadband.restored"] == jumps
     assert values["reverse_thrust_asymmetry.change"] == pytest.approx(esc.ASTERN - 1, abs=0.006)
     assert values["time_constant"] == pytest.approx(esc.LAG, rel=0.01)

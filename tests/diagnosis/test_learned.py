@@ -454,7 +454,7 @@ def test_a_law_is_told_in_the_units_of_the_logs(hump):
     in_rpm = replace(law, fit=replace(law.fit, written={"speed": Written("rpm")}))
     assert in_rpm.shown.value == pytest.approx(30 / np.pi)
     told = replace(diag, laws=(in_rpm,))
-    assert re.search(r"determine it from -\d+ to \d+ rpm only", told.summary)
+    assert re.search(r"Valid from -\d+ to \d+ rpm\.", told.summary)
     curve, samples = told.plot_learned().axes
     assert samples.get_xlabel().endswith("[rpm]")
     assert curve.get_xlim()[1] > 30 / np.pi * law.curve.high

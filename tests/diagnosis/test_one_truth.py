@@ -56,7 +56,7 @@ def test_a_found_dead_band_is_held_against_a_plain_least_squares():
     ("old", "new", "why"),
     [
         ("falls from", "rises from", "it rises"),
-        ("dead band of 0.", "dead band of 1.", "no added parameter"),
+        ("dead band of ±0.", "dead band of ±1.", "no added parameter"),
         ("lacks a command dead band", "lacks an actuator lag", "was added"),
         ("(NRMSE 0.", "(NRMSE 1.", "NRMSE 1."),
         (" to 0.", " to 2.", "is 0."),
@@ -229,7 +229,7 @@ def test_undecided_says_what_is_possible_and_which_record_would_decide():
 def test_a_parameter_that_a_bound_stopped_is_told_with_the_mend():
     diag = made.found()
     tried = diag.ranking[1]
-    estimate = diag.fit.parameters["command_deadband.width"]
+    estimate = diag.fit.parameters["command_deadband.half_width"]
     stopped = replace(tried, parameters={"time_constant": replace(estimate, at_bound=True)})
     told = replace(diag, ranking=(diag.ranking[0], stopped)).report()
     assert "Time constant of an actuator lag stopped at its bound of" in " ".join(told.split())
@@ -260,9 +260,11 @@ def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     # nothing is stopped at the zero of a logarithm: it is gone, as a note of the fit says
     gone = at_bound(made.unexplained(), 0, alpha=0.0)
     assert "stopped at its bound" not in gone.summary
-    added = at_bound(made.found(), 1, **{"command_deadband.width": 0.5}).summary
+    added = at_bound(made.found(), 1, **{"command_deadband.half_width": 0.5}).summary
     assert added.startswith("The basic thruster lacks a command dead band")
-    assert "Width of a command dead band stopped at its bound of 0.5 V: the effect may" in added
+    assert (
+        "Half-width of a command dead band stopped at its bound of 0.5 V: the effect may" in added
+    )
     # what was added may stand for what a bound kept out
     before = at_bound(made.found(), 0, beta=0.2).summary
     assert "without a command dead band, which may stand in for a higher beta:" in before
@@ -274,7 +276,7 @@ def test_a_share_that_is_whole_has_no_bound_to_widen(limit, said):
     """A full sag was to be widened."""
     sag = dft.effects.SupplyVoltageSag(share=limit)
     model = (dft.Thruster() + sag).replace({"supply_voltage_sag.share": {"bounds": (0, limit)}})
-    width = made.found().fit.parameters["command_deadband.width"]
+    width = made.found().fit.parameters["command_deadband.half_width"]
     estimates = {
         name: replace(width, value=p.value, at_bound=name.endswith("share"))
         for name, p in model.parameters.items()

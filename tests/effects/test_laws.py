@@ -74,8 +74,10 @@ ALONE = {"sway": S["sway_alone"], "yaw": S["yaw_alone"]}
 SWAY, YAW = coupled(0.8)
 
 LAWS = [  # effect, its parameters, its port, what leaves it where `VALUE` arrives
-    ("command_deadband", {"width": 0.9, "restored": 0.0}, "command", deadband(VALUE, 0.9, 0.0)),
-    ("command_deadband", {"width": 0.9, "restored": 0.7}, "command", deadband(VALUE, 0.9, 0.7)),
+    ("command_deadband", {"half_width": 0.9, "restored": 0.0}, "command",
+     deadband(VALUE, 0.9, 0.0)),
+    ("command_deadband", {"half_width": 0.9, "restored": 0.7}, "command",
+     deadband(VALUE, 0.9, 0.7)),
     ("command_saturation", {"limit": 1.3}, "command", np.clip(VALUE, -1.3, 1.3)),
     ("command_offset", {"offset": -0.37}, "command", VALUE - 0.37),
     ("slew_limit", {"rate": 1.1}, "loop", np.clip(VALUE, -1.1, 1.1)),

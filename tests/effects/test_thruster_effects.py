@@ -219,7 +219,7 @@ def test_derivatives_are_finite_at_the_null_and_at_every_probe(name):
 
 
 RECOVERED = {
-    "command_deadband": {"width": (0.25, 2e-3)},
+    "command_deadband": {"half_width": (0.25, 2e-3)},
     "command_saturation": {"limit": (2.0, 4e-3)},
     "command_rate_limit": {"rate": (6.0, 0.02)},
     "command_delay": {"delay": (0.13, 2e-3)},
@@ -288,9 +288,9 @@ def at_rest(effect, command):
 def test_what_a_dead_band_leaves_is_restored_past_its_edge():
     at = jnp.asarray([0.3, 0.4, 0.41, 0.5, -0.5])
     s = dft.models.Signals({})
-    plain = dft.effects.CommandDeadband(width=0.4)(at, s)
+    plain = dft.effects.CommandDeadband(half_width=0.4)(at, s)
     np.testing.assert_allclose(plain, [0.0, 0.0, 0.01, 0.1, -0.1], atol=1e-12)
-    restored = dft.effects.CommandDeadband(width=0.4, restored=1.0)(at, s)
+    restored = dft.effects.CommandDeadband(half_width=0.4, restored=1.0)(at, s)
     np.testing.assert_allclose(restored, [0.0, 0.2, 0.31, 0.5, -0.5], atol=1e-9)
 
 

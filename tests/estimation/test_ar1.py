@@ -211,7 +211,7 @@ def test_the_problem_of_a_fit_wants_the_logs_of_the_fit():
 @pytest.mark.slow
 def test_a_diagnosis_of_such_a_fit_has_the_same_noise():
     rng = np.random.default_rng(9)
-    hidden = dft.Thruster() + dft.effects.CommandDeadband(width=0.15)
+    hidden = dft.Thruster() + dft.effects.CommandDeadband(half_width=0.15)
     train, unseen = (thruster_log(rng, size=1000, model=hidden) for _ in range(2))
     fit = dft.fit(dft.Thruster(), train, holdout=unseen, starts=2, noise_model="ar1")
     wanted = ["command_deadband", "linear_damping"]

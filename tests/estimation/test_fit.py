@@ -68,7 +68,7 @@ def test_standard_errors_cover_the_truth():
 def test_each_effect_is_recovered_from_the_reference(name):
     size, parameter = {
         "actuator_lag": (0.12, "time_constant"),
-        "command_deadband": (0.25, "width"),
+        "command_deadband": (0.25, "half_width"),
         "reverse_thrust_asymmetry": (-0.2, "change"),
     }[name]
     made = record(seed=3, **{name: size})

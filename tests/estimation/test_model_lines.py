@@ -91,7 +91,7 @@ CASES = {
         short.made_log,
     ),
     "form of an effect": (
-        dft.Thruster() + CommandDeadband(width=0.123, restored=1.0) + "actuator_lag",
+        dft.Thruster() + CommandDeadband(half_width=0.123, restored=1.0) + "actuator_lag",
         short.made_log,
     ),
     "vessel": (

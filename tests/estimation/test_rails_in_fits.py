@@ -54,9 +54,9 @@ def test_what_is_told_of_them():
     assert rail_notes(Censored(), records[2:]) == ()
     total = counts[0] + counts[1]
     (told,) = rail_notes(Censored(), records)
-    assert told == f"Samples at a rail are taken as 'at least' or 'at most' it: {total} of thrust."
+    assert told == f"Saturated samples are taken as 'at least' or 'at most': {total} of thrust."
     (told,) = rail_notes(Gaussian(), records)
-    assert told.startswith(f"Samples at a rail carry no weight: {total} of thrust. Only")
+    assert told.startswith(f"Saturated samples are ignored: {total} of thrust. Only")
 
 
 @pytest.mark.parametrize("censored", [True, False])

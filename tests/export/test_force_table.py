@@ -33,10 +33,10 @@ class Mirrored(dft.Effect):
 SEEN = {
     "plain": dft.Thruster(),
     "dead band, asymmetry, saturation": dft.Thruster()
-    + CommandDeadband(width=0.2)
+    + CommandDeadband(half_width=0.2)
     + ReverseThrustAsymmetry(change=-0.3)
     + CommandSaturation(limit=1.5),
-    "jump": dft.Thruster() + CommandDeadband(width=0.2, restored=1.0),
+    "jump": dft.Thruster() + CommandDeadband(half_width=0.2, restored=1.0),
     "bent": dft.Thruster() + "cavitation" + "axial_flow" + "linear_damping",
     "sticking": dft.Thruster() + "static_friction" + "coulomb_friction",
     "late": dft.Thruster() + "command_delay" + "command_rate_limit" + "actuator_lag",
@@ -162,7 +162,11 @@ def test_the_header_looks_up_what_the_csv_says(tmp_path):
         (dft.Thruster(), {}, "range of the command .V. is not known"),
         (dft.Thruster(), {"limits": (1.0, -1.0)}, "the lowest and the highest command"),
         (dft.Vessel(), {"limits": (0.0, 1.0)}, "expected a thruster"),
-        (dft.Thruster() + CommandDeadband(width=3.0), {"limits": (-1.0, 1.0)}, "is the same at"),
+        (
+            dft.Thruster() + CommandDeadband(half_width=3.0),
+            {"limits": (-1.0, 1.0)},
+            "is the same at",
+        ),
     ],
 )
 def test_what_cannot_be_tabulated_is_told(model, options, problem):

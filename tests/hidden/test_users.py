@@ -102,7 +102,7 @@ def _law(port, signal, error):
     return SimpleNamespace(signals=(signal,), curve=curve, form=None, reported=reported)
 
 
-BAND = users.Hidden("dead band", frozenset({"command_deadband"}), parameters={"width": 0.4})
+BAND = users.Hidden("dead band", frozenset({"command_deadband"}), parameters={"half_width": 0.4})
 TORQUE = users.Hidden("imbalance", ports=frozenset({"torque"}), signals=("angle",))
 
 
@@ -137,7 +137,7 @@ def test_a_long_list_that_holds_the_true_effect_names_nothing():
 def test_an_effect_with_numbers_far_from_the_true_ones_is_another():
     made = _set(BAND)
     for width, right in ((0.45, True), (1.2, False)):
-        values = {"command_deadband.width": width}
+        values = {"command_deadband.half_width": width}
         diag = _diagnosis(("command_deadband",), (("command_deadband",),), **values)
         assert users.judge(diag, made, 0.1).right is right
 

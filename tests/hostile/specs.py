@@ -37,7 +37,7 @@ scale = 1.0
 alpha = { value = 0.03, bounds = [0.001, 1.0] }
 beta = { value = 50.0, prior = { mean = 40.0, std = 10.0 } }
 ct = { value = 0.02, fixed = true }
-"command_deadband.width" = 0.1
+"command_deadband.half_width" = 0.1
 [fit]
 starts = 2
 seed = 1

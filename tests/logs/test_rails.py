@@ -31,7 +31,7 @@ def test_a_clipped_sensor_is_seen_at_both_ends():
     assert counted.counted is counted
     (note,) = counted.notes
     assert f"{(side < 0).sum()} at -30.00 and {(side > 0).sum()} at 35.00 of 1500" in note
-    assert "carry no weight" in note
+    assert "are ignored" in note
 
 
 def test_without_noise_the_other_sensors_tell():

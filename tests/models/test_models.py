@@ -345,7 +345,7 @@ def test_structure_is_equal_where_the_equations_are():
     assert hash(both.structure) != hash(other.structure)
 
 
-MODEL = dft.Thruster(alpha=0.05) + CommandDeadband(width=0.2) + ActuatorLag()
+MODEL = dft.Thruster(alpha=0.05) + CommandDeadband(half_width=0.2) + ActuatorLag()
 
 
 def test_a_model_is_a_pytree_of_its_values():

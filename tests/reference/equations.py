@@ -10,7 +10,7 @@ from . import whole_runs as wr
 Numbers = Mapping[str, float]
 
 _THRUSTER: dict[str, tuple[str, dict[str, Callable[[Numbers], float]]]] = {
-    "command_deadband": ("deadband", {"band": lambda n: n["command_deadband.width"]}),
+    "command_deadband": ("deadband", {"band": lambda n: n["command_deadband.half_width"]}),
     "command_saturation": ("saturation", {"limit": lambda n: n["command_saturation.limit"]}),
     "command_delay": ("delay", {"delay": lambda n: n["command_delay.delay"]}),
     "linear_damping": ("damping", {"linear": lambda n: n["linear_damping.rate"]}),
@@ -67,7 +67,7 @@ def _of(effect: str) -> str:
 
 
 def values_of(model: str, effects: Sequence[str], numbers: Numbers) -> dict[str, float]:
-    """Numbers of a fit, ``{"ct": 0.02, "command_deadband.width": 0.4}``, for `system_of`."""
+    """Numbers of a fit, ``{"ct": 0.02, "command_deadband.half_width": 0.4}``, for `system_of`."""
     system = system_of(model, effects)
     values = {n: numbers.get(n, r.start) for n, r in system.parameters.items()}
     if model == "thruster":

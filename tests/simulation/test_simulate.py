@@ -55,7 +55,7 @@ def thruster_with_effects_case(hold):
     record = thruster.simulate(time, command, hold=hold, **sizes)
     model = (
         dft.Thruster(**JASON)
-        + CommandDeadband(width=width)
+        + CommandDeadband(half_width=width)
         + ActuatorLag(time_constant=0.08 - 1e-9)
         + ReverseThrustAsymmetry(change=-0.2)
     )
@@ -173,7 +173,7 @@ def test_every_model_agrees_with_diffrax(case, hold):
     model, record, start = CASES[case](hold)
     series = {name: jnp.asarray(value) for name, value in record.inputs.items()}
     if case == "thruster_with_effects":
-        width = model.parameters["command_deadband.width"].value
+        width = model.parameters["command_deadband.half_width"].value
         c = np.asarray(record.inputs["command"])
         series["command"] = jnp.asarray(np.sign(c) * np.maximum(np.abs(c) - width, 0.0))
     states = {name: jnp.asarray(start.get(name, 0.0)) for name in model.all_states}

@@ -50,10 +50,10 @@ def load(folder: Path, line: str) -> Spec:
 @pytest.mark.parametrize(
     ("line", "name", "value"),
     [
-        ('command_deadband.width = "25 us"', "command_deadband.width", 25 / 400),
-        ('command_deadband.width = "0.025 ms"', "command_deadband.width", 25 / 400),
-        ('command_deadband.width = "0.0625 effort"', "command_deadband.width", 0.0625),
-        ("command_deadband.width = 0.0625", "command_deadband.width", 0.0625),
+        ('command_deadband.half_width = "25 us"', "command_deadband.half_width", 25 / 400),
+        ('command_deadband.half_width = "0.025 ms"', "command_deadband.half_width", 25 / 400),
+        ('command_deadband.half_width = "0.0625 effort"', "command_deadband.half_width", 0.0625),
+        ("command_deadband.half_width = 0.0625", "command_deadband.half_width", 0.0625),
         ('thrust_sensor_offset.offset = "0.5 kgf"', "thrust_sensor_offset.offset", 0.5 * 9.80665),
         ('thrust_sensor_offset.offset = "5 N"', "thrust_sensor_offset.offset", 5.0),
         ('gain = "321.4 rad/s per full effort"', "gain", 321.4),
@@ -69,7 +69,7 @@ def test_a_number_of_a_report_pastes_back_with_its_unit(
 
 
 def test_every_number_of_a_report_pastes_back(tmp_path: Path) -> None:
-    fit = load(tmp_path, 'command_deadband.width = "20 us"').fit()
+    fit = load(tmp_path, 'command_deadband.half_width = "20 us"').fit()
     lines = []
     for name, estimate in fit.parameters.items():
         value, _, unit = estimate.shown
@@ -81,10 +81,10 @@ def test_every_number_of_a_report_pastes_back(tmp_path: Path) -> None:
 
 def test_bounds_and_priors_take_units_too(tmp_path: Path) -> None:
     line = (
-        'command_deadband.width = { value = "20 us", bounds = ["0 us", inf], '
+        'command_deadband.half_width = { value = "20 us", bounds = ["0 us", inf], '
         'prior = { mean = "20 us", std = "4 us" } }'
     )
-    width = load(tmp_path, line).model.parameters["command_deadband.width"]
+    width = load(tmp_path, line).model.parameters["command_deadband.half_width"]
     assert width.bounds == (0.0, None)
     assert width.prior == Normal(0.05, 0.01)
 
@@ -92,10 +92,14 @@ def test_bounds_and_priors_take_units_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "problem", "mend"),
     [
-        ("command_deadband.width = 25", "25 times it", 'with the number: "25 us"'),
-        ('command_deadband.width = "25 rpm"', "in 'us' or 'effort', found '25 rpm'", "in 'us'"),
-        ('command_deadband.width = "25"', "found '25'", '"0.05 us"'),
-        ("command_deadband.width = { value = 25, unit = 'us' }", "'unit'", 'value = "25 us"'),
+        ("command_deadband.half_width = 25", "25 times it", 'with the number: "25 us"'),
+        (
+            'command_deadband.half_width = "25 rpm"',
+            "in 'us' or 'effort', found '25 rpm'",
+            "in 'us'",
+        ),
+        ('command_deadband.half_width = "25"', "found '25'", '"0.05 us"'),
+        ("command_deadband.half_width = { value = 25, unit = 'us' }", "'unit'", 'value = "25 us"'),
         ('exponent = "2 m"', "in no unit, found '2 m'", "Leave the unit out"),
         ('gain = "3000 rpm"', "'rad/s per full effort'", "as reports do"),
     ],

@@ -104,10 +104,10 @@ def test_a_bound_that_another_parameter_meets_makes_a_profile_lopsided():
     log = made_log(seed=1)
     model = MODEL + dft.effects.EFFECTS["command_deadband"]()
     found = intervals(dft.fit(model, log, starts=4), log)
-    row = found["command_deadband.width"]
+    row = found["command_deadband.half_width"]
     assert row.bounds == (0.0, None)
     assert "downwards the profile is open; it reaches the bound 0." in row.sentences[0]
-    assert "for command_deadband.width may meet a bound" in " ".join(found["beta"].sentences)
+    assert "for command_deadband.half_width may meet a bound" in " ".join(found["beta"].sentences)
 
 
 def test_an_open_end_is_told():

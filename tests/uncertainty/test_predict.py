@@ -87,7 +87,7 @@ def test_student_t_noise_has_heavy_tails(fit):
 
 
 def test_what_a_model_lacks_shows_in_its_coverage(fit):
-    lacking = log(TRUE + dft.effects.CommandDeadband(width=0.8), seed=3)
+    lacking = log(TRUE + dft.effects.CommandDeadband(half_width=0.8), seed=3)
     poor = predict(fit, lacking)
     assert poor.coverage["speed"] < 0.7
     assert "something is missing from the model" in poor.sentence

@@ -108,7 +108,7 @@ def test_effects_count_and_sensors_do_not(fit):
     added = {
         "linear_damping.rate": 1.5,
         "thrust_sensor_offset.offset": 5.0,
-        "command_deadband.width": 0.6,
+        "command_deadband.half_width": 0.6,
         "command_delay.delay": 0.3,
     }
     for name, value in added.items():
@@ -126,7 +126,7 @@ def test_effects_count_and_sensors_do_not(fit):
     speed = (-d + np.sqrt(d**2 + 4 * a * b * np.array([1.0, 3.0]))) / (2 * a)
     np.testing.assert_allclose(found.draws, picked["ct"][:, None] * speed**2, rtol=1e-6)
 
-    dead = of(dft.Thruster() + dft.effects.CommandDeadband(width=0.6), steps=[0.3, 2.0])
+    dead = of(dft.Thruster() + dft.effects.CommandDeadband(half_width=0.6), steps=[0.3, 2.0])
     assert np.isinf(dead["step_time"].median[0])
     assert np.isfinite(dead["step_time"].high[1])
     assert any("inf" in note for note in dead.notes)

@@ -70,7 +70,7 @@ def _range_words(law: LearnedLaw) -> str:
         return ""
     low, high = (number(law.shown.value * end, 2) for end in (law.curve.low, law.curve.high))
     ends = f"{low} to {high} {law.place_unit}".rstrip()
-    return f" These logs determine it from {ends} only."
+    return f" Valid from {ends}."
 
 
 def manner_words(law: LearnedLaw) -> str:
@@ -90,7 +90,7 @@ def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
         (name,) = (n for n in expression.places if n not in estimated.given)
         length = number(2 * math.pi / getattr(estimated, NUMBER), 2)
         unit = product_unit(("rad", 1), (estimated.given[NUMBER]["unit"], -1))
-        return f"waves of {name}, {length} {unit}".rstrip() + " long"
+        return f"{name}, repeating every {length} {unit}".rstrip()
     if not expression.memories:
         return "what arrives" if law.curve.signal == ARRIVING else law.curve.signal
     (memory,) = expression.memories

@@ -35,8 +35,8 @@ def summary(diag: Findings) -> str:
 
     Example:
         >>> summary(diag)
-        'The basic thruster lacks a command dead band of 0.40 V: with it the speed error on unseen
-        logs falls from 5.6 to 0.30 rad/s (NRMSE 0.33 to 0.018).'
+        'The basic thruster lacks a command dead band of ±0.40 V: with it the speed error on
+        unseen logs falls from 5.6 to 0.30 rad/s (NRMSE 0.33 to 0.018).'
     """
     sentences = [
         *leading_doubt_words(diag),

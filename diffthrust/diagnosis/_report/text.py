@@ -64,7 +64,7 @@ def sized_words(name: str, fit: Fit) -> str:
 
     Example:
         >>> sized_words("command_deadband", fit)
-        'a command dead band of 0.40 V'
+        'a command dead band of ±0.40 V'
     """
     estimates = {
         full.removeprefix(f"{name}."): e
@@ -80,6 +80,8 @@ def sized_words(name: str, fit: Fit) -> str:
     consequence = effect.consequence(fit.model) if effect else ""
     meaning = f" ({consequence})" if consequence else ""
     values = {key: measured(e) for key, e in estimates.items()}
+    if set(values) == {"half_width"}:
+        values["half_width"] = f"±{values['half_width']}"
     if len(values) == 1:
         return f"{an_effect(name)} of {next(iter(values.values()))}{formed}{meaning}"
     listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())

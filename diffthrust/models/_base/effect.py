@@ -191,7 +191,7 @@ class Effect(Component):
         """The same effect with every parameter that has a null value set to it.
 
         Example:
-            >>> dft.effects.CommandDeadband(width=0.4).at_null().width
+            >>> dft.effects.CommandDeadband(half_width=0.4).at_null().half_width
             0.0
         """
         nulls = {k: p.null for k, p in self._parameters.items() if p.null is not None}

@@ -86,7 +86,7 @@ def gear_motor(seed: int) -> UserSet:
         Hidden(
             "imbalance",
             ports=frozenset({"torque"}),
-            signals=(r"waves of angle, 6\.[0-6]", r"(sin|cos)\(.*angle"),
+            signals=(r"angle, repeating every 6\.[0-6]", r"(sin|cos)\(.*angle"),
             parameters={"wavelength": 2 * math.pi},
         ),
     )

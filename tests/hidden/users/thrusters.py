@@ -99,7 +99,7 @@ def bench(seed: int) -> UserSet:
         measured={"speed": Column("rpm", "rpm"), "thrust": Column("thrust_kgf", "kgf")},
     )
     hidden = [
-        Hidden("dead band", frozenset({"command_deadband"}), parameters={"width": band}),
+        Hidden("dead band", frozenset({"command_deadband"}), parameters={"half_width": band}),
         Hidden("sag", frozenset({"supply_voltage_sag"}), parameters={"share": 1.0}),
         Hidden("latency", frozenset({"command_delay"}), parameters={"delay": latency}),
         Hidden(
@@ -331,7 +331,7 @@ def periodic_force(seed: int) -> UserSet:
         Hidden(
             f"a torque at {frequency:.3f} Hz",
             ports=frozenset({"shaft", "drive", "load"}),
-            signals=(r"periodic|Hz|waves of time",),
+            signals=(r"periodic|Hz|time, repeating",),
             parameters={"frequency": frequency},
         ),
     )
