@@ -32,6 +32,7 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     noises,
     wald,
 )
+from diffthrust.diagnosis._equivalence import alike_by_shares  # private: the rule alone
 from diffthrust.diagnosis._explainable import (  # private: the regressions alone
     ErrorRecord,
     Rung,
@@ -77,6 +78,7 @@ from diffthrust.diagnosis._linear_response import (  # private: the test alone
     project_out,
     score_test,
 )
+from diffthrust.diagnosis._mended import MeasuredMend  # private: made by hand
 from diffthrust.diagnosis._missing import (  # private: made by hand
     Missing,
     Remaining,
@@ -110,6 +112,13 @@ from diffthrust.diagnosis._rating import (  # private: one step alone
     stopped,
 )
 from diffthrust.diagnosis._recurrence import recurring_shares  # private: its coverage
+from diffthrust.diagnosis._report.budget import (  # private: words and figures alone
+    Wording,
+    figures_in,
+    within_budget,
+    words_in,
+)
+from diffthrust.diagnosis._report.effect_words import effect_words  # private: each effect alone
 from diffthrust.diagnosis._report.figures import (  # private: each figure alone
     missing_figure,
     ranking_figure,
@@ -237,6 +246,7 @@ __all__ = [
     "LearnedLaw",
     "LinearErrors",
     "Match",
+    "MeasuredMend",
     "Missing",
     "OddLog",
     "OtherModel",
@@ -250,10 +260,12 @@ __all__ = [
     "Slopes",
     "Stage",
     "TriedEffect",
+    "Wording",
     "Worth",
     "added_bound_words",
     "admission_module",
     "adopted",
+    "alike_by_shares",
     "as_estimated",
     "as_formula",
     "best_match",
@@ -271,12 +283,14 @@ __all__ = [
     "deviations",
     "diagnosis_page",
     "edge_of",
+    "effect_words",
     "error_changes",
     "evidence",
     "explainable",
     "explained_share",
     "far_above_noise",
     "features_for",
+    "figures_in",
     "fitted_beside",
     "fitted_from_fallback",
     "fitted_to_runs",
@@ -352,4 +366,6 @@ __all__ = [
     "wald",
     "with_candidates",
     "with_companion",
+    "within_budget",
+    "words_in",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 
 from diffthrust._support.report import Bullets, Line, Outcome, Report, Rows, Section, Styled, Text
@@ -20,16 +20,20 @@ _LINE = '<div style="white-space: pre-wrap; min-height: .6em">{}</div>'
 
 
 def notebook_html(report: Report) -> str:
-    """The report as one block: sentences as paragraphs, tables as tables."""
-    body = "".join(
-        piece for i, section in enumerate(report.sections) for piece in _section(section, i)
-    )
+    """The report as one block: sentences as paragraphs, tables as tables, the folded part last."""
+    told = [section for section in report.sections if section.texts]
+    shown, folded = ([s for s in told if s.folded == fold] for fold in (False, True))
+    body = _sections(shown)
+    if folded:
+        body += f"<details><summary>Details</summary>{_sections(folded)}</details>"
     return f'<div style="max-width: 60em">{body}</div>'
 
 
+def _sections(sections: Iterable[Section]) -> str:
+    return "".join(piece for i, section in enumerate(sections) for piece in _section(section, i))
+
+
 def _section(section: Section, index: int) -> Iterator[str]:
-    if not section.texts:
-        return
     if index:
         yield _LINE.format("")
     if section.title:

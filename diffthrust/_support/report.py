@@ -125,11 +125,16 @@ class Section:
     Args:
         title: the heading; none if empty.
         parts: what stands under it, in order.
+        folded: whether pages and notebooks show it only where a reader opens it.
     """
 
-    def __init__(self, title: str, *parts: Part) -> None:
-        self.title = title
+    def __init__(self, title: str, *parts: Part, folded: bool = False) -> None:
+        self.title, self.folded = title, folded
         self.parts = tuple(part for part in parts if part)
+
+    def fold(self) -> Section:
+        """The same, folded."""
+        return Section(self.title, *self.parts, folded=True)
 
     @property
     def texts(self) -> tuple[Text, ...]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import price_of, unseen_gain
+from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import SearchContext, SearchState
@@ -95,17 +96,34 @@ def _alike_over_whole_runs(
     simulation = simulation_fitter(fitter)
     fitted = fitted_to_runs(fitter, stage)
     without = fitted_to_runs(fitter, stage, [n for n in stage.effects if n != name])
-    share = share_between(fitter, without, fitted).share
+    effect = share_between(fitter, without, fitted)
     started = screened(simulation, rivals, without, levels_of(fitter, without))
-    shares = {
-        rival: share_between(fitter, without, simulation.further(trial)).share
-        for rival, trial in started.items()
-    }
-    least = (
-        SETTINGS.equivalence.least_share_of_effect * share,
-        1.0 - SETTINGS.whole_runs.equivalent_error**2 * (1.0 - share),
+    return alike_by_shares(
+        effect,
+        {
+            rival: share_between(fitter, without, simulation.further(trial))
+            for rival, trial in started.items()
+        },
     )
-    near = sorted((r for r in shares if shares[r] > max(least)), key=lambda r: -shares[r])
+
+
+def alike_by_shares(effect: Worth, rivals: Mapping[str, Worth]) -> list[str]:
+    """The rivals that do nearly what an effect does to whole runs, the nearest first.
+
+    In all channels together, and in the one in which the effect does most: a drag took as much off
+    the surge as exchanged thrusters off the yaw rate, and was named as what these may be.
+    """
+    least = SETTINGS.equivalence.least_share_of_effect
+    error = SETTINGS.whole_runs.equivalent_error
+    enough = max(least * effect.share, 1.0 - error**2 * (1.0 - effect.share))
+    most = max(effect.channels, key=lambda name: effect.channels[name].share, default="")
+    near = [
+        name
+        for name, rival in rivals.items()
+        if rival.share > enough
+        and (not most or rival.channels[most].share > least * effect.channels[most].share)
+    ]
+    near.sort(key=lambda name: -rivals[name].share)
     return near[: SETTINGS.equivalence.most_named]
 
 

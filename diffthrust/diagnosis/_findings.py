@@ -271,11 +271,17 @@ class Findings(Selection, Assessment):
 
     @property
     def learned(self) -> tuple[Curve | Formula, ...]:
-        """The learned laws as effects.
-
-        ``diag.model + diag.best + diag.learned`` has all that was found.
-        """
+        """The learned laws as effects, as curves where no closed form was fitted in their place."""
         return tuple(law.effect for law in self.laws)
+
+    @property
+    def improved(self) -> Model:
+        """The model with all that was found, at its estimates: effects, freed constants and laws.
+
+        A law is in its closed form where one names it, and what it made superfluous is gone. It is
+        the model of the lines to copy.
+        """
+        return (self.laws[-1].reported if self.laws else self.fit).model
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:

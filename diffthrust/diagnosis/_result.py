@@ -29,20 +29,36 @@ class Diagnosis(Result, Findings):
         [(), ('command_deadband',)]
         >>> diag.after.errors.nrmse < diag.before.errors.nrmse
         True
-        >>> better = dft.Thruster() + diag.best
+        >>> print(diag.improved)
+        thruster + command_deadband
     """
 
     @property
     def summary(self) -> str:
-        """The outcome in a few plain sentences.
+        """The answer: what is wrong with the logs, what is missing, what is left, what to do next.
+
+        In lines of at most sixty words and four figures together; all else is in `details` and in
+        the report.
 
         Example:
-            >>> print(diag.summary.splitlines()[0][:60])
-            The basic thruster lacks a command dead band of ±0.40 V: wit
+            >>> print(diag.summary.splitlines()[0])
+            Found: commands within ±0.40 V do nothing.
         """
         from diffthrust.diagnosis._report.summary import summary
 
         return summary(self)
+
+    @property
+    def details(self) -> str:
+        """The whole outcome in plain sentences, with all errors, shares and their intervals.
+
+        Example:
+            >>> print(diag.details[:60])
+            The basic thruster lacks a command dead band of ±0.40 V: wit
+        """
+        from diffthrust.diagnosis._report.details import details
+
+        return details(self)
 
     def _line(self) -> str:
         from diffthrust.diagnosis._report.text import gain_words, model_words, verdict_words

@@ -35,6 +35,7 @@ class CommandDeadband(Effect):
     """
 
     name = "command_deadband"
+    in_words = "commands within ±{half_width} do nothing"
     port = "command"
     half_width: float = parameter(
         0.05,
@@ -70,6 +71,7 @@ class CommandSaturation(Effect):
     """
 
     name = "command_saturation"
+    in_words = "commands beyond ±{limit} do no more"
     port = "command"
     limit: float = parameter(
         2.0,
@@ -101,6 +103,7 @@ class CommandRateLimit(Effect):
     """
 
     name = "command_rate_limit"
+    in_words = "the command ramps, at most {rate}"
     port = "command"
     memory = True
     rate: float = parameter(
@@ -135,6 +138,7 @@ class CommandDelay(Effect):
     """
 
     name = "command_delay"
+    in_words = "the command arrives {delay} late"
     port = "command"
     memory = True
     delay: float = parameter(
@@ -171,6 +175,7 @@ class CommandOffset(Effect):
     """
 
     name = "command_offset"
+    in_words = "the command's zero is off by {offset}"
     port = "command"
     offset: float = parameter(
         0.1, "{command}", null=0.0, size=0.2, probes=relative_to("command", -0.1, 0.1)

@@ -39,6 +39,7 @@ class ThrustExponent(Effect):
     """
 
     name = "thrust_exponent"
+    in_words = "thrust goes with speed to the power {exponent}"
     port = "propeller"
     exponent: float = parameter(1.8, bounds=(0.5, 4), null=2.0, size=0.3, probes=(1.7, 2.3))
     reference: float = parameter(
@@ -68,6 +69,7 @@ class LoadExponent(Effect):
     """
 
     name = "load_exponent"
+    in_words = "the load goes with speed to the power {exponent}"
     port = "load"
     exponent: float = parameter(1.8, bounds=(0.5, 4), null=2.0, size=0.3, probes=(1.7, 2.3))
     reference: float = parameter(

@@ -31,6 +31,7 @@ class PropellerLag(ActuatorLag):
     """
 
     name = "propeller_lag"
+    in_words = "the propeller lags by {time_constant}"
     port = "revolutions"
     states: ClassVar[Mapping[str, str]] = {"response": "rev/s"}
     time_constant: float = parameter(
@@ -54,6 +55,7 @@ class RudderLag(ActuatorLag):
     """
 
     name = "rudder_lag"
+    in_words = "the rudder lags by {time_constant}"
     port = "rudder"
     states: ClassVar[Mapping[str, str]] = {"response": "rad"}
     time_constant: float = parameter(
@@ -77,6 +79,7 @@ class RudderRateLimit(Effect):
     """
 
     name = "rudder_rate_limit"
+    in_words = "the rudder turns at most {rate}"
     port = "rudder_angle"
     memory = True
     rate: float = parameter(
@@ -109,6 +112,7 @@ class RudderOffset(Effect):
     """
 
     name = "rudder_offset"
+    in_words = "the rudder stands {offset} off centre"
     port = "rudder"
     offset: float = parameter(
         0.05, "{rudder_angle}", bounds=(-0.8, 0.8), null=0.0, size=0.1, probes=(-0.1, 0.1)
@@ -136,6 +140,7 @@ class RudderInflow(Effect):
     """
 
     name = "rudder_inflow"
+    in_words = "the rudder pushes harder the faster the water comes"
     port = "steering"
     gain: float = parameter(
         0.3, "s/m", null=0.0, size=1.0, probes=relative_to("surge", -0.3, 0.3, 1.0, power=-1)
@@ -164,6 +169,7 @@ class PropellerInflow(Effect):
     """
 
     name = "propeller_inflow"
+    in_words = "the propeller loses thrust as the vessel gains speed"
     port = "propulsion"
     loss: float = parameter(
         0.1,
@@ -195,6 +201,7 @@ class PropellerWalk(Effect):
     """
 
     name = "propeller_walk"
+    in_words = "the propeller pushes the stern aside by {fraction:%} of its thrust"
     port = "steering"
     fraction: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.1, probes=(-0.1, 0.1))
 
@@ -218,6 +225,7 @@ class ReversePropellerAsymmetry(Effect):
     """
 
     name = "reverse_propeller_asymmetry"
+    in_words = "{change:more} thrust astern"
     port = "propulsion"
     change: float = parameter(-0.2, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
@@ -278,6 +286,7 @@ class SwappedThrusters(Effect):
     """
 
     name = "swapped_thrusters"
+    in_words = "left and right thruster are exchanged"
     ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     share: float = parameter(1.0, bounds=(0, 1), null=0.0, size=0.5, probes=(1.0,))
 
@@ -306,6 +315,7 @@ class ForceExponent(Effect):
     """
 
     name = "force_exponent"
+    in_words = "forces go with the power {exponent} of the map's"
     ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     exponent: float = parameter(1.2, bounds=(0.3, 3), null=1.0, size=0.3, probes=(0.7, 1.5))
     reference: float = parameter(

@@ -30,6 +30,7 @@ class WaterCurrent(Effect):
     """
 
     name = "water_current"
+    in_words = "a water current sets the vessel off its way"
     ports: ClassVar[tuple[str, ...]] = (
         "surge_through_water",
         "sway_through_water",
@@ -83,6 +84,7 @@ class Wind(Effect):
     """
 
     name = "wind"
+    in_words = "the wind pushes the vessel"
     ports: ClassVar[tuple[str, ...]] = ("surge_force", "sway_force", "yaw_moment")
     along: float = parameter(
         0.01,

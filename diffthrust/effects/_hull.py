@@ -26,6 +26,7 @@ class QuadraticSurgeDrag(Effect):
     """
 
     name = "quadratic_surge_drag"
+    in_words = "drag grows with the square of surge"
     port = "surge_force"
     drag: float = parameter(
         1.0,
@@ -58,6 +59,7 @@ class QuadraticSwayDrag(Effect):
     """
 
     name = "quadratic_sway_drag"
+    in_words = "drag grows with the square of sway"
     port = "sway_force"
     drag: float = parameter(
         2.0,
@@ -90,6 +92,7 @@ class QuadraticYawDrag(Effect):
     """
 
     name = "quadratic_yaw_drag"
+    in_words = "drag grows with the square of yaw rate"
     port = "yaw_moment"
     drag: float = parameter(
         0.5,
@@ -130,6 +133,7 @@ class SwayYawCoupling(Effect):
     """
 
     name = "sway_yaw_coupling"
+    in_words = "sway and yaw act on each other"
     ports: ClassVar[tuple[str, ...]] = (
         "surge_force",
         "sway_force",

@@ -27,6 +27,7 @@ class ReverseThrustAsymmetry(Effect):
     """
 
     name = "reverse_thrust_asymmetry"
+    in_words = "{change:more} thrust in reverse"
     port = "propeller"
     change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
@@ -50,6 +51,7 @@ class InflowThrustLoss(Effect):
     """
 
     name = "inflow_thrust_loss"
+    in_words = "inflow takes thrust away"
     port = "propeller"
     needs: ClassVar[tuple[str, ...]] = ("inflow",)
     loss: float = parameter(
@@ -88,6 +90,7 @@ class AxialFlow(Effect):
     """
 
     name = "axial_flow"
+    in_words = "the water in the duct is slow to follow the propeller"
     port = "propeller"
     states: ClassVar[Mapping[str, str]] = {"flow": "m/s"}
     loss: float = parameter(
@@ -138,6 +141,7 @@ class Cavitation(Effect):
     """
 
     name = "cavitation"
+    in_words = "thrust falls short beyond {onset}"
     port = "propeller"
     shortfall: float = parameter(0.2, bounds=(0, 1), null=0.0, size=0.3, probes=(0.2, 0.6))
     onset: float = parameter(
@@ -169,6 +173,7 @@ class ThrustDegradation(Effect):
     """
 
     name = "thrust_degradation"
+    in_words = "{fraction:%} of the thrust is lost from {instant} on"
     port = "propeller"
     fraction: float = parameter(0.2, bounds=(0, 1), null=0.0, size=0.3, probes=(0.2, 0.6))
     instant: float = parameter(

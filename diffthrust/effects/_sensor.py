@@ -23,6 +23,7 @@ class SpeedSensorScale(Effect):
     """
 
     name = "speed_sensor_scale"
+    in_words = "the speed sensor reads {change:more}"
     port = "speed"
     change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
 
@@ -46,6 +47,7 @@ class SpeedSensorOffset(Effect):
     """
 
     name = "speed_sensor_offset"
+    in_words = "the speed sensor's zero is off by {offset}"
     port = "speed"
     offset: float = parameter(
         1.0, "{speed}", null=0.0, size=2.0, probes=relative_to("speed", -0.05, 0.05)
@@ -73,6 +75,7 @@ class ThrustSensorScale(Effect):
     """
 
     name = "thrust_sensor_scale"
+    in_words = "the thrust sensor reads {change:more}"
     port = "thrust"
     change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
 
@@ -96,6 +99,7 @@ class ThrustSensorOffset(Effect):
     """
 
     name = "thrust_sensor_offset"
+    in_words = "the thrust sensor's zero is off by {offset}"
     port = "thrust"
     offset: float = parameter(
         1.0, "{thrust}", null=0.0, size=2.0, probes=relative_to("thrust", -0.05, 0.05)
@@ -122,6 +126,7 @@ class ThrustSensorLag(Effect):
     """
 
     name = "thrust_sensor_lag"
+    in_words = "the thrust sensor lags by {time_constant}"
     port = "thrust"
     memory = True
     time_constant: float = parameter(
@@ -148,6 +153,7 @@ class ThrustSensorDelay(Effect):
     """
 
     name = "thrust_sensor_delay"
+    in_words = "the thrust is reported {delay} late"
     port = "thrust"
     memory = True
     delay: float = parameter(

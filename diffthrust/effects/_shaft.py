@@ -30,6 +30,7 @@ class ActuatorLag(Effect):
     """
 
     name = "actuator_lag"
+    in_words = "the motor's torque lags by {time_constant}"
     port = "drive"
     states: ClassVar[Mapping[str, str]] = {"response": ""}
     time_constant: float = parameter(
@@ -69,6 +70,7 @@ class ReverseDriveAsymmetry(Effect):
     """
 
     name = "reverse_drive_asymmetry"
+    in_words = "{change:more} torque in reverse"
     port = "drive"
     change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
@@ -95,6 +97,7 @@ class SupplyVoltageSag(Effect):
     """
 
     name = "supply_voltage_sag"
+    in_words = "the drive falls with the supply voltage"
     port = "drive"
     needs: ClassVar[tuple[str, ...]] = ("supply_voltage",)
     share: float = parameter(0.5, bounds=(0, 1), null=0.0, size=0.5, probes=(0.3, 0.9))
@@ -121,6 +124,7 @@ class ReverseLoadAsymmetry(Effect):
     """
 
     name = "reverse_load_asymmetry"
+    in_words = "{change:more} load in reverse"
     port = "load"
     change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
@@ -144,6 +148,7 @@ class InflowLoadRelief(Effect):
     """
 
     name = "inflow_load_relief"
+    in_words = "inflow relieves the propeller's load"
     port = "load"
     needs: ClassVar[tuple[str, ...]] = ("inflow",)
     relief: float = parameter(
@@ -175,6 +180,7 @@ class SlewLimit(Effect):
     """
 
     name = "slew_limit"
+    in_words = "the controller ramps the speed, at most {rate}"
     port = "loop"
     rate: float = parameter(
         1000.0,
@@ -205,6 +211,7 @@ class LinearDamping(Effect):
     """
 
     name = "linear_damping"
+    in_words = "friction in proportion to speed, {rate}"
     port = "shaft"
     rate: float = parameter(
         0.3, "1/s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 2.0)
@@ -233,6 +240,7 @@ class CoulombFriction(Effect):
     """
 
     name = "coulomb_friction"
+    in_words = "dry friction brakes the shaft by {level}"
     port = "shaft"
     level: float = parameter(
         2.0, "rad/s^2", bounds=(0, None), null=0.0, size=5.0, probes=relative_to("drive", 0.02, 0.1)
@@ -266,6 +274,7 @@ class StaticFriction(Effect):
     """
 
     name = "static_friction"
+    in_words = "stiction holds the shaft up to {level}"
     port = "shaft"
     level: float = parameter(
         4.0,

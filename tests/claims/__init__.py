@@ -11,5 +11,6 @@ and what is known of the plant.
 from . import about_effects as about_effects
 from . import about_errors as about_errors
 from . import about_logs as about_logs
+from . import about_summary as about_summary
 from .page import Page as Page
 from .parsing import contradictions as contradictions

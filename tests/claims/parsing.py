@@ -42,14 +42,17 @@ def claim(pattern: str) -> Callable[[Check], Check]:
 
 
 def contradictions(diag: Any, page: Page | None = None, text: str = "") -> list[str]:
-    """What is not so in a summary, sentence by sentence; and sentences that nobody checks.
+    """What is not so in the summary and in the details, and sentences that nobody checks.
 
     Args:
         diag: the diagnosis.
         page: what is known besides; without it the sentences are held against the object alone.
-        text: in the place of its summary.
+        text: in their place.
     """
-    wrong, text = [], (text or diag.summary).strip()
+    if not text:
+        both = (contradictions(diag, page, part) for part in (diag.summary, diag.details))
+        return [*too_long(diag.summary), *(wrong for part in both for wrong in part)]
+    wrong, text = [], text.strip()
     while text:
         matched = next((s for s in _of_the_logs(diag) if text.startswith(s)), "")
         if not matched:
@@ -60,6 +63,16 @@ def contradictions(diag: Any, page: Page | None = None, text: str = "") -> list[
             matched = found[1][0]
         text = text[len(matched) :].lstrip()
     return wrong
+
+
+def too_long(summary: str) -> Iterator[str]:
+    """More than sixty words, or than four figures outside names and units."""
+    if len(summary.split()) > 60:
+        yield f"{len(summary.split())} words: {summary!r}"
+    plain = re.sub(r"[\w.]*[A-Za-z_]+[\w.^*]*|\*\*\w|\^-?\d", " ", summary)
+    figures = re.findall(r"\d[\d.]*", plain)
+    if len(figures) > 4:
+        yield f"{len(figures)} figures: {summary!r}"
 
 
 def _of_the_logs(diag: Any) -> Iterator[str]:

@@ -114,7 +114,7 @@ def test_the_summary_has_the_errors_of_the_fits(full):
     for name, unit in (("speed", "rad/s"), ("thrust", "N")):
         sizes = re.search(
             rf"{name} error.*? from (\S+) to (\S+) {unit} \(NRMSE (\S+) to (\S+)\)",
-            made.found().summary,
+            made.found().details,
         )
         assert sizes is not None
         exact = [
@@ -127,7 +127,7 @@ def test_the_summary_has_the_errors_of_the_fits(full):
 def test_an_error_that_rises_is_said_to_rise(full):
     worse = replace(full.stages[0].fit, holdout=Errors(9.0, _worse(full.stages[1].fit)))
     stages = (replace(full.stages[0], fit=full.stages[1].fit), replace(full.stages[1], fit=worse))
-    assert "rises from" in replace(made.found(), stages=stages).summary
+    assert "rises from" in replace(made.found(), stages=stages).details
 
 
 def _worse(fit: dft.Fit) -> dict[str, ChannelError]:
@@ -154,8 +154,8 @@ def test_a_hint_on_a_channel_comes_into_the_summary(full):
     )
     diag = replace(made.unexplained(), before=dft.compare(full.fit, flipped))
     assert diag.before.hints
-    assert "A channel may not mean what its name says" in diag.summary
-    assert diag.before.hints[0] in diag.summary
+    assert "A channel may not mean what its name says" in diag.details
+    assert diag.before.hints[0] in diag.details
 
 
 def test_the_missing_signal_in_words(full):
@@ -297,7 +297,7 @@ def test_a_failed_simulation_and_a_formula_in_a_name_can_be_drawn(full):
         stages=(stage, *full.stages[1:]),
     )
     stages_figure(diag).savefig(BytesIO(), dpi=40)
-    assert "falls from inf to" in diag.summary
+    assert "falls from inf to" in diag.details
 
 
 def test_the_figure_of_the_missing_signal(full):
@@ -364,7 +364,7 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
     assert "http" not in text
     assert "url(" not in text
     order = [
-        full.summary, "Stages", "Where the model as given fails", "Errors by log", "Missing signal",
+        full.details, "Stages", "Where the model as given fails", "Errors by log", "Missing signal",
         "Effects tried", "The motor controller ignores small commands.",
         "What these logs cannot tell apart", "Proposed test", "What remains", "class MyEffect",
         "Parameters", "Not testable by these logs", "How far to trust this", "Words",
@@ -401,7 +401,7 @@ def test_every_verdict_has_its_page(kind, sketched):
     diag = getattr(made, kind)()
     found = _Page(diagnosis_page(diag))
     assert found.open == []
-    assert diag.summary in found.text
+    assert diag.details in found.text
     assert ("Missing signal" in found.text) == bool(diag.missing)
     assert ("class MyEffect" in found.text) == (kind == "unexplained")
 
@@ -434,7 +434,7 @@ def test_a_browser_shows_the_page(full, tmp_path):
         check=True,
     )
     assert "CONSOLE" not in shown.stderr  # an error or a blocked request would be told there
-    assert full.summary in _Page(shown.stdout).text
+    assert full.details in _Page(shown.stdout).text
     picture = tmp_path / "page.png"
     subprocess.run(
         [*command, f"--screenshot={picture}", "--window-size=1100,3000", path.as_uri()],

@@ -26,7 +26,7 @@ def test_dead_band_loop_and_asymmetry_are_recovered_and_nothing_else(jumps, tmp_
     *train, unseen = logs_in(tmp_path, jumps)
     fit = dft.fit(dft.SpeedLoopThruster(), train, holdout=unseen)
     diag = dft.diagnose(fit, train, holdout=unseen)
-    print(diag.summary)
+    print(diag.details)
     assert {effect.name for effect in diag.best} == {"command_deadband", "reverse_thrust_asymmetry"}
     better = dft.fit(fit.model + diag.best, train, holdout=unseen)
     print(better.report())
@@ -41,6 +41,6 @@ def test_dead_band_loop_and_asymmetry_are_recovered_and_nothing_else(jumps, tmp_
     assert values["gain"] == pytest.approx(esc.TOP, rel=0.005)
     assert values["ct"] == pytest.approx(esc.THRUST, rel=0.01)
     again = dft.diagnose(better, train, holdout=unseen)
-    print(again.summary)
+    print(again.details)
     assert again.verdict == "adequate"
     assert again.best == ()

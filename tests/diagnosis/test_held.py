@@ -55,7 +55,7 @@ def test_a_lever_arm_held_at_a_wrong_value_is_named_and_freed():
     assert held.value == 0.50
     assert held.wanted == pytest.approx(ARM, abs=4 * held.std_error)
     assert held.std_error < 0.01
-    assert "lever_arm is fixed at 0.5 m; these logs suggest 0.4" in diag.summary
+    assert "lever_arm is fixed at 0.5 m; these logs suggest 0.4" in diag.details
     assert diag.model.parameters["lever_arm"].fixed  # as it was given
     assert not diag.fit.model.parameters["lever_arm"].fixed
     assert stage_words(diag, 1) == "lever_arm freed"
@@ -124,8 +124,8 @@ def test_the_summary_tells_a_constant_beside_an_effect_and_alone():
     held = {"lever_arm": HeldValue(0.5, 0.4, 0.01, "m")}
     words = "lever_arm is fixed at 0.5 m; these logs suggest 0.400 ± 0.010 m."
     beside = replace(made.found(), held=held)
-    assert "lacks a command dead band" in beside.summary
-    assert words in beside.summary
+    assert "lacks a command dead band" in beside.details
+    assert words in beside.details
     alone = replace(made.adequate(), verdict="effects_found", held=held)
-    assert alone.summary.startswith(words)
+    assert alone.details.startswith(words)
     assert verdict_words(alone) == "a fixed constant disagrees with these logs"

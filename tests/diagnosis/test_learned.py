@@ -422,7 +422,7 @@ def test_what_only_imitates_the_law_is_dropped_and_what_is_there_beside_it_is_ke
     assert {"command_deadband", law.form.formula.name} <= {
         e.name for e in law.reported.model.effects
     }
-    assert "load exponent only imitated it" in diag.summary.lower()
+    assert "load exponent only imitated it" in diag.details.lower()
     # shares are of what the model as given leaves: together they leave what the last model does
     left = (law.reported.holdout.nrmse / diag.stages[0].holdout.nrmse) ** 2
     told = (
@@ -437,10 +437,10 @@ def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
     assert [one["port"] for one in data] == [diag.laws[0].curve.port]
     assert data[0]["form"] == diag.laws[0].form.name
     assert 0.5 < data[0]["worth"]["share"] <= 1.0
-    assert "Learned: at the port" in diag.summary
-    assert "what passes is scaled by a curve of speed" in diag.summary
-    assert "What is added is a hump of speed" in diag.summary  # its name is not a factor's
-    assert "another form: its factor is a hump of speed" in diag.summary
+    assert "Learned: at the port" in diag.details
+    assert "what passes is scaled by a curve of speed" in diag.details
+    assert "What is added is a hump of speed" in diag.details  # its name is not a factor's
+    assert "another form: its factor is a hump of speed" in diag.details
     diag.save(tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "What was learned" in page
@@ -454,7 +454,7 @@ def test_a_law_is_told_in_the_units_of_the_logs(hump):
     in_rpm = replace(law, fit=replace(law.fit, written={"speed": Written("rpm")}))
     assert in_rpm.shown.value == pytest.approx(30 / np.pi)
     told = replace(diag, laws=(in_rpm,))
-    assert re.search(r"Valid from -\d+ to \d+ rpm\.", told.summary)
+    assert re.search(r"Valid from -\d+ to \d+ rpm\.", told.details)
     curve, samples = told.plot_learned().axes
     assert samples.get_xlabel().endswith("[rpm]")
     assert curve.get_xlim()[1] > 30 / np.pi * law.curve.high
@@ -521,7 +521,7 @@ def test_a_model_with_what_was_learned_simulates_fits_and_is_saved(hump, tmp_pat
     diag.save(tmp_path / "diag.json")
     loaded = dft.load(tmp_path / "diag.json")
     assert loaded.laws[0].curve.shape == diag.laws[0].curve.shape
-    assert loaded.summary == diag.summary
+    assert loaded.details == diag.details
 
 
 def test_a_diagnosis_that_learned_nothing_has_no_figure_of_it():

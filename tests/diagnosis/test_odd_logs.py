@@ -134,9 +134,9 @@ def test_the_summary_names_what_carries_much_of_the_error_and_the_cautions_all()
     words = (
         "Log 14V deviates from the others: its thrust error is 3.4 times that of the median log."
     )
-    assert words in much.summary
-    assert "60 % of the squared thrust error" in much.summary
-    assert "20V" not in much.summary
+    assert words in much.details
+    assert "60 % of the squared thrust error" in much.details
+    assert "20V" not in much.details
     assert sum("deviates from the others" in words for words in caution_words(much)) == 2
 
 
@@ -163,10 +163,10 @@ def test_a_verdict_rests_on_the_other_logs_where_an_odd_one_makes_whole_runs_poo
     assert diag.stages[-1].holdout.channels["thrust"].nrmse > 0.05  # with all of them it is poor
     assert diag.verdict == "adequate"
     words = "The verdict rests on the other logs alone"
-    assert words in diag.summary
-    assert "So fitted, the speed error on the other unseen logs is" in diag.summary
+    assert words in diag.details
+    assert "So fitted, the speed error on the other unseen logs is" in diag.details
     first = diag.stages[0].holdout.channels["thrust"].nrmse  # of the model as given, of all logs
-    as_given = diag.summary.partition("The verdict rests")[0]
+    as_given = diag.details.partition("The verdict rests")[0]
     assert re.search(rf"the thrust error is \S+ N \(NRMSE {first:.2g}\)", as_given)
     assert contradictions(diag) == []
     others = diag.judged.errors
@@ -201,8 +201,8 @@ def test_what_a_log_does_alone_is_said_and_it_is_not_set_aside():
     diag = dft.diagnose(made.model, made.train, holdout=made.unseen,
                         candidates="linear_damping", experiment=False)  # fmt: skip
     assert diag.apart is None
-    assert re.search(r"log5\.csv does what most of the others do not \(command below", diag.summary)
-    assert "how it was recorded" not in diag.summary
+    assert re.search(r"log5\.csv does what most of the others do not \(command below", diag.details)
+    assert "how it was recorded" not in diag.details
 
 
 def test_a_fit_that_ended_badly_accuses_no_log():

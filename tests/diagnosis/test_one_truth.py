@@ -65,8 +65,8 @@ def test_a_found_dead_band_is_held_against_a_plain_least_squares():
 )
 def test_what_is_not_so_is_seen(old, new, why):
     diag = made.found()
-    text = diag.summary.replace(old, new, 1)
-    assert text != diag.summary
+    text = diag.details.replace(old, new, 1)
+    assert text != diag.details
     assert any(why in words for words in claims.contradictions(diag, text=text))
 
 
@@ -88,7 +88,7 @@ def test_a_fit_that_ended_early_and_a_false_name_are_seen():
 def test_random_forces_are_not_said_of_a_plant_without():
     chance = replace(made.undecided(), recurring={"thrust": Worth(0.05, -0.1, 0.2)})
     assert (
-        "5 % (-10 % to 20 %) of its square recurs: most of it comes from random" in chance.summary
+        "5 % (-10 % to 20 %) of its square recurs: most of it comes from random" in chance.details
     )
     assert claims.contradictions(chance) == []
     wrong = claims.contradictions(chance, page_of_a_dead_band())
@@ -136,14 +136,14 @@ def test_errors_that_repeat_are_not_left_to_chance():
     assert diag.repeating
     diag = replace(diag, verdict=verdict_of(verdict_evidence(diag, diag)))
     assert diag.verdict == "unexplained"
-    assert "so it is repeatable" in diag.summary
-    assert "cannot tell a disturbance" not in diag.summary
+    assert "so it is repeatable" in diag.details
+    assert "cannot tell a disturbance" not in diag.details
     assert contradictions(diag) == []
     recurs = {"speed": Worth(0.8, 0.6, 0.9)}
     for room, explains in ((diag.room, " and where logs repeat"), (None, "where logs repeat")):
         again = replace(diag, room=room, recurring=recurs)
         assert again.repeating
-        assert f"{explains} their inputs 80 % (60 % to 90 %) of the squared" in again.summary
+        assert f"{explains} their inputs 80 % (60 % to 90 %) of the squared" in again.details
         assert claims.contradictions(again) == []
 
 
@@ -154,13 +154,13 @@ def test_what_matters_leads_and_what_does_not_is_told_as_such():
                "thrust_sensor_lag": SMALL},
         detectable=("thrust_sensor_lag",),
     )  # fmt: skip
-    text = diag.summary
+    text = diag.details
     assert text.index("an actuator lag") < text.index("a command dead band of")
     assert "actuator lag 70 % (60 % to 80 %) and command dead band 20 % (10 % to 30 %)" in text
     assert "also show a thrust sensor lag (it removes 1 % (0.5 % to 2 %)" in text
     assert contradictions(diag) == []
     alike = replace(diag, detectable_groups=(("thrust_sensor_lag", "thrust_sensor_delay"),))
-    assert "also show a thrust sensor lag or a thrust sensor delay (it removes" in alike.summary
+    assert "also show a thrust sensor lag or a thrust sensor delay (it removes" in alike.details
     assert alike.to_json()["detectable_groups"] == [["thrust_sensor_lag", "thrust_sensor_delay"]]
 
 
@@ -168,18 +168,18 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
     """A dead band took the speed error from 46 to 19 rpm and was told as 10 % (-5 % to 22 %)."""
     speed = {"speed": Worth(0.83, 0.7, 0.9), "thrust": Worth(0.0, -0.1, 0.1)}
     diag = made.found()
-    text = replace(diag, worth={"command_deadband": Worth(0.1, -0.05, 0.22, speed)}).summary
+    text = replace(diag, worth={"command_deadband": Worth(0.1, -0.05, 0.22, speed)}).details
     assert "Of the squared speed error over whole runs of unseen logs command dead band " in text
     assert "dead band removes 83 % (70 % to 90 %)." in text
     assert "each removes" not in text
     unsure = Worth(0.02, -0.01, 0.03)
     none = replace(diag, worth={"command_deadband": unsure})
-    assert "Command dead band has no sure effect on whole runs." in none.summary
+    assert "Command dead band has no sure effect on whole runs." in none.details
     joint = replace(unsure, everywhere=Worth(0.05, 0.01, 0.08))
     both = replace(diag, worth={"command_deadband": joint})
-    assert "whole runs of training and unseen logs command dead band removes 5 %" in both.summary
+    assert "whole runs of training and unseen logs command dead band removes 5 %" in both.details
     minor = replace(diag, detectable=("actuator_lag",), worth={"actuator_lag": unsure})
-    assert "also show an actuator lag (no sure effect on whole runs): certain" in minor.summary
+    assert "also show an actuator lag (no sure effect on whole runs): certain" in minor.details
     for each in (none, both, minor):
         assert claims.contradictions(each) == []
 
@@ -194,7 +194,7 @@ def test_effects_with_one_share_are_told_together():
     share = Worth(0.9, 0.8, 0.95, together=("command_deadband", "actuator_lag"))
     diag = of_two(command_deadband=share, actuator_lag=share)
     words = "unseen logs command dead band and actuator lag together remove 90 % (80 % to 95 %)."
-    assert words in diag.summary
+    assert words in diag.details
     assert claims.contradictions(diag) == []
 
 
@@ -216,13 +216,13 @@ def test_shares_that_add_up_to_more_than_all_are_seen():
 
 
 def test_undecided_says_what_is_possible_and_which_record_would_decide():
-    text = made.undecided().summary
+    text = made.undecided().details
     assert text.startswith("Undecided: over whole runs of unseen logs the thrust error is ")
     assert "these logs cannot tell a disturbance from missing physics" in text
     assert "each would remove: a command dead band 40 % (20 % to 60 %)" in text
     assert "repeats the inputs of one of these logs" in text
     proposed = replace(made.undecided(), experiment=made.diagnosis().experiment)
-    assert f"A further record would decide: {proposed.experiment.sentence}" in proposed.summary
+    assert f"A further record would decide: {proposed.experiment.sentence}" in proposed.details
     assert "lacks" not in text
 
 
@@ -254,19 +254,19 @@ def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     stopped = at_bound(made.unexplained(), 0, beta=0.2)
     words = "beta stopped at its bound of 0.2: these logs favour a higher value."
     unit = stopped.fit.parameters["beta"].unit
-    assert stopped.summary.startswith(words.replace("0.2", f"0.2 {unit}".rstrip()))
-    assert "widen it, if physically possible, and diagnose again." in stopped.summary
-    assert "stopped at its bound" not in made.unexplained().summary
+    assert stopped.details.startswith(words.replace("0.2", f"0.2 {unit}".rstrip()))
+    assert "widen it, if physically possible, and diagnose again." in stopped.details
+    assert "stopped at its bound" not in made.unexplained().details
     # nothing is stopped at the zero of a logarithm: it is gone, as a note of the fit says
     gone = at_bound(made.unexplained(), 0, alpha=0.0)
-    assert "stopped at its bound" not in gone.summary
-    added = at_bound(made.found(), 1, **{"command_deadband.half_width": 0.5}).summary
+    assert "stopped at its bound" not in gone.details
+    added = at_bound(made.found(), 1, **{"command_deadband.half_width": 0.5}).details
     assert added.startswith("The basic thruster lacks a command dead band")
     assert (
         "Half-width of a command dead band stopped at its bound of 0.5 V: the effect may" in added
     )
     # what was added may stand for what a bound kept out
-    before = at_bound(made.found(), 0, beta=0.2).summary
+    before = at_bound(made.found(), 0, beta=0.2).details
     assert "without a command dead band, which may stand in for a higher beta:" in before
     assert "stopped at its bound" not in before
 

@@ -111,7 +111,7 @@ def test_a_model_that_errs_less_is_told_with_both_errors():
     """Here the thruster as it is, in the place of a better one: its numbers must be told."""
     diag, better = made.unexplained(), made.found().fit
     told = replace(diag, other_models=(OtherModel(better, None, SURE),))
-    text = told.summary
+    text = told.details
     assert "A thruster with command dead band errs less over whole runs of the same unseen" in text
     assert "Diagnose that model, too." in text
     assert claims.contradictions(told) == []
@@ -124,7 +124,7 @@ def test_a_model_that_errs_less_is_told_with_both_errors():
 def test_a_model_that_errs_more_stands_in_the_table_alone():
     worse = OtherModel(other(), None, Worth(-0.8, -0.9, -0.6))
     told = replace(made.found(), other_models=(worse,))
-    assert told.summary == made.found().summary
+    assert told.details == made.found().details
     assert "Other models of these logs" in told.report()
     assert "-80 %" in told.report()
     assert contradictions(told) == []
@@ -170,5 +170,5 @@ def test_a_thruster_behind_a_speed_loop_is_told_to_be_one():
     )  # fmt: skip
     assert [model.name for model in diag.other_models] == ["speed_loop_thruster"]
     assert diag.other_models[0].better
-    assert "basic speed loop thruster errs less over whole runs" in diag.summary
+    assert "basic speed loop thruster errs less over whole runs" in diag.details
     assert claims.contradictions(diag) == []

@@ -10,6 +10,7 @@ from steps import (
     ChannelError,
     Errors,
     Worth,
+    alike_by_shares,
     explained_share,
     far_above_noise,
     harms,
@@ -174,3 +175,18 @@ def test_readings_of_a_held_sensor_make_errors_that_last_no_surer():
         every.append(width(*errors, np.ones(4000, bool)))
         held.append(width(*errors, np.arange(4000) % 20 == 0))
     assert np.mean(held) > 0.85 * np.mean(every)
+
+
+def test_a_rival_removes_the_error_of_the_same_channel():
+    """A quadratic drag was named as what exchanged thrusters may be."""
+
+    def worth(surge, yaw_rate):
+        shares = {"surge": Worth(surge, surge, surge), "yaw_rate": Worth(yaw_rate, yaw_rate, 1)}
+        return Worth(0.5, 0.4, 0.6, shares)
+
+    rivals = {"quadratic_surge_drag": worth(0.9, 0.1), "rudder_lag": worth(0.1, 0.85)}
+    assert alike_by_shares(worth(0.1, 0.9), rivals) == ["rudder_lag"]
+    assert alike_by_shares(Worth(0.5, 0.4, 0.6), dict.fromkeys("ab", Worth(0.49, 0, 1))) == [
+        "a",
+        "b",
+    ]

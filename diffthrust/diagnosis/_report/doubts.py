@@ -21,14 +21,18 @@ def leading_doubt_words(diag: Findings) -> list[str]:
     ]
     if sentences:
         sentences.append("What follows is said of the logs as they are: mend them first.")
+    sentences += [_doubt_words(doubt) for doubt in grave_doubts(diag)[:_NAMED]]
+    return sentences
+
+
+def grave_doubts(diag: Findings) -> list[Doubt]:
+    """The graver doubts that no fit to mended logs has judged."""
     measured = {(mend.doubt.channel, mend.doubt.kind) for mend in diag.mends}
-    graver = [
+    return [
         doubt
         for doubt in diag.doubts
         if doubt.kind in _GRAVE and (doubt.channel, doubt.kind) not in measured
     ]
-    sentences += [_doubt_words(doubt) for doubt in graver[:_NAMED]]
-    return sentences
 
 
 def mend_words(mend: MeasuredMend) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import ast
 import math
 
-from diffthrust._support.words import capitalised, humanize, joined, number
-from diffthrust.diagnosis._candidates import place_words
+import numpy as np
+
+from diffthrust._support.words import capitalised, humanize, joined, number, percent
+from diffthrust.diagnosis._candidates import place_words, words_and_unit
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
@@ -16,6 +18,26 @@ from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.models._base.model import Model
+
+_ENDS = (1.0, 99.0)
+"""Display: percentiles of what a law does over the samples of the logs."""
+_LONGEST_PLACE = 6
+"""Display: words of the description of a port that are still read in a sentence; its name else."""
+
+
+def place_of(model: Model, port: str) -> str:
+    """Where something enters, in few words.
+
+    Example:
+        >>> place_of(dft.Thruster(), "propeller"), place_of(dft.Thruster(), "load")
+        ('in the thrust of the propeller', "at the port 'load'")
+    """
+    if port not in model.ports:
+        return f"in {place_words(model, port).partition(' (')[0]}"
+    description, _ = words_and_unit(model, port)
+    short = len(description.split()) <= _LONGEST_PLACE
+    return f"in the {description}" if short else f"at the port '{port}'"
 
 
 def learned_words(diag: Findings) -> list[str]:
@@ -31,8 +53,9 @@ def learned_words(diag: Findings) -> list[str]:
             f"{'' if law.form else ', for which no closed form was found'}. Of the squared error "
             f"over whole runs of {logs} it removes {law.worth}; with it the NRMSE "
             f"there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
-            f"{_range_words(law)}"
         )
+        if valid := valid_words(law):
+            sentences.append(f"{capitalised(valid)}.")
         if law.form:
             sentences.append(f"{capitalised(form_words(law, law.form))}.")
         sentences += [
@@ -64,13 +87,28 @@ def _together_words(diag: Findings) -> list[str]:
     ]
 
 
-def _range_words(law: LearnedLaw) -> str:
-    """Where these logs determine it; a wave continues beyond them."""
+def valid_words(law: LearnedLaw) -> str:
+    """From where to where these logs determine it; nothing of a wave, which continues."""
     if NUMBER in law.curve.given:
         return ""
     low, high = (number(law.shown.value * end, 2) for end in (law.curve.low, law.curve.high))
-    ends = f"{low} to {high} {law.place_unit}".rstrip()
-    return f" Valid from {ends}."
+    return f"valid from {low} to {high} {law.place_unit}".rstrip()
+
+
+def reach_words(law: LearnedLaw) -> str:
+    """How much it does in these logs at most: what it takes off or adds; "" where that has no unit.
+
+    Between the first and the last per cent of the samples, so that no lone one counts.
+    """
+    if not law.samples.size:
+        return ""
+    values = np.asarray(law.curve.at_signal(law.samples))
+    low, high = np.percentile(1.0 + values if law.manner == "scales" else values, _ENDS)
+    if law.manner == "scales":
+        return f"up to {percent(1.0 - low / high)} less" if 0.0 <= low < high else ""
+    if law.curve.times:
+        return ""
+    return f"up to {number(max(abs(low), abs(high)), 2)} {law.port_unit}".rstrip()
 
 
 def manner_words(law: LearnedLaw) -> str:
@@ -113,17 +151,60 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
         >>> form_words(law, law.form)  # doctest: +SKIP
         'it is a hump of speed about 21 rad/s, 4.6 rad/s to either side: ...'
     """
-    form = form_of(tried.name, tried.companion)
-    names = [name for name in tried.fit.parameters if name.startswith(f"{tried.formula.name}.")]
-    amounts = [tried.fit.parameters[name].shown for name in names]
-    sizes = [f"{number(value, 2)} {unit}".rstrip() for value, _, unit in amounts]
-    by_parameter = dict(zip(parameter_names(form), sizes, strict=False))
-    verb = form.described(signal_words(law, tried.formula), by_parameter)
     subject = "what is added" if law.manner == "scales" else "it"
     subject = "its factor" if tried.times == ARRIVING else subject
-    times = f", times {tried.times}" if tried.times not in ("", ARRIVING) else ""
     play = " (a play or backlash)" if "play(" in law.curve.signal else ""
-    listed = joined(
-        f"{name.rpartition('.')[2]} = {size}" for name, size in zip(names, sizes, strict=True)
-    )
-    return f"{subject} {verb}{times}{play}: {tried.formula.expression}, with {listed}"
+    listed = joined(f"{name} = {size}" for name, size in _sizes_of(tried).items())
+    verb = f"{_verb_words(law, tried)}{_times_words(tried)}"
+    return f"{subject} {verb}{play}: {tried.formula.expression}, with {listed}"
+
+
+def _sizes_of(tried: TriedForm) -> dict[str, str]:
+    """The parameters of a form in the units of the logs, in the order of its expression."""
+    start = f"{tried.formula.name}."
+    estimates = {
+        n.removeprefix(start): e
+        for n, e in tried.fit.parameters.items()
+        if n[: len(start)] == start
+    }
+    return {
+        name: f"{number(value, 2)} {unit}".rstrip()
+        for name, (value, _, unit) in ((name, e.shown) for name, e in estimates.items())
+    }
+
+
+def _verb_words(law: LearnedLaw, tried: TriedForm) -> str:
+    """What a form does: a hump of speed about 21 rad/s, 4.6 rad/s to either side."""
+    form = form_of(tried.name, tried.companion)
+    sizes = dict(zip(parameter_names(form), _sizes_of(tried).values(), strict=False))
+    if "k" in sizes:
+        sizes["k"] = _period_words(tried, tuple(sizes).index("k"))
+    return form.described(signal_words(law, tried.formula), sizes)
+
+
+def _period_words(tried: TriedForm, at: int) -> str:
+    """From one ripple to the next, of the parameter that is its wave number."""
+    name = [n for n in tried.fit.parameters if n.startswith(f"{tried.formula.name}.")][at]
+    value, _, unit = tried.fit.parameters[name].shown
+    return f"{number(2 * math.pi / value, 2)} {product_unit(('rad', 1), (unit, -1))}".rstrip()
+
+
+def _times_words(tried: TriedForm) -> str:
+    return f", times {tried.times}" if tried.times not in ("", ARRIVING) else ""
+
+
+def law_wordings(law: LearnedLaw) -> tuple[str, str, str]:
+    """A law in one sentence: in full, by what leads, and by its signal alone.
+
+    Example:
+        >>> law_wordings(law)[1]  # doctest: +SKIP
+        'a term that is a hump of speed about 21 rad/s'
+    """
+    signal = signal_words(law)
+    if law.form is None:
+        kind = "factor" if law.manner == "scales" else "term"
+        return (f"a {kind} that is a curve of {signal}",) * 3
+    kind = "factor" if law.form.times == ARRIVING else "term"
+    verb, times = _verb_words(law, law.form), _times_words(law.form)
+    whole, lead = f"a {kind} that {verb}{times}", f"a {kind} that {verb.partition(', ')[0]}{times}"
+    return whole, lead, f"a {kind} that depends on {signal}"

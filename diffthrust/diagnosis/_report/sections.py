@@ -32,6 +32,7 @@ from diffthrust.diagnosis._missing import (
     Remaining,
 )
 from diffthrust.diagnosis._report import figures, tables
+from diffthrust.diagnosis._report.details import details
 from diffthrust.diagnosis._report.doubts import doubt_bullets
 from diffthrust.diagnosis._report.learned import learned_words
 from diffthrust.diagnosis._report.summary import summary
@@ -89,11 +90,9 @@ _EFFECT_USE = """
 
 def diagnosis_report(diag: Findings) -> Report:
     """All sections; pages add the figures, and explanations for readers without the library."""
-    style = "good" if diag.verdict == "adequate" else "doubtful"
-    outcome = Outcome("Verdict", Styled(verdict_words(diag), style), summary(diag))
     rivals = rival_words(diag)
-    return Report(
-        Section("", outcome),
+    folded = (
+        Section("Details", details(diag)),
         Section("Doubts on the logs", Bullets(doubt_bullets(diag))),
         _stages(diag),
         Section(
@@ -131,6 +130,29 @@ def diagnosis_report(diag: Findings) -> Report:
         _cautions(diag),
         closing_section(_closing(diag)),
     )
+    return Report(_answer(diag), *(section.fold() for section in folded))
+
+
+def _answer(diag: Findings) -> Section:
+    """What is read first; on pages with the lines to copy, and how the errors fell."""
+    style = "good" if diag.verdict == "adequate" else "doubtful"
+    return Section(
+        "",
+        Outcome("Verdict", Styled(verdict_words(diag), style), summary(diag)),
+        OnPage(Bullets(Styled(words, "doubtful") for words in unfinished_words(diag))),
+        OnPage("To copy into a spec file:"),
+        OnPage(spec_lines(diag.improved)),
+        Picture(partial(figures.stages_figure, diag), _stages_caption(diag)),
+    )
+
+
+def _stages_caption(diag: Findings) -> str:
+    if len(diag.stages) == 1:
+        return "The log that the model fits worst."
+    return (
+        "Left: the error of each channel at each stage. Right: the log that the model as given "
+        "fits worst, with the first and the last model."
+    )
 
 
 def _explained(rows: Rows, explanation: str) -> tuple[Part, ...]:
@@ -141,12 +163,6 @@ def _explained(rows: Rows, explanation: str) -> tuple[Part, ...]:
 def _stages(diag: Findings) -> Section:
     several = len(diag.stages) > 1
     again = " as it was given, and again with each effect that was added" if several else ""
-    caption = (
-        "Left: the error of each channel at each stage. Right: the log that the model as given "
-        "fits worst, with the first and the last model."
-        if several
-        else "The log that the model fits worst."
-    )
     removed = joined(map(an_effect, diag.dropped))
     return Section(
         "Stages",
@@ -158,7 +174,6 @@ def _stages(diag: Findings) -> Section:
         f"Added and later removed, superfluous beside a later effect: {removed}."
         if removed
         else "",
-        Picture(partial(figures.stages_figure, diag), caption),
     )
 
 
@@ -404,14 +419,19 @@ def _cautions(diag: Findings) -> Section:
     )
 
 
-def caution_words(diag: Findings) -> list[str]:
-    """What weakens the outcome: fits that did not converge, and their notes."""
-    sentences = [
+def unfinished_words(diag: Findings) -> list[str]:
+    """The stages whose fit is not what it should be."""
+    return [
         f"The fit of stage {i} ({stage_words(diag, i)}) has the status "
         f"'{stage.fit.status.value}': {stage.fit.message}"
         for i, stage in enumerate(diag.stages)
         if not stage.fit.status.ok
     ]
+
+
+def caution_words(diag: Findings) -> list[str]:
+    """What weakens the outcome: fits that did not converge, and their notes."""
+    sentences = unfinished_words(diag)
     if diag.stages[-1].holdout is None:
         sentences.append(
             "No log was kept unseen: the errors are those of the logs that the models were fitted "
@@ -422,12 +442,11 @@ def caution_words(diag: Findings) -> list[str]:
 
 def _closing(diag: Findings) -> list[str]:
     """The last lines: date, versions, hashes, and the model with all that was found, to copy."""
-    model = (diag.laws[-1].reported if diag.laws else diag.fit).model
     return [
         *(diag.origin.sentences if diag.origin else ()),
         "To copy into a spec file, and into Python:",
-        spec_lines(model),
-        python_lines(model),
+        spec_lines(diag.improved),
+        python_lines(diag.improved),
     ]
 
 
@@ -440,5 +459,5 @@ def diagnosis_page(diag: Findings, *, title: str = "", spec: str = "") -> str:
         spec: text of a spec file, shown at the end.
     """
     report = diagnosis_report(diag)
-    sections = (*report.sections, glossary(_GLOSSARY), spec_section(spec))
+    sections = (*report.sections, glossary(_GLOSSARY).fold(), spec_section(spec).fold())
     return page(Report(*sections), title or f"Diagnosis of the {model_words(diag.model)}")

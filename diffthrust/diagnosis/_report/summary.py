@@ -1,106 +1,357 @@
-"""The summary of a diagnosis: which sentences, in the order in which they are read."""
+"""The summary of a diagnosis: what is wrong with the logs, what is missing, what to do next.
+
+In the order in which a tired engineer asks, one line each, within a budget of words and figures
+(`budget`). All else is in the details.
+"""
 
 from __future__ import annotations
 
-from diffthrust._support.words import capitalised, humanize, joined
+import math
+
+from diffthrust._support.words import distinct_numbers, humanize, joined, number, percent
+from diffthrust.diagnosis._explained_share import sure_share
 from diffthrust.diagnosis._findings import Findings
-from diffthrust.diagnosis._report.doubts import leading_doubt_words
-from diffthrust.diagnosis._report.learned import learned_words
+from diffthrust.diagnosis._report.budget import Part, Wording, figures_in, within_budget
+from diffthrust.diagnosis._report.doubts import grave_doubts
+from diffthrust.diagnosis._report.effect_words import effect_words
+from diffthrust.diagnosis._report.learned import law_wordings, place_of, reach_words, valid_words
 from diffthrust.diagnosis._report.text import (
-    added_bound_words,
-    decisive_log_words,
-    gain_words,
-    growth_words,
-    held_words,
+    an_effect,
+    errors_of,
     judged_errors,
     leading,
-    level_words,
-    model_words,
-    other_model_words,
-    possible_words,
-    remaining_words,
     rival_words,
-    sized_words,
-    stopped_words,
-    undecided_words,
-    worth_words,
+    stopped_parameters,
 )
+from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.estimation._model_lines import effects_line
+from diffthrust.estimation._status import Status
+from diffthrust.simulation._errors import Errors
 
-_HINTS = 2
-"""Hints of the comparison that the summary repeats."""
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+_SUSPECT = {
+    "sign": "the sign of {} looks wrong",
+    "exchanged": "{} looks exchanged with another channel",
+    "unit": "the unit of {} looks wrong",
+    "time_base": "the unit of the clock looks wrong",
+    "lag": "{} arrives late",
+    "stuck": "{} is stuck for a while",
+    "saturated": "{} is saturated in places",
+    "sentinel": "{} has samples that mark lost ones",
+}
+"""What a doubt comes to, by its kind."""
+_UNFINISHED = {
+    Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
+    Status.STARTS_DISAGREE: "it depends on where the fit starts",
+    Status.NOT_CONVERGED: "its fit did not converge",
+    Status.SIMULATION_FAILED: "its simulation failed",
+}
 
 
 def summary(diag: Findings) -> str:
-    """The outcome in a few sentences: what lacks, what it gains, what stays open.
+    """The answer, in at most sixty words and four figures.
 
     Example:
-        >>> summary(diag)
-        'The basic thruster lacks a command dead band of ±0.40 V: with it the speed error on
-        unseen logs falls from 5.6 to 0.30 rad/s (NRMSE 0.33 to 0.018).'
+        >>> print(summary(diag))
+        Found: commands within ±0.40 V do nothing.
+        Unseen thrust error 3.4 -> 0.41 N.
+        Copy: effects = ["command_deadband"]
     """
-    sentences = [
-        *leading_doubt_words(diag),
-        *hint_words(diag),
-        *stopped_words(diag),
-        *_verdict_sentences(diag),
-        *other_model_words(diag),
-        *held_words(diag),
-        *added_bound_words(diag),
-        *worth_words(diag),
+    parts = [
+        _logs(diag),
+        _odd_logs(diag),
+        _caution(diag),
+        _bounds(diag),
+        _held(diag),
+        _missing(diag),
+        *_laws(diag),
+        _error(diag),
+        _rivals(diag),
+        _possible(diag),
+        _left(diag),
+        _other_model(diag),
+        _next(diag),
     ]
-    if diag.verdict == "unexplained":
-        sentences += [remaining_words(diag), *learned_words(diag), *possible_words(diag)]
-    if not diag.best and diag.verdict != "undecided":
-        errors = gain_words(diag) if diag.held else level_words(diag)
-        without = "without what was learned " if diag.laws else ""
-        sentences.append(f"{capitalised(without + errors)}.")
-    if diag.verdict != "undecided":
-        sentences += growth_words(diag)
-    sentences += decisive_log_words(diag)
-    return " ".join(sentences)
+    return within_budget(parts)
 
 
-def hint_words(diag: Findings) -> list[str]:
-    """Channels that move against the model, where no doubt on the logs says so with a mend."""
-    if diag.helpful_mends or not diag.before.hints:
-        return []
-    return ["A channel may not mean what its name says:", *diag.before.hints[:_HINTS]]
+# -- what is wrong with the logs, or with what was given -------------------------------------------
 
 
-def _verdict_sentences(diag: Findings) -> list[str]:
-    model = model_words(diag.model)
+def _logs(diag: Findings) -> Part:
+    """The mend that helps most, with what it does to the error; or the gravest doubt."""
+    if mends := diag.helpful_mends:
+        first = mends[0]
+        falls = percent(1.0 - first.after.nrmse / first.before.nrmse)
+        runs = "unseen" if first.unseen else "training"
+        mend = f"with {first.reading.words}"
+        words = f"First mend the logs: {mend} the {runs} error falls by {falls}"
+        return _part((3, words + _more(len(mends) - 1)), (10, words), (13, f"First: {mend}"))
+    doubts = grave_doubts(diag)
+    suspects = [_SUSPECT[doubt.kind].format(humanize(doubt.channel)) for doubt in doubts]
+    if suspects:
+        words = f"Check the logs: {suspects[0]}"
+        return _part((3, words + _more(len(suspects) - 1)), (11, words))
+    if diag.before.hints:
+        return _part((11, "Check the logs: a channel may not mean what its name says"))
+    return ()
+
+
+def _odd_logs(diag: Findings) -> Part:
+    accused = [odd for odd in diag.odd_logs if odd.accused]
+    if not accused:
+        return ()
+    apart = ", and is left out of the verdict" if diag.apart else ""
+    words = f"Log {accused[0].log} deviates from the others{apart}"
+    return _part((3, words + _more(len(accused) - 1)), (5, "A log deviates from the others"))
+
+
+def _caution(diag: Findings) -> Part:
+    """That the fit from which all numbers come may not be what it should."""
+    status = diag.fit.status
+    return () if status.ok else _part((11, f"Caution: {_UNFINISHED[status]}"))
+
+
+def _bounds(diag: Findings) -> Part:
+    stopped = [
+        (name, amount)
+        for full, (name, amount, _) in stopped_parameters(diag.fit).items()
+        if full in diag.model.parameters
+    ]
+    if not stopped:
+        return ()
+    name, amount = stopped[0]
+    words, more = f"{name} is at its bound", _more(len(stopped) - 1)
+    return _part((3, f"{words} of {amount}: widen it{more}"), (6, f"{words}: widen it{more}"))
+
+
+def _held(diag: Findings) -> Part:
+    if not diag.held:
+        return ()
+    (name, held), *others = diag.held.items()
+    fixed, wanted = distinct_numbers(held.value, held.wanted)
+    words = f"{name} is fixed at {fixed}; these logs suggest {wanted} {held.unit}".rstrip()
+    short = f"{name} is fixed at a wrong value"
+    return _part((3, words + _more(len(others))), (7, words), (12, short))
+
+
+# -- what is missing -------------------------------------------------------------------------------
+
+
+def _missing(diag: Findings) -> Part:
     if diag.best:
-        them = "it" if len(diag.best) == 1 else "them"
-        rivals = rival_words(diag)
-        lacking = joined(
-            sized_words(name, diag.fit)
-            + (f" (these logs cannot tell it from {rivals[name]})" if name in rivals else "")
-            for name in leading(diag)
-        )
-        return [f"The {model} lacks {lacking}: with {them} {gain_words(diag)}."]
-    if diag.verdict == "undecided":
-        return undecided_words(diag)
+        return _effects(diag)
+    if diag.held or diag.laws:
+        return ()
     if diag.verdict == "adequate":
-        return [_adequate_words(diag, model)]
-    if diag.held:  # `held_words` says it, and follows
-        return []
-    return [f"The {model} lacks something that no known effect explains."]
+        return _adequate(diag)
+    if diag.verdict == "undecided":
+        return _part((12, "These logs cannot tell a disturbance from missing physics"))
+    return _part((7, _unknown_words(diag, "Missing")), (12, "Missing: something unknown"))
 
 
-def _adequate_words(diag: Findings, model: str) -> str:
+def _effects(diag: Findings) -> Part:
+    """The added effects, the one that removes most first; fewer of them in each next wording."""
+    lines = []
+    for name in leading(diag):
+        worth = diag.worth.get(name)
+        sure = worth is None or sure_share(worth) is not None
+        lines.append(f"{'Found' if sure else 'Perhaps'}: {effect_words(name, diag.fit)}")
+    count = len(lines)
+    wordings = [
+        ((11, 11, 10)[k] if k < 3 else 7, ".\n".join(lines[:k]) + _more(count - k))
+        for k in range(count, 0, -1)
+    ]
+    return _part(*wordings, (13, f"Found: {_counted(count, 'effect')}, see below"))
+
+
+def _adequate(diag: Findings) -> Part:
     if not (diag.ranking or diag.silent):
-        untried = (
-            "These logs can test none of the effects" if diag.untestable else "No effect was tried"
-        )
-        return f"{untried}: these logs cannot show whether the {model} lacks an effect."
+        tested = "these logs can test no effect" if diag.untestable else "no effect was tried"
+        return _part((12, f"Unknown whether something is missing: {tested}"))
     errors = judged_errors(diag)[1].channels
     blind = [humanize(name) for name, e in errors.items() if e.nrmse >= 1.0]
     if blind:
-        return (
-            f"These logs show no effect that the {model} lacks, and yet it follows "
-            f"{joined(blind)} no better than a constant would: do they excite what drives it?"
+        nothing, as_well = "Nothing found, and yet", "followed no better than by a constant"
+        whether = ": do the logs excite it?"
+        return _part(
+            (4, f"{nothing} {joined(blind)} is {as_well}{whether}"),
+            (12, f"{nothing} the logs are {as_well}"),
         )
     count = len({c.effect for c in diag.ranking} | {*diag.silent})
-    tried = f"none of the {count} effects that were tried" if count > 1 else "no effect"
-    helps = "matters over whole runs" if diag.detectable else "helps on these logs"
-    return f"The {model} is adequate: {tried} {helps}."
+    tried = f"none of {count} effects helps" if count > 1 else "no effect helps"
+    return _part((4, f"Nothing is missing: {tried}"), (12, "Nothing is missing"))
+
+
+def _laws(diag: Findings) -> list[Part]:
+    """Of each learned law where it acts, its form, its size, and where it is valid."""
+    parts = []
+    for law in diag.laws:
+        label = f"Found {place_of(diag.model, law.curve.port)}"
+        whole, lead, bare = (f"{label}: {words}" for words in law_wordings(law))
+        size, valid = (
+            f", {words}" if words else "" for words in (reach_words(law), valid_words(law))
+        )
+        parts.append(
+            _part(
+                (1, whole + size + valid),
+                (2, lead + size + valid),
+                (6, lead + size),
+                (7, lead),
+                (12, bare),
+            )
+        )
+    return parts
+
+
+def _error(diag: Findings) -> Part:
+    """By how much the error of the channel that counts falls, or how large errors are."""
+    logs, first, last = errors_of(diag)
+    runs = logs.removeprefix("the ").removesuffix(" logs").capitalize()
+    if not (diag.best or diag.held or diag.laws):
+        names = sorted(last.channels, key=lambda name: -_finite(last.channels[name].nrmse))
+        sizes = [f"{humanize(n)} {_size(*last.channels[n].shown)}" for n in names[:2]]
+        return _part((5, f"{runs} error: {', '.join(sizes)}"), (8, f"{runs} error: {sizes[0]}"))
+    last = _last_errors(diag) if diag.laws else last
+    name = channel_that_counts(first, last)
+    before, after = first.channels[name].shown, last.channels[name].shown
+    start, end = distinct_numbers(before.value, after.value)
+    return _part((9, f"{runs} {humanize(name)} error {start} -> {end} {before.unit}".rstrip()))
+
+
+def channel_that_counts(first: Errors, last: Errors) -> str:
+    """The channel whose squared error falls most, each in units of its own spread."""
+
+    def fall(name: str) -> float:
+        return _finite(first.channels[name].nrmse) ** 2 - _finite(last.channels[name].nrmse) ** 2
+
+    return max((n for n in first.channels if n in last.channels), key=fall)
+
+
+def _rivals(diag: Findings) -> Part:
+    """What these logs cannot tell from an added effect."""
+    rivals = rival_words(diag)
+    if not rivals:
+        return ()
+    if len(diag.best) == 1:
+        sentences = [f"It could as well be {words}" for words in rivals.values()]
+    else:
+        sentences = [
+            f"Instead of {an_effect(name)} it could be {words}" for name, words in rivals.items()
+        ]
+    several = "These logs do not tell all effects from others"
+    return _part((4, ". ".join(sentences)), (5, several))
+
+
+def _possible(diag: Findings) -> Part:
+    possible = [humanize(n) for n, worth in diag.possible.items() if sure_share(worth)]
+    if not possible:
+        return ()
+    others = _more(len(possible) - 1)
+    return _part(
+        (3, f"Possible: {joined(possible, 'or')}"), (4, f"Possible: {possible[0]}{others}")
+    )
+
+
+# -- what is left, and what to do next -------------------------------------------------------------
+
+
+def _left(diag: Findings) -> Part:
+    """What is left besides what was found: structure, or errors that grow over whole runs."""
+    if diag.verdict == "undecided" or not (diag.best or diag.held or diag.laws):
+        return ()
+    if diag.verdict == "unexplained" and not diag.laws:
+        return _part((5, _unknown_words(diag, "Left")), (6, "Left: something unknown"))
+    name = _grown(diag)
+    if not name:
+        return ()
+    size, what = _size(*_last_errors(diag).channels[name].shown), f"Left: {humanize(name)}"
+    why = ", cause unknown; repeat one run"
+    return _part((5, f"{what} off by {size}{why}"), (6, f"{what}{why}"))
+
+
+def _last_errors(diag: Findings) -> Errors:
+    """With all that was found, over whole runs of the logs that count."""
+    if diag.laws:
+        return diag.laws[-1].reported.holdout or diag.laws[-1].reported.train
+    return judged_errors(diag)[1]
+
+
+def _grown(diag: Findings) -> str:
+    """The channel that errs most over whole runs against one sample ahead; "" for none."""
+    errors = _last_errors(diag)
+    growth = {
+        n: _finite(e.rmse / diag.one_step[n])
+        for n, e in errors.channels.items()
+        if n in diag.one_step
+    }
+    name = max(growth, key=growth.__getitem__, default="")
+    return name if name and growth[name] > SETTINGS.verdict.far_above_one_step else ""
+
+
+def _unknown_words(diag: Findings, label: str) -> str:
+    """Something unknown, and what is known of it: on what it depends, and where it enters."""
+    if remaining := diag.remaining:
+        place = place_of(diag.model, remaining.port)
+        return f"{label}: something unknown {place} that depends on {remaining.depends_on}"
+    if diag.repeating:
+        channels = joined(map(humanize, diag.repeating))
+        return f"{label}: something unknown; the error of {channels} repeats from run to run"
+    return f"{label}: something unknown"
+
+
+def _other_model(diag: Findings) -> Part:
+    other = next((other for other in diag.other_models if other.better), None)
+    if other is None:
+        return ()
+    name = humanize(other.name)
+    return _part((6, f"A {name} errs less: diagnose that model, too"))
+
+
+def _next(diag: Findings) -> Part:
+    """What to write, or which record to make."""
+    if mends := diag.helpful_mends:
+        return _part((10, f"Copy: {mends[0].reading.line.partition(', or ')[0].rstrip('.')}"))
+    if diag.laws:
+        return _part((9, "Copy: the lines in the report"))
+    if diag.best:
+        line = f"Copy: {effects_line(diag.fit.model.effects)}"
+        return _part((10, "Copy: the lines in the report" if figures_in(line) else line))
+    if diag.held:
+        return _part((9, f"Copy: {next(iter(diag.held))} = {{ fixed = false }}"))
+    if diag.verdict == "undecided":
+        if diag.experiment and diag.possible:
+            return _part((9, "Next: make the test proposed below"))
+        return _part((9, "Next: repeat one run with the same inputs; what recurs is physics"))
+    return ()
+
+
+# -- words -----------------------------------------------------------------------------------------
+
+
+def _part(*wordings: tuple[int, str]) -> Part:
+    """A part from how much each of its wordings matters, and its sentence without a full stop."""
+    return [
+        Wording(text if text.endswith(("?", "]", "}", '"')) else f"{text}.", importance)
+        for importance, text in wordings
+    ]
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{_number(count)} {what}{'s' * (count != 1)}"
+
+
+def _more(count: int) -> str:
+    return f", and {_number(count)} more, see below" if count else ""
+
+
+def _number(count: int) -> str:
+    return _COUNTS[count] if count < len(_COUNTS) else "many"
+
+
+def _size(value: float, unit: str) -> str:
+    return f"{number(value, 2)} {unit}".rstrip()
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else 0.0

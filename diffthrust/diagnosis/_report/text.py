@@ -453,7 +453,7 @@ def stopped_words(diag: Findings) -> list[str]:
         >>> stopped_words(diag)
         ['alpha stopped at its bound of 0.2 1/s: these logs favour a higher value. ...']
     """
-    first, last = _stopped(diag.stages[0].fit), _stopped(diag.fit)
+    first, last = stopped_parameters(diag.stages[0].fit), stopped_parameters(diag.fit)
     added = joined(map(an_effect, diag.added))
     sentences = []
     for full, (name, amount, way) in {**first, **last}.items():
@@ -475,7 +475,7 @@ def added_bound_words(diag: Findings) -> list[str]:
     """Every parameter of an added effect that a bound has stopped."""
     return [
         f"{name} {beyond_bound(amount)}"
-        for full, (name, amount, _) in _stopped(diag.fit).items()
+        for full, (name, amount, _) in stopped_parameters(diag.fit).items()
         if full not in diag.model.parameters
     ]
 
@@ -488,7 +488,7 @@ def beyond_bound(amount: str) -> str:
     )
 
 
-def _stopped(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
+def stopped_parameters(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
     """Of each parameter that a bound stopped its name in words, the bound, and which way it went.
 
     Without those at the null of their effect, or at the zero of a logarithm: there the effect has

@@ -159,7 +159,7 @@ FORMS = (
         "is a hump of {x} about {b}, and one of the other sign about its opposite, {c} to either "
         "side", even=True,
     ),
-    Form("ripple", "a * sin(k * (x - b))", 0, "goes in waves along {x}, of {k}"),
+    Form("ripple", "a * sin(k * (x - b))", 0, "repeats every {k} of {x}"),
     Form(
         "step", "a * (1 + tanh((x - b) / c)) / 2", 0,
         "is a step of {x} at {b}, {c} to either side",

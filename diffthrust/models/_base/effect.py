@@ -40,6 +40,9 @@ class Effect(Component):
 
     library: ClassVar[dict[str, type[Effect]]] = {}
     port: ClassVar[str] = ""
+    in_words: ClassVar[str] = ""
+    """What it does as a person would say it, with its parameters: "the motor's torque lags by
+    {time_constant}"; ``{change:more}`` reads "20 % less", ``{fraction:%}`` "5 %". Its name else."""
     needs: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[Mapping[str, str]] = {}
     free_starts: ClassVar[tuple[str, ...]] = ()

@@ -104,7 +104,7 @@ def last_error(diag: Any) -> Any:
 def said(diag: Any) -> str:
     """All that a reader is told: the summary, the notes, and the doubts of the fit."""
     doubts = [str(doubt) for doubt in getattr(diag.fit, "doubts", ())]
-    return "\n".join([diag.summary, *diag.notes, *doubts])
+    return "\n".join([diag.details, *diag.notes, *doubts])
 
 
 def _hidden_by_name(made: UserSet, name: str, group: Collection[str]) -> Hidden | None:

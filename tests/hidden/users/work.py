@@ -79,7 +79,7 @@ def diagnosed(made: UserSet, true_error: float) -> Row:
         "after": last_error(diag).to_json(),
         "seconds": round(time.perf_counter() - begun, 1),
         "steps": {step: round(spent, 1) for step, spent in diag.seconds.items()},
-        "summary": diag.summary,
+        "summary": diag.details,
         "notes": list(diag.notes),
         "doubts": [str(doubt) for doubt in diag.fit.doubts],
     }

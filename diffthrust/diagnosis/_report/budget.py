@@ -1,0 +1,90 @@
+"""A text that a tired reader takes in: few words, few figures, the least important left out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+MOST_WORDS = 60
+"""Display: of a summary. More is not read to its end on a ship; less cannot say what to do next."""
+MOST_FIGURES = 4
+"""Display: of a summary: one size, an error before and after, and what is left of it."""
+FIGURE = re.compile(r"(?<![\w.^*])[-±]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
+"""A number that is read: none in a name ("run_2.csv", "14V") or in a unit ("m/s^2")."""
+_MORE = "More below."
+
+
+class Wording(NamedTuple):
+    """A wording of a part, and how much it matters that no shorter one takes its place."""
+
+    text: str
+    importance: int
+
+
+Part = Sequence[Wording]
+"""A part of a text, worded at several lengths, the longest first; then it is left out."""
+
+
+def words_in(text: str) -> int:
+    """How many words a text has, each that is set off by blanks.
+
+    Example:
+        >>> words_in("Unseen thrust error 0.10 -> 0.052 kgf.")
+        7
+    """
+    return len(text.split())
+
+
+def figures_in(text: str) -> int:
+    """How many figures a text has.
+
+    Example:
+        >>> figures_in("run_2.csv: 0.10 -> 0.052 m/s^2, 1e-3 V at 14V")
+        3
+    """
+    return len(FIGURE.findall(text))
+
+
+def within_budget(parts: Sequence[Part]) -> str:
+    r"""The parts as lines of at most `MOST_WORDS` and `MOST_FIGURES`, and whether more was to say.
+
+    Example:
+        >>> lost = [Wording("Lost " * 60, 1), Wording("Lost.", 3)]
+        >>> within_budget([lost, [Wording("Thrust fails.", 2)]])
+        'Lost.\nThrust fails.'
+    """
+    parts = [part for part in parts if part]
+    chosen = [0] * len(parts)
+
+    def worded() -> str:
+        lines = [_wording(part, at) for part, at in zip(parts, chosen, strict=True)]
+        return "\n".join([*filter(None, lines), *[_MORE] * (not all(lines))])
+
+    # words last: leaving out a part for its figures adds that there is more
+    for at, most in ((1, MOST_FIGURES), (0, MOST_WORDS)):
+        while _sizes(worded())[at] > most:
+            shorter = {k: _shorter(part, chosen[k], at) for k, part in enumerate(parts)}
+            least = min((k for k in shorter if shorter[k]), key=lambda k: parts[k][chosen[k]][1])
+            chosen[least] = shorter[least]
+    return worded()
+
+
+def _sizes(text: str) -> tuple[int, int]:
+    return words_in(text), figures_in(text)
+
+
+def _wording(part: Part, at: int) -> str:
+    return part[at].text if at < len(part) else ""
+
+
+def _shorter(part: Part, chosen: int, at: int) -> int:
+    """The next wording of fewer words, or of fewer figures, 0 if the part has nothing left."""
+    if chosen == len(part):
+        return 0
+    now = _sizes(_wording(part, chosen))
+    for k in range(chosen + 1, len(part) + 1):
+        then = _sizes(_wording(part, k))
+        if then[at] < now[at] and then[1 - at] <= now[1 - at]:
+            return k
+    return 0

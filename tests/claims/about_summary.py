@@ -1,0 +1,348 @@
+"""Claims of the summary, the answer in few words: each is held against the numbers themselves."""
+
+from __future__ import annotations
+
+import re
+import string
+import tomllib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from reference import equations
+
+from .about_effects import SURE
+from .about_errors import SIMULATED, amplitudes
+from .page import Page
+from .parsing import NUMBER, claim, error_of, in_words, is_said
+
+MORE = r"(?P<more>, and (?P<count>\w+) more, see below)?"
+COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+FAR = 3.0
+"""Errors over whole runs are told to have grown where they are so many times those of one step."""
+
+
+# -- what is missing -------------------------------------------------------------------------------
+
+
+@claim(r"(?P<label>Missing|Left): something unknown(?P<place> .+? that depends on (?P<on>[^\n]+?))?"
+       r"(?P<repeats>; the error of (?P<channels>.+?) repeats from run to run)?\.")  # fmt: skip
+def _unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "unexplained" or diag.laws:
+        yield f"verdict {diag.verdict}, {len(diag.laws)} laws"
+    if (m["label"] == "Left") != bool(diag.added or diag.held):
+        yield f"added {diag.added}, held {[*diag.held]}"
+    if m["on"] and m["on"] != str(diag.remaining.depends_on):
+        yield f"it depends on {diag.remaining.depends_on}"
+    for name in diag.repeating if m["repeats"] else ():
+        if in_words(name) not in m["channels"]:
+            yield f"{name} repeats"
+
+
+@claim(r"Found: (?P<count>\w+) effects?, see below\.")
+def _counted(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if m["count"] != COUNTS[len(diag.added)]:
+        yield f"added {diag.added}"
+
+
+@claim(rf"Found (?P<place>(?:in|at) [^:\n]+): a (?P<kind>factor|term) that (?P<what>[^\n]+?)"
+       rf"(?:, up to (?P<reach>{NUMBER}) (?P<unit>% less|[^,\n]+?))?"
+       rf"(?:, valid from (?P<low>{NUMBER}) to (?P<high>{NUMBER})(?: [^,\n]+?)?)?\.")  # fmt: skip
+def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    laws = [law for law in diag.laws if (law.manner == "scales") == (m["kind"] == "factor")
+            or law.form]  # fmt: skip
+    if not laws:
+        yield f"laws: {diag.laws}"
+        return
+    sizes = [e.shown[0] for law in laws if law.form for e in law.form.fit.parameters.values()]
+    sizes += [2.0 * np.pi / size for size in sizes if size]
+    sizes += [getattr(law.curve, name) for law in laws for name in law.curve.given]
+    for number in re.findall(rf"(?<![\w.^*]){NUMBER}", m["what"]):
+        if not any(is_said(number, size, 1e-3) for size in sizes):
+            yield f"no number of a law is {number}"
+    if m["reach"] and not any(is_said(m["reach"], reach, 1e-3) for reach in map(_reach, laws)):
+        yield f"it reaches {[_reach(law) for law in laws]}"
+    ends = [(law.shown.value * law.curve.low, law.shown.value * law.curve.high) for law in laws]
+    if m["low"] and not any(is_said(m["low"], a) and is_said(m["high"], b) for a, b in ends):
+        yield f"it is valid over {ends}"
+    if page and page.law and not any(law.curve.port in page.law[0] for law in laws):
+        yield f"it is at {page.law[0]}"
+
+
+def _reach(law: Any) -> float:
+    """What a law takes off [%] or adds at most, but for a hundredth of samples at either end."""
+    values = np.sort([float(law.curve.at_signal(x)) for x in law.samples])
+    low, high = np.quantile(values, [0.01, 0.99])
+    if law.manner == "scales":
+        return 100.0 * (1.0 - (1.0 + low) / (1.0 + high))
+    return max(abs(low), abs(high))
+
+
+@claim(rf"(?P<label>Found|Perhaps): (?P<what>[^\n]+?){MORE}\.")
+def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    effects = [e for e in diag.fit.model.effects if e.name in diag.added]
+    said = next((e for e in effects if re.fullmatch(_wording(e, diag.fit), m["what"])), None)
+    if said is None:
+        yield f"added: {diag.added}"
+        return
+    worth = diag.worth.get(said.name)
+    shares = [w for w in (worth, worth and worth.everywhere) if w]
+    sure = [w.low >= SURE or any(c.low >= SURE for c in w.channels.values()) for w in shares]
+    if (m["label"] == "Found") != (not shares or any(sure)):
+        yield f"{said.name} is worth {worth}"
+    values = {n: diag.fit.parameters[f"{said.name}.{n}"] for n in said.declared}
+    told = [*[e.shown[0] for e in values.values()], *[100 * abs(e.value) for e in values.values()]]
+    for number in re.findall(rf"(?<![\w.^*]){NUMBER}", m["what"]):
+        near = [*told, *amplitudes(diag.fit)]
+        if not said.consequence(diag.fit.model) and not any(is_said(number, x, 1e-3) for x in near):
+            yield f"no parameter of {said.name} is {number}"
+    for word, way in ((" more", 1), (" less", -1)):
+        if f" %{word}" in m["what"] and not any(way * e.value > 0 for e in values.values()):
+            yield f"{said.name}: {values} is not{word}"
+    named = len(re.findall(r"(?m)^(?:Found|Perhaps): ", diag.summary))
+    if m["more"] and named + COUNTS.index(m["count"]) != len(diag.added):
+        yield f"added: {diag.added}"
+
+
+def _wording(effect: Any, fit: Any) -> str:
+    """How an effect may be told: in its own words with any numbers, or by its name."""
+    if consequence := effect.consequence(fit.model):
+        return re.escape(consequence)
+    if not effect.in_words:
+        return rf"(?:an? )?{re.escape(in_words(effect.name))}(?: of [^\n]+)?"
+    pieces = [re.escape(text) + (".+?" if field else "")
+              for text, field, *_ in string.Formatter().parse(effect.in_words)]  # fmt: skip
+    return "".join(pieces)
+
+
+@claim(r"Nothing is missing(?:: (?:none of (?P<count>\d+) effects|no effect) helps)?\.")
+def _nothing(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "adequate":
+        yield f"verdict {diag.verdict}"
+    tried = {c.effect for c in diag.ranking} | {*diag.silent}
+    if m["count"] and int(m["count"]) != len(tried):
+        yield f"{len(tried)} were tried"
+    if page and (page.hidden or page.law):
+        yield f"hidden: {page.hidden}, {page.law}"
+
+
+@claim(r"Unknown whether something is missing: (?:these logs can test no effect|no effect was "
+       r"tried)\.")  # fmt: skip
+def _untried(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.ranking or diag.silent:
+        yield "effects were tried"
+
+
+@claim(r"Nothing found, and yet (?P<what>.+?) (?:is|are) followed no better than by a constant"
+       r"(?:: do the logs excite it\?|\.)")  # fmt: skip
+def _blind(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    bad = [c for c in diag.judged.errors.channels if error_of(diag.judged, c)[1] >= 1.0]
+    if not bad or (m["what"] != "the logs" and any(in_words(c) not in m["what"] for c in bad)):
+        yield f"no better than a constant: {bad}"
+
+
+@claim(r"These logs cannot tell a disturbance from missing physics\.")
+def _either(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "undecided":
+        yield f"verdict {diag.verdict}"
+
+
+# -- errors ----------------------------------------------------------------------------------------
+
+
+@claim(rf"(?P<runs>Unseen|Training) (?P<channel>[a-zA-Z ]+) error (?P<first>{NUMBER}|inf|nan) -> "
+       rf"(?P<last>{NUMBER}|inf|nan)(?: (?P<unit>[^\n]+?))?\.")  # fmt: skip
+def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    fits = diag.stages[0].fit, diag.laws[-1].reported if diag.laws else diag.fit
+    errors = [f.holdout if m["runs"] == "Unseen" else f.train for f in fits]
+    channel = m["channel"].replace(" ", "_")
+    if None in errors or channel not in errors[0].channels:
+        yield f"no error of {channel}"
+        return
+    if m["unit"] != (errors[0].channels[channel].shown.unit or None):
+        yield f"it is in {errors[0].channels[channel].shown.unit}"
+    per = errors[0].channels[channel].per
+    rmse = [per * e.channels[channel].rmse for e in errors]
+    if m["runs"] == "Unseen" and not diag.laws:
+        rmse = [per * error_of(c, channel)[0] for c in (diag.before, diag.after)]
+    for number, value in zip((m["first"], m["last"]), rmse, strict=True):
+        if np.isfinite(value) and not is_said(number, value, SIMULATED):
+            yield f"{channel}: {number} is {value:.4g}"
+    falls = {c: errors[0].channels[c].nrmse ** 2 - errors[1].channels[c].nrmse ** 2
+             for c in errors[0].channels}  # fmt: skip
+    if falls[channel] < max(falls.values()):
+        yield f"the error of another channel falls more: {falls}"
+    if page and m["runs"] == "Unseen":
+        spread = rmse[0] / errors[0].channels[channel].nrmse
+        for number, fit in zip((m["first"], m["last"]), fits, strict=True):
+            try:
+                simulated = spread * page.modelled(fit)[channel]
+            except equations.Unwritten:
+                return
+            if not is_said(number, simulated, 2 * SIMULATED):
+                yield f"{channel}: {number} is {simulated:.4g} by an independent simulation"
+
+
+@claim(rf"(?P<runs>Unseen|Training) error: (?P<list>[a-zA-Z ]+ (?:{NUMBER}|inf|nan)[^\n]*)\.")
+def _levels(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    for text in m["list"].split(", "):
+        words, number = re.match(rf"([a-zA-Z ]+) ({NUMBER}|inf|nan)", text).groups()
+        channel = words.replace(" ", "_")
+        per = diag.stages[0].train.channels[channel].per
+        comparison = diag.after if m["runs"] == "Unseen" or not diag.stages[0].holdout else None
+        if comparison and not is_said(number, per * error_of(comparison, channel)[0], SIMULATED):
+            yield f"{channel}: {number} is {per * error_of(comparison, channel)[0]:.4g}"
+
+
+@claim(rf"Left: (?P<channel>[a-zA-Z ]+?)(?: off by (?P<size>{NUMBER})[^,\n]*)?, cause unknown; "
+       r"repeat one run\.")  # fmt: skip
+def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    channel = m["channel"].replace(" ", "_")
+    per = diag.judged.errors.channels[channel].per
+    run = error_of(diag.judged, channel)[0]
+    if diag.laws:
+        fit = diag.laws[-1].reported
+        run = (fit.holdout or fit.train).channels[channel].rmse
+    if m["size"] and not is_said(m["size"], per * run, SIMULATED):
+        yield f"it is off by {per * run:.3g}"
+    if not run > FAR * diag.one_step[channel]:
+        yield f"one step errs by {per * diag.one_step[channel]:.3g}, whole runs by {per * run:.3g}"
+
+
+# -- how sure, and what to do ----------------------------------------------------------------------
+
+
+@claim(r"(?:It could as well be|Instead of (?P<effect>.+?) it could be) (?P<rivals>[^\n.]+)\.")
+def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    groups = dict(zip(diag.added, diag.groups, strict=True))
+    named = [n for n in diag.added if not m["effect"] or in_words(n) in m["effect"]]
+    if not any(all(in_words(r) in m["rivals"] for r in groups[n] if r != n) for n in named):
+        yield f"groups: {diag.groups}"
+
+
+@claim(r"These logs do not tell all effects from others\.")
+def _some_rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if all(len(group) < 2 for group in diag.groups):
+        yield f"groups: {diag.groups}"
+
+
+@claim(rf"Possible: (?P<list>[^\n]+?){MORE}\.")
+def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    for words in re.split(r", | or ", m["list"]):
+        if words not in map(in_words, diag.possible):
+            yield f"possible: {[*diag.possible]}"
+
+
+@claim(r"Copy: effects = (?P<list>\[[^\n]*\])")
+def _copied_effects(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    names = tomllib.loads(m[0].removeprefix("Copy: "))["effects"]
+    if [str(n).rpartition(":")[2] for n in names] != [
+        e.name if ":" not in str(n) else type(e).__name__
+        for n, e in zip(names, diag.fit.model.effects, strict=False)
+    ] or len(names) != len(diag.fit.model.effects):
+        yield f"the model has {[e.name for e in diag.fit.model.effects]}"
+
+
+@claim(r"Copy: (?P<name>[\w.]+) = \{ fixed = false \}")
+def _copied_name(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if m["name"] not in diag.held:
+        yield f"held: {[*diag.held]}"
+
+
+@claim(r"Copy: the lines in the report\.")
+def _copied_end(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if "To copy into a spec file" not in diag.report():
+        yield "there are none"
+
+
+@claim(r"Copy: (?P<line>[^\n]+)")
+def _copied_mend(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if not any(m["line"].rstrip(".") in mend.reading.line for mend in diag.helpful_mends):
+        yield f"mends: {[mend.reading.line for mend in diag.helpful_mends]}"
+
+
+@claim(r"Next: (?P<what>make the test proposed below|repeat one run with the same inputs; what "
+       r"recurs is physics)\.")  # fmt: skip
+def _next(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.verdict != "undecided" or (m["what"].startswith("make") and diag.experiment is None):
+        yield f"verdict {diag.verdict}, experiment {diag.experiment}"
+
+
+@claim(r"A (?P<model>[a-zA-Z ]+?) errs less: diagnose that model, too\.")
+def _other_model(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    other = next((o for o in diag.other_models if in_words(o.name) == m["model"]), None)
+    here = diag.laws[-1].reported if diag.laws else diag.fit
+    if other is None:
+        yield f"other models: {[o.name for o in diag.other_models]}"
+    elif not (other.best.holdout or other.best.train).nrmse < (here.holdout or here.train).nrmse:
+        yield "it errs no less"
+
+
+@claim(r"More below\.")
+def _more(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    return iter(())
+
+
+# -- what is wrong with the logs, and with what was given ------------------------------------------
+
+
+@claim(rf"First mend the logs: with (?P<what>.+?) the (?:unseen|training) error falls by "
+       rf"(?P<falls>{NUMBER}) %{MORE}\.")  # fmt: skip
+def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    mend = next((x for x in diag.helpful_mends if x.reading.words == m["what"]), None)
+    if mend is None:
+        yield f"mends: {[x.reading.words for x in diag.helpful_mends]}"
+    elif not is_said(m["falls"], 100.0 * (1.0 - mend.after.nrmse / mend.before.nrmse)):
+        yield f"NRMSE goes from {mend.before.nrmse:.3g} to {mend.after.nrmse:.3g}"
+
+
+@claim(r"First: with (?P<what>[^\n]+?)\.")
+def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if m["what"] not in [x.reading.words for x in diag.helpful_mends]:
+        yield f"mends: {[x.reading.words for x in diag.helpful_mends]}"
+
+
+@claim(rf"Check the logs: (?P<what>[^\n]+?){MORE}\.")
+def _check(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if m["what"] == "a channel may not mean what its name says":
+        wrong = not diag.before.hints
+    else:
+        wrong = not any(in_words(d.channel) in m["what"] or d.kind == "time_base"
+                        for d in diag.doubts)  # fmt: skip
+    if wrong:
+        yield f"doubts: {[(d.channel, d.kind) for d in diag.doubts]}, hints: {diag.before.hints}"
+
+
+@claim(rf"(?:Log (?P<log>[^\n]+?)|A log) deviates from the others(?P<apart>, and is left out of "
+       rf"the verdict)?{MORE}\.(?=\n|$)")  # fmt: skip
+def _deviates(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    accused = [odd.log for odd in diag.odd_logs if odd.accused]
+    if not accused or (m["log"] and m["log"] not in accused):
+        yield f"odd logs: {accused}"
+    if bool(m["apart"]) and diag.apart is None:
+        yield "no log is left out"
+
+
+@claim(r"Caution: (?P<why>[^\n]+?)\.")
+def _caution(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.fit.status.ok:
+        yield f"the fit has the status {diag.fit.status}"
+
+
+@claim(rf"(?P<name>[\w.]+) is at its bound(?: of (?P<bound>[^\n:]+))?: widen it{MORE}\.")
+def _bound(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    estimate = diag.fit.parameters.get(m["name"])
+    if estimate is None or not estimate.at_bound:
+        yield f"at bounds: {[n for n, e in diag.fit.parameters.items() if e.at_bound]}"
+    elif m["bound"] and not is_said(m["bound"].split()[0], estimate.shown[0], 1e-3):
+        yield f"it is at {estimate.shown[0]:.4g}"
+
+
+@claim(rf"(?P<name>[\w.]+) is fixed at (?:a wrong value|(?P<value>{NUMBER}); these logs suggest "
+       rf"(?P<wanted>{NUMBER})[^\n]*?{MORE})\.(?=\n|$)")  # fmt: skip
+def _held(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    held = diag.held.get(m["name"])
+    if held is None:
+        yield f"held: {[*diag.held]}"
+    elif m["value"] and not (is_said(m["value"], held.value) and is_said(m["wanted"], held.wanted)):
+        yield f"{held.value:.4g}, and {held.wanted:.4g}"

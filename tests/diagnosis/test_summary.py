@@ -1,0 +1,244 @@
+"""The summary of a diagnosis: the answer in few words, whatever was found."""
+
+import itertools
+from dataclasses import replace
+
+import claims
+import hypothesis.strategies as st
+import made_diagnosis as made
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from steps import (
+    HeldValue,
+    LearnedLaw,
+    MeasuredMend,
+    OddLog,
+    Wording,
+    Worth,
+    effect_words,
+    figures_in,
+    within_budget,
+    words_in,
+)
+
+import diffthrust as dft
+
+MADE_UP = [made.found, made.diagnosis, made.adequate, made.unexplained, made.undecided]
+SURE = Worth(0.5, 0.4, 0.6)
+
+
+@pytest.mark.parametrize("made_up", MADE_UP)
+def test_it_is_short_and_every_line_is_so(made_up):
+    diag = made_up()
+    assert words_in(diag.summary) <= 60
+    assert figures_in(diag.summary) <= 4
+    assert claims.contradictions(diag, text=diag.summary) == []
+
+
+@pytest.mark.parametrize(
+    ("made_up", "lines"),
+    [
+        (made.found, ["Found: commands within ±0.398 V do nothing.",
+                      "Unseen thrust error 3.4 -> 0.41 N.",
+                      'Copy: effects = ["command_deadband"]']),
+        (made.unexplained, ["Missing: something unknown at the port 'drive' that depends on "
+                            "command.", "Unseen error: thrust 3.4 N, speed 5.6 rad/s."]),
+        (made.undecided, ["These logs cannot tell a disturbance from missing physics.",
+                          "Unseen error: thrust 3.4 N, speed 5.6 rad/s.",
+                          "Possible: command dead band.",
+                          "Next: repeat one run with the same inputs; what recurs is physics."]),
+        (made.adequate, ["Nothing is missing: no effect helps.",
+                         "Training error: thrust 0.42 N, speed 0.29 rad/s."]),
+    ],
+)  # fmt: skip
+def test_it_reads_as_an_answer(made_up, lines):
+    assert made_up().summary.splitlines() == lines
+
+
+@pytest.mark.parametrize(
+    ("made_up", "old", "new", "why"),
+    [
+        (made.found, "±0.", "±1.", "no parameter of command_deadband is 1."),
+        (made.found, "commands within", "clocks within", "added:"),
+        (made.found, "-> 0.41", "-> 0.21", "0.21 is 0.4"),
+        (made.found, "thrust error 3.4 -> 0.41 N", "speed error 5.6 -> 0.30 rad/s", "falls more"),
+        (made.found, "0.41 N.", "0.41 kN.", "it is in N"),
+        (made.found, '["command_deadband"]', '["actuator_lag"]', "the model has"),
+        (made.found, "Found", "Perhaps", "is worth"),
+        (made.diagnosis, "a thrust sensor lag", "an inflow", "groups:"),
+        (made.unexplained, "depends on command", "depends on speed", "it depends on command"),
+        (made.undecided, "Possible: command dead band", "Possible: wind", "possible:"),
+        (made.adequate, "speed 0.29", "speed 0.39", "0.39 is"),
+        (made.found, "Found: ", "Alas. Found: ", "nobody checks"),
+    ],
+)  # fmt: skip
+def test_what_is_not_so_is_seen(made_up, old, new, why):
+    diag = made_up()
+    text = diag.summary.replace(old, new, 1)
+    assert text != diag.summary
+    assert any(why in words for words in claims.contradictions(diag, text=text))
+
+
+# -- whatever was found ----------------------------------------------------------------------------
+
+
+def with_a_mend(diag):
+    reading = dft.soundness.Reading(
+        "thrust and speed exchanged", '[channels.thrust] column = "speed", or ...'
+    )
+    doubt = dft.soundness.Doubt("thrust", "exchanged", "It is odd.", "look", (reading,))
+    first = diag.stages[0].fit
+    stages = (replace(diag.stages[0], fit=replace(first, doubts=(doubt,))), *diag.stages[1:])
+    before = first.holdout or first.train
+    after = replace(before, nrmse=0.4 * before.nrmse)
+    mends = tuple(MeasuredMend(doubt, reading, before, after, SURE, True) for _ in range(1))
+    return replace(diag, mends=mends, stages=stages)
+
+
+def with_odd_logs(diag):
+    odd = (OddLog(f"a log of run {k}", "thrust", "errs 5 times as much", 0.5) for k in range(3))
+    return replace(diag, odd_logs=tuple(odd))
+
+
+def with_held_values(diag):
+    return replace(diag, held={n: HeldValue(0.5, 0.4, 0.01, "1/rad") for n in ("alpha", "ct")})
+
+
+def with_possible_effects(diag):
+    names = ("command_delay", "coulomb_friction", "thrust_sensor_offset", "inflow_thrust_loss")
+    return replace(diag, possible=dict.fromkeys(names, SURE))
+
+
+def not_converged(diag):
+    fit = replace(diag.fit, status=dft.Status.NOT_CONVERGED)
+    return replace(diag, stages=(*diag.stages[:-1], replace(diag.stages[-1], fit=fit)))
+
+
+def with_grown_errors(diag):
+    return replace(diag, one_step={"speed": 1e-3, "thrust": 1e-3})
+
+
+CHANGES = (
+    *(with_a_mend, with_odd_logs, with_held_values, with_possible_effects, not_converged),
+    with_grown_errors,
+)
+
+
+@pytest.mark.parametrize("made_up", MADE_UP)
+def test_any_combination_of_findings_is_told_within_the_budget(made_up):
+    for count in range(1, len(CHANGES) + 1):
+        for changes in itertools.combinations(CHANGES, count):
+            diag = made_up()
+            for change in changes:
+                diag = change(diag)
+            names = [change.__name__ for change in changes]
+            assert words_in(diag.summary) <= 60, names
+            assert figures_in(diag.summary) <= 4, names
+            assert claims.contradictions(diag, text=diag.summary) == [], names
+
+
+def test_the_mend_of_a_log_leads_and_is_what_is_copied():
+    lines = with_a_mend(made.found()).summary.splitlines()
+    assert lines[0] == (
+        "First mend the logs: with thrust and speed exchanged the unseen error falls by 60 %."
+    )
+    assert lines[-1] == 'Copy: [channels.thrust] column = "speed"' or "More below." in lines[-1]
+
+
+def test_many_effects_are_cut_with_how_many_there_are():
+    names = ["linear_damping", "command_delay", "thrust_sensor_lag", "coulomb_friction"]
+    diag = made.found()
+    model = diag.fit.model
+    for name in names:
+        model = model + name
+    width = diag.fit.parameters["command_deadband.half_width"]
+    estimates = {n: replace(width, value=p.value) for n, p in model.parameters.items()}
+    fit = replace(diag.fit, model=model, parameters={**estimates, **diag.fit.parameters})
+    best = tuple(effect for effect in model.effects)
+    many = replace(
+        diag, best=best, groups=tuple((e.name,) for e in best),
+        stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
+    )  # fmt: skip
+    assert "and three more, see below." in many.summary
+    assert words_in(many.summary) <= 60
+    assert figures_in(many.summary) <= 4
+    assert claims.contradictions(many, text=many.summary) == []
+
+
+TEXTS = st.lists(
+    st.sampled_from(["thrust", "falls", "0.30", "14V", "-2", "m/s^2", "±5"]),
+    min_size=1,
+    max_size=90,
+).map(" ".join)
+PARTS = st.lists(st.lists(st.builds(Wording, TEXTS, st.integers(1, 9)), max_size=4), max_size=9)
+
+
+@settings(deadline=None, derandomize=True)
+@given(PARTS)
+def test_no_text_is_over_the_budget(parts):
+    text = within_budget(parts)
+    assert words_in(text) <= 60
+    assert figures_in(text) <= 4
+    if all(len(part) < 2 for part in parts) and text.count("below.") == 0:
+        assert text.split("\n") == [part[0].text for part in parts if part] or not any(parts)
+
+
+def test_what_matters_least_is_left_out_first():
+    parts = [[Wording("word " * 20 + name, size)] for name, size in (("a", 2), ("b", 9), ("c", 5))]
+    assert within_budget(parts).split("\n")[-1] == "More below."
+    assert [line.split()[-1] for line in within_budget(parts).split("\n")[:-1]] == ["b", "c"]
+
+
+# -- effects in words ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(dft.effects.EFFECTS))
+def test_every_effect_says_what_it_does(name):
+    effect = dft.effects.EFFECTS[name]
+    if not effect.in_words:
+        assert name in ("curve", "formula", "periodic_force", "differential_gain")
+        return
+    fit = made.found().fit
+    width = fit.parameters["command_deadband.half_width"]
+    estimates = {f"{name}.{n}": replace(width, value=0.25) for n in effect.declared}
+    model = type("Stub", (), {"effects": (effect(),)})()
+    words = effect_words(name, replace(fit, model=model, parameters=estimates))
+    assert "{" not in words
+    assert figures_in(words) <= 2
+    assert words_in(words) <= 14
+
+
+def test_a_change_is_more_or_less():
+    fit, model = made.found().fit, dft.Thruster() + "reverse_thrust_asymmetry"
+    change = fit.parameters["command_deadband.half_width"]
+    for value, words in ((-0.2, "20 % less thrust"), (0.1, "10 % more thrust")):
+        estimates = {"reverse_thrust_asymmetry.change": replace(change, value=value)}
+        told = effect_words(
+            "reverse_thrust_asymmetry", replace(fit, model=model, parameters=estimates)
+        )
+        assert told == f"{words} in reverse"
+
+
+def test_a_law_is_told_in_one_form_and_by_what_it_does():
+    curve = dft.effects.Curve(
+        "drive", "speed", -60.0, 60.0, unit="rad/s^2", pieces=4, size=50.0, shape=(3.0,)
+    )
+    fit = made.found().fit
+    law = LearnedLaw(
+        curve, fit, SURE, 9.0, samples=np.linspace(-50.0, 50.0, 101), signal_unit="rad/s",
+        port_unit="rad/s^2",
+    )  # fmt: skip
+    diag = replace(made.unexplained(), laws=(law,))
+    first, second, *_ = diag.summary.splitlines()
+    assert first.startswith("Found at the port 'drive': a term that is a curve of speed, up to 3.0")
+    assert second == "Unseen thrust error 3.4 -> 0.41 N."
+    assert claims.contradictions(diag, text=diag.summary) == []
+
+
+def test_a_notebook_shows_the_answer_and_folds_the_rest():
+    shown, _, folded = made.found()._repr_html_().partition("<details>")
+    assert "Unseen thrust error" in shown
+    assert "Stages" not in shown
+    assert "Stages" in folded
+    assert folded.endswith("</details></div>")
