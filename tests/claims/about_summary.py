@@ -46,7 +46,7 @@ def _counted(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"Found (?P<place>(?:in|at) [^:\n]+): a (?P<kind>factor|term) that (?P<what>[^\n]+?)"
-       rf"(?:, up to (?P<reach>{NUMBER}) (?P<unit>% less|[^,\n]+?))?"
+       rf"(?:, up to (?P<reach>{NUMBER}) (?P<unit>% (?:less|more)|[^,\n]+?))?"
        rf"(?:, valid from (?P<low>{NUMBER}) to (?P<high>{NUMBER})(?: [^,\n]+?)?)?\.")  # fmt: skip
 def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     laws = [law for law in diag.laws if (law.manner == "scales") == (m["kind"] == "factor")
@@ -60,8 +60,9 @@ def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for number in re.findall(rf"(?<![\w.^*]){NUMBER}", m["what"]):
         if not any(is_said(number, size, 1e-3) for size in sizes):
             yield f"no number of a law is {number}"
-    if m["reach"] and not any(is_said(m["reach"], reach, 1e-3) for reach in map(_reach, laws)):
-        yield f"it reaches {[_reach(law) for law in laws]}"
+    reached = [_reach(law, m["unit"]) for law in laws] if m["reach"] else []
+    if reached and not any(is_said(m["reach"], reach, 1e-3) for reach in reached):
+        yield f"it reaches {reached}"
     ends = [(law.shown.value * law.curve.low, law.shown.value * law.curve.high) for law in laws]
     if m["low"] and not any(is_said(m["low"], a) and is_said(m["high"], b) for a, b in ends):
         yield f"it is valid over {ends}"
@@ -69,12 +70,25 @@ def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"it is at {page.law[0]}"
 
 
-def _reach(law: Any) -> float:
-    """What a law takes off [%] or adds at most, but for a hundredth of samples at either end."""
-    values = np.sort([float(law.curve.at_signal(x)) for x in law.samples])
-    low, high = np.quantile(values, [0.01, 0.99])
-    if law.manner == "scales":
-        return 100.0 * (1.0 - (1.0 + low) / (1.0 + high))
+def _reach(law: Any, unit: str) -> float:
+    """How far a law goes but for a hundredth of samples at either end: in its unit, or in per cent.
+
+    By the splines of its curve; where the closed form is multiplied by something else, by its
+    expression as it is printed.
+    """
+    if law.form and not law.together and law.form.times != law.curve.times:
+        names = {"tanh": np.tanh, "exp": np.exp, "abs": np.abs, "sign": np.sign,
+                 "max": np.maximum, "min": np.minimum, "sin": np.sin}  # fmt: skip
+        own = f"{law.form.formula.name}."
+        names |= {n.removeprefix(own): e.value for n, e in law.form.fit.parameters.items()
+                  if n.startswith(own)}  # fmt: skip
+        names |= {law.curve.signal: law.samples, "value": 1.0 if "%" in unit else 0.0}
+        values = np.broadcast_to(eval(law.form.formula.expression, names), law.samples.shape)
+    else:
+        values = np.array([float(law.curve.at_signal(x)) for x in law.samples]) + ("%" in unit)
+    low, middle, high = np.quantile(values, [0.01, 0.5, 0.99])
+    if "%" in unit:
+        return 100.0 * (1.0 - low / middle if "less" in unit else high / middle - 1.0)
     return max(abs(low), abs(high))
 
 
