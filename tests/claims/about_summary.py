@@ -230,8 +230,21 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     groups = dict(zip(diag.added, diag.groups, strict=True))
     named = [n for n in diag.added if not m["effect"] or in_words(n) in m["effect"]]
-    if not any(all(in_words(r) in m["rivals"] for r in groups[n] if r != n) for n in named):
+    if not any(
+        all(in_words(r) in m["rivals"] for r in groups[n] if r not in diag.added) for n in named
+    ):
         yield f"groups: {diag.groups}"
+
+
+@claim(r"Unmeasured (?P<channel>[a-z ]+?) could look like (?P<effect>[^\n.]+)\.")
+def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    channel = m["channel"].replace(" ", "_")
+    if any(channel in run.log.inputs for run in diag.before.runs):
+        yield f"{channel} is in the logs"
+    if not any(channel in why for why in diag.untestable.values()):
+        yield f"untestable: {diag.untestable}"
+    if not any(in_words(name) in m["effect"] for name in diag.added):
+        yield f"added: {diag.added}"
 
 
 @claim(r"These logs do not tell all effects from others\.")

@@ -190,6 +190,26 @@ def test_what_matters_least_is_left_out_first():
     assert [line.split()[-1] for line in within_budget(parts).split("\n")[:-1]] == ["b", "c"]
 
 
+def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like():
+    """Under an unmeasured inflow a thruster seemed to push less in reverse."""
+    diag = made.found()
+    model = diag.fit.model + "reverse_thrust_asymmetry"
+    change = replace(diag.fit.parameters["command_deadband.half_width"], value=-0.2)
+    estimates = {**diag.fit.parameters, "reverse_thrust_asymmetry.change": change}
+    fit = replace(diag.fit, model=model, parameters=estimates)
+    reason = "needs the channel 'inflow', which no log has"
+    told = replace(
+        diag, best=model.effects, groups=tuple((e.name,) for e in model.effects),
+        stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
+        untestable={"inflow_thrust_loss": reason, "inflow_load_relief": reason},
+    )  # fmt: skip
+    words = "Unmeasured inflow could look like a reverse thrust asymmetry."
+    assert words in told.summary.splitlines()
+    assert "Inflow, which no log has, could look like a reverse thrust asymmetry." in told.report()
+    assert claims.contradictions(told, text=told.summary) == []
+    assert "Unmeasured" not in replace(told, untestable={}).summary
+
+
 # -- effects in words ------------------------------------------------------------------------------
 
 

@@ -217,7 +217,8 @@ def law_wordings(law: LearnedLaw) -> tuple[str, str, str]:
     signal = signal_words(law)
     if law.form is None:
         kind = "factor" if law.manner == "scales" else "term"
-        return (f"a {kind} that is a curve of {signal}",) * 3
+        words = f"a {kind} that is a curve of {signal}"
+        return words, words, words
     kind = "factor" if law.form.times == ARRIVING else "term"
     verb, times = _verb_words(law, law.form), _times_words(law.form)
     whole, lead = f"a {kind} that {verb}{times}", f"a {kind} that {verb.partition(', ')[0]}{times}"

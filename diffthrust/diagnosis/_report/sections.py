@@ -46,6 +46,7 @@ from diffthrust.diagnosis._report.text import (
     remaining_words,
     rival_words,
     stage_words,
+    unmeasured_rivals,
     verdict_words,
 )
 from diffthrust.diagnosis._settings import SETTINGS
@@ -120,6 +121,10 @@ def diagnosis_report(diag: Findings) -> Report:
         _tried(diag),
         Section(
             "What these logs cannot tell apart",
+            *(
+                f"{capitalised(channel)}, which no log has, could look like {an_effect(n)}."
+                for n, channel in unmeasured_rivals(diag).items()
+            ),
             *(f"These logs cannot tell {an_effect(n)} from {rivals[n]}." for n in rivals),
         ),
         _experiment(diag),

@@ -22,6 +22,7 @@ from diffthrust.diagnosis._report.text import (
     leading,
     rival_words,
     stopped_parameters,
+    unmeasured_rivals,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._model_lines import effects_line
@@ -230,17 +231,21 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
 
 def _rivals(diag: Findings) -> Part:
     """What these logs cannot tell from an added effect."""
-    rivals = rival_words(diag)
-    if not rivals:
+    sentences = [
+        f"Unmeasured {channel} could look like {an_effect(name)}"
+        for name, channel in unmeasured_rivals(diag).items()
+    ]
+    for name, words in rival_words(diag).items():
+        instead = (
+            "It could as well be"
+            if len(diag.best) == 1
+            else (f"Instead of {an_effect(name)} it could be")
+        )
+        sentences.append(f"{instead} {words}")
+    if not sentences:
         return ()
-    if len(diag.best) == 1:
-        sentences = [f"It could as well be {words}" for words in rivals.values()]
-    else:
-        sentences = [
-            f"Instead of {an_effect(name)} it could be {words}" for name, words in rivals.items()
-        ]
     several = "These logs do not tell all effects from others"
-    return _part((4, ". ".join(sentences)), (5, several))
+    return _part((4, ". ".join(sentences)), (5, sentences[0]), (5, several))
 
 
 def _possible(diag: Findings) -> Part:

@@ -113,12 +113,31 @@ def stage_words(diag: Findings, index: int) -> str:
 
 
 def rival_words(diag: Findings) -> dict[str, str]:
-    """For each added effect that has rivals, what these logs cannot distinguish from it."""
-    return {
-        name: joined((an_effect(rival) for rival in group if rival != name), "or")
+    """For each added effect that has rivals, what these logs cannot distinguish from it.
+
+    Rivals that were added later are none: model and logs tell both apart.
+    """
+    rivals = {
+        name: [an_effect(rival) for rival in group if rival not in diag.added]
         for name, group in zip(diag.added, diag.groups, strict=True)
-        if len(group) > 1
     }
+    return {name: joined(words, "or") for name, words in rivals.items() if words}
+
+
+def unmeasured_rivals(diag: Findings) -> dict[str, str]:
+    """For each added effect the first channel that no log has, and that could look like it.
+
+    The channel that another effect at the same port needs: under an inflow that nobody measured a
+    thruster seemed to push less in reverse. Not for an effect that remembers, such as a lag.
+    """
+    rivals = {}
+    for effect in diag.best:
+        untested = (EFFECTS[name] for name in diag.untestable if name in EFFECTS)
+        needs = [n for other in untested if {*other.ports} & {*effect.ports} for n in other.needs]
+        lacking = [n for n in needs if not any(n in run.log.inputs for run in diag.before.runs)]
+        if lacking and not effect.states and not effect.memory:
+            rivals[effect.name] = humanize(lacking[0])
+    return rivals
 
 
 # -- errors and what reduces them ------------------------------------------------------------------
