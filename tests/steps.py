@@ -172,6 +172,7 @@ from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnos
     change_between,
     fitted_beside,
     fitted_to_runs,
+    simulation_fitter,
 )
 from diffthrust.diagnosis._spectral_line import (  # private: spectra without a search
     height_at,
@@ -345,6 +346,7 @@ __all__ = [
     "search_state_module",
     "shares_by_effect",
     "shift_of",
+    "simulation_fitter",
     "sized_words",
     "smoothed_signals",
     "stage_words",

@@ -96,6 +96,10 @@ class Compiled(NamedTuple):
     problem: Problem
     unseen: Problem | None
 
+    def room(self, free: int) -> int:
+        """How many parameters of effects can be estimated beside those of the model."""
+        return (self.problem.layout.width or 0) - free
+
 
 @dataclass(frozen=True, eq=False)
 class TrialFit:
@@ -184,6 +188,7 @@ class Programs:
         noise_model: with "ar1" there are no random forces and no corrections of the states, as in a
             fit with that noise.
         constants: names of fixed parameters of the model that are candidates.
+        simulating: nothing is corrected and no sensor's error lasts: whole simulated runs.
     """
 
     def __init__(
@@ -195,7 +200,10 @@ class Programs:
         substeps: int = 1,
         noise_model: str = "white",
         constants: Sequence[str] = (),
+        *,
+        simulating: bool = False,
     ) -> None:
+        self.substeps, self.noise_model = substeps, noise_model
         self.model, self.records, self.unseen = model, tuple(records), tuple(unseen)
         self.channels = measured_outputs(model, records)
         self.places = places_of(model, records[0], self.channels)
@@ -205,6 +213,7 @@ class Programs:
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
         observer = observer_of(model, records[0], self.channels, remembering, lasts)
+        observer = observer.simulation if simulating else observer
         likelihood = Innovations(law=StudentT(), observer=observer)
         self._arranged = partial(build, substeps=substeps, likelihood=likelihood, compact=True)
         first = self._arranged(model, self.records)
@@ -222,6 +231,24 @@ class Programs:
         self._lock = RLock()
         self._compiled = [self._program(())]
 
+    @cached_property
+    def simulation(self) -> Programs:
+        """The programs of whole simulated runs.
+
+        They have no gains and memories: of a vessel with five channels 32, whose derivatives took
+        most of the time of a trial.
+        """
+        return Programs(
+            self.model,
+            list(self.candidates.values()),
+            self.records,
+            self.unseen,
+            self.substeps,
+            self.noise_model,
+            self.constants,
+            simulating=True,
+        )
+
     def ready(self, effects: Collection[str], later: Sequence[str] = ()) -> Compiled:
         """The program for trials of these effects, compiled if there is none yet.
 
@@ -229,14 +256,15 @@ class Programs:
         that may be tried ``later``, the most likely first.
         """
         with self._lock:
+            needed = sum(map(self._size, effects))
             for program in reversed(self._compiled):
-                if program.effects >= {*effects}:
+                if program.effects >= {*effects} and program.room(len(self.free)) >= needed:
                     return program
             last = sorted(self._compiled[-1].effects)
             wanted = dict.fromkeys((*effects, *last, *later))
             wanted = [n for n in wanted if n in self.candidates][: max(_TOGETHER, len(effects))]
             # any of these effects may be tried, with all its parameters, beside those of a trial
-            most = sum(sorted(map(self._size, wanted))[-_MOST_PRESENT:])
+            most = max(needed, sum(sorted(map(self._size, wanted))[-_MOST_PRESENT:]))
             self._compiled.append(self._program(wanted, len(self.free) + most))
             return self._compiled[-1]
 
@@ -275,13 +303,10 @@ class CandidateFitter:
 
     Args:
         programs: the compiled problems.
-        observed: parameters of the observer that are estimated, by default all. With an empty list
-            and gains of zero, whole simulated runs are fitted.
     """
 
-    def __init__(self, programs: Programs, observed: Sequence[str] | None = None) -> None:
-        self.programs = programs
-        self.nuisance = programs.nuisance if observed is None else tuple(observed)
+    def __init__(self, programs: Programs) -> None:
+        self.programs, self.nuisance = programs, programs.nuisance
         self.model, self.records, self.channels = (
             programs.model,
             programs.records,

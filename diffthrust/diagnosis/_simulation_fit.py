@@ -1,7 +1,7 @@
-"""Trials fitted to whole runs: the same problem without correction of the states.
+"""Trials fitted to whole runs: the same problems without correction of the states.
 
-They share the programs of the innovations form. So the influence of an effect on whole runs is
-cheap to compute, before the model is refitted with the effect.
+One program serves many effects here, too. So the influence of an effect on whole runs is cheap to
+compute, before the model is refitted with the effect.
 """
 
 from __future__ import annotations
@@ -23,11 +23,8 @@ _Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
 def simulation_fitter(fitter: CandidateFitter) -> CandidateFitter:
-    """Fits by the same programs that estimate no random force and no correlated sensor error.
-
-    With gains of zero at the start the states are never corrected.
-    """
-    return CandidateFitter(fitter.programs, observed=())
+    """Fits of the same model with any of the same candidates, to whole simulated runs."""
+    return CandidateFitter(fitter.programs.simulation)
 
 
 def fitted_to_runs(
@@ -40,8 +37,7 @@ def fitted_to_runs(
 
 def fitted_without(fitter: CandidateFitter, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
     """The model of a trial, or with fewer effects, fitted to whole runs from its values."""
-    values = {**trial.values, **fitter.programs.uncorrected}
-    return _fitted(fitter, effects, {*trial.effects} - {*effects}, values)
+    return _fitted(fitter, effects, {*trial.effects} - {*effects}, trial.values)
 
 
 def _fitted(
@@ -64,12 +60,12 @@ def fitted_beside(
     The better of two fits: one starts from the values of the trial, one from those of the stage,
     with those of the trial for the parameters that the stage lacks.
     """
-    stage_values, uncorrected = _values_of(fitter, last), fitter.programs.uncorrected
+    stage_values = _values_of(fitter, last)
     trial_values = {n: v for n, v in trial.values.items() if n not in fitter.nuisance}
     lacking = {n: v for n, v in trial_values.items() if n not in last.fit.model.parameters}
     simulation, clip = simulation_fitter(fitter), _unclipped(fitter)
     ends = [
-        simulation.solve(effects, {**stage_values, **values, **uncorrected}, None, clip, _FEW)
+        simulation.solve(effects, {**stage_values, **values}, None, clip, _FEW)
         for values in (trial_values, lacking)
     ]
     return simulation.further(min(ends, key=lambda end: end.expected))
@@ -141,7 +137,7 @@ def _runs(fitter: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
 
     Both are then integrated by the same code, and rounding makes no difference between them.
     """
-    program = fitter.ready({*trial.effects, *rival.effects})
+    program = simulation_fitter(fitter).ready({*trial.effects, *rival.effects})
     by_problem: list[_Residuals] = []
     for problem, starts in ((program.problem, trial.initial_states), (program.unseen, None)):
         logs = (
@@ -173,10 +169,11 @@ def _pooled(runs: _Residuals) -> Errors:
 
 
 def _values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
-    """The values of a stage, with absent effects at their nulls and all gains zero."""
-    values = {n: p.value for n, p in fitter.ready(stage.effects).problem.named.items()}
-    values |= {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
-    return {**values, **fitter.programs.uncorrected}
+    """The values of a stage, with absent effects at their nulls."""
+    program = simulation_fitter(fitter).ready(stage.effects)
+    values = {n: p.value for n, p in program.problem.named.items()}
+    fitted = {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
+    return {**values, **fitted}
 
 
 def _unclipped(fitter: CandidateFitter) -> ResidualClip:

@@ -180,10 +180,10 @@ class _Step:
         read = read_out(model, Signals({**corrected, **u}))
         errors, colours = [], {}
         for i, c in enumerate(observer.channels):
-            colour = x[f"colour.{c}"]
+            colour = x.get(f"colour.{c}", 0.0)
             modelled = predicted[c] if c in observer.fed else read[c]
             errors.append(run.error(c, modelled, run.rows[c], colour))
-            if c not in observer.fed:
+            if c in observer.coloured and c not in observer.fed:
                 gain, decay = values[f"noise.{c}.colour"], run.rows[f"colour.{c}"]
                 colours[f"colour.{c}"] = decay * (colour + gain * limited(errors[-1], run.limit[i]))
         pushed = self.pushed_model(values, over)

@@ -16,7 +16,7 @@ are not states (a thrust) are read from the corrected states and have a colour o
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import jax
@@ -56,6 +56,7 @@ class Observer:
         forced: states on which random forces act.
         still: nothing is corrected and no random force acts; what is left is a simulation whose
             sensors have errors that last ("ar1" noise).
+        lasting: sensors have errors that last.
     """
 
     channels: tuple[str, ...]
@@ -63,6 +64,17 @@ class Observer:
     corrected: tuple[tuple[str, tuple[str, ...]], ...]
     forced: tuple[str, ...]
     still: bool = False
+    lasting: bool = True
+
+    @property
+    def simulation(self) -> Observer:
+        """That of a plain simulation, without any gain or memory."""
+        return replace(self, corrected=(), forced=(), lasting=False)
+
+    @property
+    def coloured(self) -> tuple[str, ...]:
+        """The channels whose sensors have errors that last."""
+        return self.channels if self.lasting else ()
 
     def parameters(self, duration: float, step: float) -> dict[str, Parameter]:
         """The gains and memories, by name, with values to start from."""
@@ -85,7 +97,7 @@ class Observer:
                     named[f"noise.{state}.drift.{c}"] = gain(0.05, state == c)
             if state in self.forced:
                 named[f"noise.{state}.memory"] = memory(1.0, self.still)
-        for c in self.channels:
+        for c in self.coloured:
             unity = Parameter(1.0, "", (0.0, 1.0), size=0.3, fixed=True)
             named[f"noise.{c}.colour"] = unity if self.still else gain(0.2)
             named[f"noise.{c}.correlation"] = memory(5 * step)
@@ -189,13 +201,14 @@ class Correction:
         self.limit = limits.reach * self.clip
         step = jnp.diff(time, append=time[-1:])
         kept = {f"drift.{n}": values[f"noise.{n}.memory"] for n in observer.forced}
-        kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.channels}
+        kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.coloured}
         decays = {name: jnp.exp(-step / memory) for name, memory in kept.items()}
         rate = jnp.where(step > 0, 1.0 / jnp.where(step > 0, step, 1.0), 0.0)
         readings = {c: measured[i] for i, c in enumerate(observer.channels)}
         self.rows: Mapping[str, Any] = {**decays, **readings, "rate": rate}
         self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
-        self.start = {**self.start, **{f"colour.{c}": 0.0 for c in observer.fed}}
+        coloured = (c for c in observer.fed if observer.lasting)
+        self.start = {**self.start, **{f"colour.{c}": 0.0 for c in coloured}}
 
     def rates(self, rates: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
         """Random accelerations on the forced states; the observer's own states wait."""
@@ -222,7 +235,7 @@ class Correction:
         bounded, errors = {}, {}
         for c in o.fed:
             modelled = sensor(c, outputs[c])
-            e = self.error(c, modelled, row[c], state[f"colour.{c}"])
+            e = self.error(c, modelled, row[c], state.get(f"colour.{c}", 0.0))
             i = o.channels.index(c)
             bounded[c] = limited(e, self.limit[i])
             toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
@@ -240,7 +253,7 @@ class Correction:
                 new[f"drift.{name}"] = row[f"drift.{name}"] * (
                     state[f"drift.{name}"] + pace * drift
                 )
-        for c in o.fed:
+        for c in o.fed if o.lasting else ():
             held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * bounded[c]
             new[f"colour.{c}"] = row[f"colour.{c}"] * held
         return new
@@ -304,7 +317,9 @@ def innovations(
         modelled = ahead[c] if c in observer.fed else after[c]
         noted[f"rest.{c}"] = residual = run.error(c, modelled, run.rows[c], 0.0)
         if c in observer.fed:
-            errors.append(run.error(c, modelled, run.rows[c], path[f"colour.{c}"]))
+            errors.append(run.error(c, modelled, run.rows[c], path.get(f"colour.{c}", 0.0)))
+        elif not observer.lasting:
+            errors.append(residual)
         else:
             gain, limit = values[f"noise.{c}.colour"], run.limit[observer.channels.index(c)]
             kept = run.rows[f"colour.{c}"]

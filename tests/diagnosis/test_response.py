@@ -17,7 +17,9 @@ from steps import (
     fitted_to_runs,
     predicted_gains,
     shift_of,
+    simulation_fitter,
 )
+from trajectories import runs_over
 
 import diffthrust as dft
 
@@ -48,8 +50,15 @@ def trials():
     return made, made.base()
 
 
-def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials):
-    _, base = trials
+@pytest.fixture(scope="module")
+def simulated(trials):
+    made, _ = trials
+    return simulation_fitter(made).base()
+
+
+@pytest.mark.parametrize("which", ["innovations", "simulated"])
+def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials, simulated, which):
+    base = simulated if which == "simulated" else trials[1]
     there = base.at_values
     by_scan = jax.jit(jacobians, static_argnums=0)(there.layout, there.numbers, there.start())
     for (errors, jacobian), ours, slopes in zip(
@@ -58,6 +67,7 @@ def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials):
         np.testing.assert_allclose(ours, errors, atol=1e-12)
         size = np.abs(jacobian).max()
         np.testing.assert_allclose(slopes.jacobian, jacobian, atol=1e-9 * size)
+
     q = base.response.quadratic()
     np.testing.assert_allclose(q.information, base.quadratic.information, rtol=1e-9, atol=1e-6)
     assert float(q.cost) == pytest.approx(base.cost, abs=1e-9)
@@ -66,6 +76,17 @@ def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials):
     whole, kept = base.response.quadratic(more), [0, 2, base.response.problem.shared]
     np.testing.assert_allclose(information, whole.information[np.ix_(kept, kept)], rtol=1e-9)
     np.testing.assert_allclose(scores, whole.scores[kept], rtol=1e-9, atol=1e-9)
+
+
+def test_trials_of_whole_runs_err_as_a_plain_simulation_does(trials, simulated):
+    made, _ = trials
+    model = made.model.replace({n: simulated.values[n] for n in made.free})
+    starts = simulated.at_values.initial_states(simulated.at_values.start())
+    runs = runs_over(model, made.records, initial=starts, substeps=2)
+    assert not simulation_fitter(made).nuisance
+    for run, passed in zip(runs, simulated.passed, strict=True):
+        for name, errors in zip(made.channels, passed.errors, strict=True):
+            np.testing.assert_allclose(errors, run.channels[name].residual, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -73,6 +73,11 @@ def test_one_that_is_still_keeps_only_the_errors_of_its_sensors():
             assert is_memory(name) or p.value == 0.0
 
 
+def test_that_of_a_simulation_estimates_nothing_and_corrects_nothing():
+    assert OBSERVER.simulation.parameters(DURATION, STEP) == {}
+    assert OBSERVER.simulation.fed == OBSERVER.fed  # so that initial states are estimated alike
+
+
 @pytest.mark.parametrize(
     ("duration", "step", "memory"), [(1.0, 0.1, 0.5), (40.0, 0.7, 1.4), (40.0, 0.4, 1.0)]
 )
