@@ -134,7 +134,7 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{name} was added"
     estimates = [e for n, e in diag.fit.parameters.items() if n.rpartition(".")[0] in diag.added]
     values = [e.shown[0] for e in estimates] + amplitudes(diag.fit)
-    for number in re.findall(rf"(?<![\w.]){NUMBER}(?!\^)", named):
+    for number in re.findall(rf"(?<![\w.^]){NUMBER}(?!\^)", named):
         if not any(is_said(number, value, 1e-9) for value in values):
             yield f"no added parameter is {number}"
     if page and page.hidden is not None:

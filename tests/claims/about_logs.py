@@ -63,6 +63,17 @@ def _odd(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "every log was recorded alike"
 
 
+@claim(rf"Log (?P<log>.+?) does what most of the others do not \((?P<what>[^()]+)\), and what the "
+       rf"model lacks there shows in it: (?P<evidence>.+?)\. It carries (?P<share>{SHARE}) of the "
+       r"squared (?P<channel>.+?) error of all logs\.")  # fmt: skip
+def _beyond(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    odd = next((o for o in diag.odd_logs if o.log == m["log"]), None)
+    if odd is None or not is_said(m["share"].removesuffix(" %"), 100 * odd.share):
+        yield f"odd logs: {diag.odd_logs}"
+    elif not all(way in m["what"] for way in odd.beyond):
+        yield f"it goes {odd.beyond}"
+
+
 @claim(r"The verdict rests on the other logs alone, with the model fitted to them: .+?\. So "
        r"fitted, (?P<levels>the .+?\(NRMSE [^()]+\)(?:(?:, | and )the .+?"
        r"\(NRMSE [^()]+\))*)\.")  # fmt: skip

@@ -365,8 +365,8 @@ def _bound(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"it is at {estimate.shown[0]:.4g}"
 
 
-@claim(rf"(?P<name>[\w.]+) is fixed at (?:a wrong value|(?P<value>{NUMBER}); these logs suggest "
-       rf"(?P<wanted>{NUMBER})[^\n]*?{MORE})\.(?=\n|$)")  # fmt: skip
+@claim(rf"(?P<name>[\w.]+) is fixed(?: at (?P<value>{NUMBER}))?; these logs suggest (?:another "
+       rf"value|(?P<wanted>{NUMBER})[^\n]*?{MORE})\.(?=\n|$)")  # fmt: skip
 def _held(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     held = diag.held.get(m["name"])
     if held is None:

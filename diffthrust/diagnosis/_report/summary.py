@@ -132,7 +132,7 @@ def _held(diag: Findings) -> Part:
     (name, held), *others = diag.held.items()
     fixed, wanted = distinct_numbers(held.value, held.wanted)
     words = f"{name} is fixed at {fixed}; these logs suggest {wanted} {held.unit}".rstrip()
-    short = f"{name} is fixed at a wrong value"
+    short = f"{name} is fixed; these logs suggest another value"
     return _part((3, words + _more(len(others))), (7, words), (12, short))
 
 
