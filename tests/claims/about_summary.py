@@ -32,8 +32,11 @@ def _unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"verdict {diag.verdict}, {len(diag.laws)} laws"
     if (m["label"] == "Left") != bool(diag.added or diag.held):
         yield f"added {diag.added}, held {[*diag.held]}"
-    if m["on"] and m["on"] != str(diag.remaining.depends_on):
-        yield f"it depends on {diag.remaining.depends_on}"
+    signal = diag.remaining.signal if m["on"] else None
+    if signal and signal.rate and in_words(signal.name) not in m["on"]:
+        yield f"it depends on the rate of {signal.name}"
+    if signal and signal.rate == (m["on"] == str(signal)):
+        yield f"it depends on {signal}"
     for name in diag.repeating if m["repeats"] else ():
         if in_words(name) not in m["channels"]:
             yield f"{name} repeats"
@@ -226,7 +229,8 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- how sure, and what to do ----------------------------------------------------------------------
 
 
-@claim(r"(?:It could as well be|Instead of (?P<effect>.+?) it could be) (?P<rivals>[^\n.]+)\.")
+@claim(r"(?:It could as well be|Instead of (?P<effect>.+?) it could be) "
+       rf"(?P<rivals>[^\n.]+?){MORE}\.")  # fmt: skip
 def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     groups = dict(zip(diag.added, diag.groups, strict=True))
     named = [n for n in diag.added if not m["effect"] or in_words(n) in m["effect"]]
@@ -236,7 +240,8 @@ def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"groups: {diag.groups}"
 
 
-@claim(r"Unmeasured (?P<channel>[a-z ]+?) could look like (?P<effect>[^\n.]+)\.")
+@claim(r"Unmeasured (?P<channel>[a-z ]+?) could look like "
+       rf"(?P<effect>[^\n.]+?){MORE}\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     if any(channel in run.log.inputs for run in diag.before.runs):

@@ -14,6 +14,7 @@ from steps import (
     LearnedLaw,
     MeasuredMend,
     OddLog,
+    SignalForm,
     Wording,
     Worth,
     effect_words,
@@ -144,6 +145,14 @@ def test_the_mend_of_a_log_leads_and_is_what_is_copied():
         "First mend the logs: with thrust and speed exchanged the unseen error falls by 60 %."
     )
     assert lines[-1] == 'Copy: [channels.thrust] column = "speed"' or "More below." in lines[-1]
+
+
+def test_a_rate_is_told_in_words():
+    rate = SignalForm("speed", rate=True)
+    diag = made.unexplained()
+    told = replace(diag, remaining=replace(diag.remaining, signal=rate))
+    assert "that depends on how fast speed changes." in told.summary
+    assert claims.contradictions(told, text=told.summary) == []
 
 
 def test_many_effects_are_cut_with_how_many_there_are():

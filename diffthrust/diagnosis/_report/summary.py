@@ -245,7 +245,8 @@ def _rivals(diag: Findings) -> Part:
     if not sentences:
         return ()
     several = "These logs do not tell all effects from others"
-    return _part((4, ". ".join(sentences)), (5, sentences[0]), (5, several))
+    first = sentences[0] + _more(len(sentences) - 1)
+    return _part((4, ". ".join(sentences)), (5, first), (5, several))
 
 
 def _possible(diag: Findings) -> Part:
@@ -297,8 +298,9 @@ def _grown(diag: Findings) -> str:
 def _unknown_words(diag: Findings, label: str) -> str:
     """Something unknown, and what is known of it: on what it depends, and where it enters."""
     if remaining := diag.remaining:
-        place = place_of(diag.model, remaining.port)
-        return f"{label}: something unknown {place} that depends on {remaining.depends_on}"
+        place, signal = place_of(diag.model, remaining.port), remaining.signal
+        on = f"how fast {humanize(signal.name)} changes" if signal.rate else str(signal)
+        return f"{label}: something unknown {place} that depends on {on}"
     if diag.repeating:
         channels = joined(map(humanize, diag.repeating))
         return f"{label}: something unknown; the error of {channels} repeats from run to run"
