@@ -144,7 +144,20 @@ def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     (words, *_) = caution_words(diag)
     assert "stage 2 (+ actuator lag)" in words
     assert "'not_converged': The error still falls." in words
-    assert words in diagnosis_page(diag).replace("&#39;", "'")
+    top = diagnosis_page(diag).replace("&#39;", "'").partition("<details>")[0]
+    assert words in top
+    assert "Caution: its fit did not converge." in diag.summary
+
+
+def test_a_page_begins_with_the_answer_and_the_lines_to_copy_and_folds_all_tables(full, sketched):
+    top, _, rest = diagnosis_page(full, spec="model = 1").partition("<details>")
+    assert "Copy: effects = [" in top
+    assert "[parameters]" in top.partition("To copy into a spec file:")[2]
+    assert "<table" not in top
+    opened = 1 + rest.count("<details>")
+    assert opened == rest.count("</details>") > 10
+    for part in rest.split("</details>")[1:]:
+        assert "<table" not in part.partition("<details>")[0]
 
 
 def test_a_hint_on_a_channel_comes_into_the_summary(full):
