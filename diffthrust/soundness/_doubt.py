@@ -106,6 +106,17 @@ class Doubt:
     readings: tuple[Reading, ...] = ()
     logs: tuple[str, ...] = ()
 
+    @property
+    def harmless(self) -> bool:
+        """Whether fits allow for it already, so that nothing is to be mended.
+
+        Example:
+            >>> slow = "none is needed: fits count the readings alone."
+            >>> dft.soundness.Doubt("speed", "stuck", "It changes seldom.", slow).harmless
+            True
+        """
+        return self.mend.startswith("none is needed")
+
     def mended(self, logs: Iterable[Log], reading: int = 0) -> tuple[Log, ...]:
         """The logs as they would be without the mistake.
 

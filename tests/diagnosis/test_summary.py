@@ -155,6 +155,16 @@ def test_a_rate_is_told_in_words():
     assert claims.contradictions(told, text=told.summary) == []
 
 
+@pytest.mark.parametrize(("mend", "leads"), [("none is needed: it is held.", False), ("x", True)])
+def test_a_doubt_leads_unless_nothing_is_to_be_mended(mend, leads):
+    doubt = dft.soundness.Doubt("speed", "stuck", "It changes seldom.", mend)
+    diag = made.found()
+    first = replace(diag.stages[0], fit=replace(diag.stages[0].fit, doubts=(doubt,)))
+    told = replace(diag, stages=(first, *diag.stages[1:]))
+    assert told.summary.startswith("Check the logs: speed is stuck for a while.") is leads
+    assert claims.contradictions(told, text=told.summary) == []
+
+
 def test_many_effects_are_cut_with_how_many_there_are():
     names = ["linear_damping", "command_delay", "thrust_sensor_lag", "coulomb_friction"]
     diag = made.found()

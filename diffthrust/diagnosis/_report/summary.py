@@ -88,8 +88,11 @@ def _logs(diag: Findings) -> Part:
         mend = f"with {first.reading.words}"
         words = f"First mend the logs: {mend} the {runs} error falls by {falls}"
         return _part((3, words + _more(len(mends) - 1)), (10, words), (13, f"First: {mend}"))
-    doubts = grave_doubts(diag)
-    suspects = [_SUSPECT[doubt.kind].format(humanize(doubt.channel)) for doubt in doubts]
+    suspects = [
+        _SUSPECT[doubt.kind].format(humanize(doubt.channel))
+        for doubt in grave_doubts(diag)
+        if not doubt.harmless
+    ]
     if suspects:
         words = f"Check the logs: {suspects[0]}"
         return _part((3, words + _more(len(suspects) - 1)), (11, words))
@@ -337,7 +340,11 @@ def _next(diag: Findings) -> Part:
 
 
 def _part(*wordings: tuple[int, str]) -> Part:
-    """A part from how much each of its wordings matters, and its sentence without a full stop."""
+    """A part from how much each of its wordings matters, and its sentence without a full stop.
+
+    From 1, how a law looks in full, over what is left (5) and the error (9) to 13, that anything
+    was found at all.
+    """
     return [
         Wording(text if text.endswith(("?", "]", "}", '"')) else f"{text}.", importance)
         for importance, text in wordings
