@@ -1,5 +1,6 @@
 """The bounds on the work of a stage: screens, and the fits that tell what an effect is worth."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,11 +16,14 @@ from steps import (
     TriedEffect,
     Worth,
     admission_module,
+    done,
+    from_simulation,
     next_stage,
     other_values,
     ranked,
     refusing,
     shares_by_effect,
+    step,
     still_refused,
     stopped,
 )
@@ -158,6 +162,55 @@ def test_beside_a_detectable_effect_its_rivals_keep_what_they_explained():
     known = SearchState(object(), (object(),), {}, ranking=before, detectable=("command_delay",))
     assert ranked(known, now) == (*before, now[0])
     assert ranked(replace(known, detectable=()), now) == tuple(now)
+
+
+STEPWISE = "diffthrust.diagnosis._stepwise"
+
+
+def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
+    """On the maps of a T200 five of them ended it before the sag of the supply was tried."""
+    asked = []
+    for way in ("next_stage", "from_simulation"):
+        monkeypatch.setattr(
+            f"{STEPWISE}.{way}", lambda _, state, way=way: asked.append(way) or state
+        )
+    most = SETTINGS.admission.most_effects
+    state = SearchState(None, (object(),), {}, detectable=("lag",) * most)
+    assert not done(state)
+    assert done(step(None, state))
+    assert asked == ["from_simulation"]
+    asked.clear()
+    step(None, replace(state, detectable=("lag",) * (most - 1)))
+    assert asked == ["next_stage", "from_simulation"]
+    assert done(replace(state, stages=(object(),) * (most + 1)))
+
+
+@pytest.mark.parametrize(("low", "unseen"), [(0.2, ("C",)), (0.05, ("C",)), (0.2, ())])
+def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
+    monkeypatch, low, unseen
+):
+    tried = []
+
+    def admitted(context, state, name, simulated, proven):
+        tried.append((state.detectable, state.current.trial.effects))
+
+    def settled(effects, values, states, clip):
+        return SimpleNamespace(effects=effects, values=values, initial_states=states, clip=clip)
+
+    fitter = SimpleNamespace(settled=settled, absent=lambda name, values: {**values, name: 0.0})
+    context = SimpleNamespace(fitter=fitter, unseen=unseen, say=lambda *_: None,
+                              clock=lambda _: nullcontext())  # fmt: skip
+    monkeypatch.setattr(f"{STEPWISE}._admitted", admitted)
+    monkeypatch.setattr(f"{STEPWISE}.simulation_is_poor", lambda *_: True)
+    monkeypatch.setattr(f"{STEPWISE}._singles", lambda *_: (None, {}))
+    worth = Worth(0.5, low, 0.8)
+    monkeypatch.setattr(f"{STEPWISE}._lowering", lambda *_: {"sag": (worth, None)})
+    monkeypatch.setattr(f"{STEPWISE}.with_pair", lambda context, state, *_: state)
+    trial = settled(("exponent", "lag"), {"lag": 0.1}, None, None)
+    state = SearchState(CurrentModel(fitter, trial), (object(),), {}, detectable=("lag",))
+    assert from_simulation(context, state).detectable == ("lag",)  # where nothing is added
+    beside = (("lag",), ("exponent", "lag"))
+    assert tried == ([beside, ((), ("exponent",))] if unseen and low > 0.1 else [beside])
 
 
 RNG = np.random.default_rng(0)
