@@ -31,6 +31,13 @@ _THRUSTER: dict[str, tuple[str, dict[str, Callable[[Numbers], float]]]] = {
     ),
 }
 _DRAGS = {f"quadratic_{axis}_drag": axis for axis in ("surge", "sway", "yaw")}
+_BOAT: dict[str, tuple[str, dict[str, str]]] = {
+    "differential_gain": ("gain", {"gain": "gain"}),
+    "swapped_thrusters": ("crossed", {"share": "share"}),
+    "force_exponent": ("power", {"power": "exponent", "reference": "reference"}),
+    "propeller_inflow": ("inflow", {"loss": "loss"}),
+    "sway_yaw_coupling": ("coupling", {"m23": "mass", "d23": "damping"}),
+}
 
 
 class Unwritten(Exception):
@@ -46,14 +53,13 @@ def system_of(model: str, effects: Sequence[str]) -> wr.System:
     if model == "thruster":
         return wr.yoerger(**{_of(name): True for name in effects})
     if model == "vessel":
-        extra = {*effects} - {*_DRAGS, "water_current", "differential_gain", "swapped_thrusters"}
+        extra = {*effects} - {*_DRAGS, *_BOAT, "water_current"}
         if extra:
             raise Unwritten(f"{sorted(extra)}")
         return wr.twin_boat(
             drag=[axis for name, axis in _DRAGS.items() if name in effects],
             current="water_current" in effects,
-            gain="differential_gain" in effects,
-            exchanged="swapped_thrusters" in effects,
+            **{_BOAT[name][0]: True for name in effects if name in _BOAT},
         )
     if model == "axis_vehicle" and not effects:
         return wr.rail_axis(viscous=False, quadratic=True)
@@ -76,16 +82,14 @@ def values_of(model: str, effects: Sequence[str], numbers: Numbers) -> dict[str,
     if model == "axis_vehicle":
         values |= {"mass": numbers["mass"], "quadratic": numbers["drag"]}
     if model == "vessel":
-        if numbers.get("swapped_thrusters.share", 1.0) != 1.0 and "swapped_thrusters" in effects:
-            raise Unwritten("thrusters that are exchanged in part")
         for name, axis in _DRAGS.items():
             if name in effects:
                 values[f"q_{axis}"] = numbers[f"{name}.drag"]
         for name in ("to_north", "to_east"):
             if name in values:
                 values[name] = numbers[f"water_current.{name}"]
-        if "gain" in values:
-            values["gain"] = numbers["differential_gain.gain"]
+        for name in (name for name in effects if name in _BOAT):
+            values |= {ours: numbers[f"{name}.{its}"] for ours, its in _BOAT[name][1].items()}
     return values
 
 

@@ -42,6 +42,7 @@ import csv
 import os
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,12 +59,30 @@ def folder() -> Path:
     return Path(os.environ.get("DIFFTHRUST_DATA", beside))
 
 
-def table(path: Path) -> dict[str, np.ndarray]:
-    """The columns of a CSV file; NaN where a cell is empty."""
+def table(path: Path, delimiter: str = ",") -> dict[str, np.ndarray]:
+    """The columns of a CSV file; NaN where a cell is empty, or is no number."""
     with path.open(newline="") as file:
-        rows = list(csv.reader(file))
-    cells = [[float(x) if x.strip() else np.nan for x in row] for row in rows[1:] if any(row)]
+        rows = list(csv.reader(file, delimiter=delimiter))
+    cells = [[_number(x) for x in row] for row in rows[1:] if any(row)]
     return {name: column for name, column in zip(rows[0], np.array(cells).T, strict=True)}
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def averaged(run: wr.Run, every: int) -> wr.Run:
+    """Means over blocks of samples, placed in their middle; inputs run straight between them."""
+    return wr.replace(
+        run,
+        time=_means(run.time, every),
+        inputs={n: _means(x, every) for n, x in run.inputs.items()},
+        measured={n: _means(x, every) for n, x in run.measured.items()},
+        linear=frozenset(run.inputs),
+    )
 
 
 def blueboat(numbers: tuple[int, ...], every: int = 1) -> list[wr.Run]:
@@ -78,8 +97,8 @@ def _blueboat(number: int, every: int) -> wr.Run:
     seconds = (t["original_timestamp"] - t["original_timestamp"][0]) / 1e3
     inputs = {n: _means(t[n], every) for n in ("left_force", "right_force")}
     measured = {n: _means(t[n], every) for n in ("surge", "sway", "yaw_rate")}
-    at = _means(seconds, every)
-    return wr.Run(at, inputs, measured, name=f"run_{number}")
+    at, linear = _means(seconds, every), frozenset(inputs if every > 1 else ())
+    return wr.Run(at, inputs, measured, name=f"run_{number}", linear=linear)
 
 
 def _means(x: np.ndarray, every: int) -> np.ndarray:
@@ -94,6 +113,82 @@ def emps() -> tuple[list[wr.Run], list[wr.Run]]:
         measured = {"position": 0.125 * t["q_meas"], "velocity": 0.125 * t["v_est"]}
         runs.append([wr.Run(t["time_exp"], {"force": 35.15 * t["u_in"]}, measured, name=name)])
     return runs[0], runs[1]
+
+
+def ngs(kinds: Sequence[str]) -> list[wr.Run]:
+    """Closed-loop runs of the NGS thruster, of the demands that are named (Sine, Ramp, Step)."""
+    runs = []
+    for path in sorted(
+        p for kind in kinds for p in (folder() / "ngs_thruster").glob(f"CL*{kind}*")
+    ):
+        t = table(path)
+        measured = {"speed": t["tach_rad_s"], "thrust": t["thrust_N"]}
+        run = wr.Run(t["time_s"], {"command": t["command_V"]}, measured, name=path.stem)
+        runs.append(wr.replace(run, unsigned=frozenset(["speed"])))
+    return runs
+
+
+def t200(volts: Sequence[int], held: float = 0.25) -> list[wr.Run]:
+    """The map of the T200 at some voltages, as staircases that hold each point for a while [s]."""
+    import openpyxl
+
+    (path,) = (folder() / "t200").glob("*.xlsx")
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    runs = []
+    for supply in volts:
+        rows = list(book[f"{supply} V"].iter_rows(values_only=True))
+        heads = [str(head).strip() for head in rows[0]]
+        cells = np.array([row[: len(heads)] for row in rows[1:] if row[0] is not None], dtype=float)
+        t = dict(zip(heads, cells.T, strict=True))
+        drive = (t["PWM (µs)"] - 1500.0) / 400.0
+        measured = {
+            "speed": np.sign(np.round(drive, 9)) * t["RPM"] * 2.0 * np.pi / 60.0,
+            "thrust": 9.80665 * t["Force (Kg f)"],
+        }
+        inputs = {"command": 16.0 * drive, "supply_voltage": t["Voltage (V)"]}
+        runs.append(
+            wr.Run(
+                held * np.arange(len(drive) + 1),
+                {n: np.append(x, x[-1]) for n, x in inputs.items()},
+                {n: np.append(x[0], x) for n, x in measured.items()},
+                name=f"{supply} V",
+            )
+        )
+    return runs
+
+
+def kingfisher(numbers: Sequence[int], every: int = 5) -> list[wr.Run]:
+    """Runs of the Kingfisher; each thruster gives half the bollard force of the pair."""
+    curve = table(folder() / "kingfisher" / "thrust_curve.csv")
+    at, force = (x[::-1] for x in curve.values())
+    runs = []
+    for number in numbers:
+        t = table(folder() / "kingfisher" / f"run_{number:02d}.csv")
+        sides = ("left_force", "port_command"), ("right_force", "starboard_command")
+        inputs = {name: 0.5 * np.interp(t[column], at, force) for name, column in sides}
+        heading = np.unwrap(np.radians(t["heading_deg"]))
+        run = wr.Run(t["time_s"], inputs, {"surge": t["speed_m_s"], "heading": heading})
+        runs.append(averaged(wr.replace(run, name=f"run {number}"), every))
+    return runs
+
+
+def otter(every: int = 5) -> tuple[list[wr.Run], list[wr.Run]]:
+    """Three runs of the Otter, and two unseen: forces by Fossen's map of the revolutions."""
+    runs = []
+    for path in sorted((folder() / "otter").glob("2024*.csv")):
+        t = {name: column[10:] for name, column in table(path, ";").items()}
+        keep = np.isfinite(t["n1"]) & np.isfinite(t["tau_N"]) & (t["current_speed"] < 5.0)
+        t = {name: column[keep] for name, column in t.items()}
+        turning = {side: t[n] * 2.0 * np.pi / 60.0 for side, n in (("left", "n1"), ("right", "n2"))}
+        inputs = {f"{side}_force": 0.01108 * n * np.abs(n) for side, n in turning.items()}
+        measured = {
+            "surge": t["current_speed"],
+            "yaw_rate": np.radians(t["current_rotational_velocities_3"]),
+            "heading": np.unwrap(np.radians(t["current_orientation_3"])),
+        }
+        since = t["current_time"] - t["current_time"][0]
+        runs.append(averaged(wr.Run(since, inputs, measured, name=path.stem), every))
+    return runs[:3], runs[3:]
 
 
 def _told(name: str, found: wr.Found, unseen: list[wr.Run], begun: float) -> None:

@@ -35,20 +35,28 @@ _BEYOND = 1e3
 
 @dataclass(frozen=True)
 class Run:
-    """One log as plain arrays in SI units; NaN where nothing was measured."""
+    """One log as plain arrays in SI units; NaN where nothing was measured.
+
+    ``linear`` names the inputs that run straight between samples, the others keep their value;
+    ``unsigned`` the channels whose sensor gives no sign.
+    """
 
     time: Array
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
     initial: Mapping[str, float] = field(default_factory=dict)
     name: str = "run"
+    linear: frozenset[str] = frozenset()
+    unsigned: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, log: Any, **initial: float) -> Run:
         """The arrays of a log."""
         inputs = {name: np.asarray(x, float) for name, x in log.inputs.items()}
         measured = {name: np.asarray(x, float) for name, x in log.measured.items()}
-        return cls(np.asarray(log.time, float), inputs, measured, initial, log.name)
+        linear = frozenset(name for name, hold in log.hold.items() if hold == "linear")
+        time, unsigned = np.asarray(log.time, float), frozenset(log.unsigned)
+        return cls(time, inputs, measured, initial, log.name, linear, unsigned)
 
 
 class Range(NamedTuple):
@@ -110,7 +118,8 @@ def simulate(system: System, runs: Sequence[Run], values: Mapping[str, Any]) -> 
     substeps = int(np.clip(np.ceil(spacing * rate / _STEP_TIMES_RATE), 1, _MOST_SUBSTEPS))
     dt = np.zeros((longest, count, 1))
     held = {n: np.zeros((longest, count, sets)) for n in runs[0].inputs}
-    following = {n: np.zeros((longest, count, sets)) for n in system.linear}
+    linear = system.linear | runs[0].linear
+    following = {n: np.zeros((longest, count, sets)) for n in linear}
     for j, run in enumerate(runs):
         n = len(run.time)
         dt[: n - 1, j, 0] = np.diff(run.time)
@@ -124,7 +133,7 @@ def simulate(system: System, runs: Sequence[Run], values: Mapping[str, Any]) -> 
     x = {s: np.zeros((count, sets)) for s in system.states}
     for j, run in enumerate(runs):
         for s in system.states:
-            x[s][j] = _first(run, s)
+            x[s][j] = beginning(run, s)
     kept: list[Signals] = []
     with np.errstate(all="ignore"):
         for k in range(longest):
@@ -143,6 +152,7 @@ def simulate(system: System, runs: Sequence[Run], values: Mapping[str, Any]) -> 
             c: np.array([np.broadcast_to(kept[k][c], (count, sets))[j] for k in range(n)])
             for c in kept[0]
         }
+        channels |= {c: np.abs(channels[c]) for c in run.unsigned}
         out.append({c: v[:, 0] if sets == 1 else v for c, v in channels.items()})
     return out
 
@@ -163,7 +173,7 @@ def _step(system: System, x: Signals, u: Signals, slopes: Signals, m: int, h: An
     return {s: x[s] + h / 6.0 * (a[s] + 2.0 * b[s] + 2.0 * c[s] + d[s]) for s in x}
 
 
-def _first(run: Run, state: str) -> float:
+def beginning(run: Run, state: str) -> float:
     """Where a state starts: as named, else at the first sample measured of it, else at zero."""
     if state in run.initial:
         return float(run.initial[state])
@@ -327,13 +337,20 @@ def twin_boat(
     gain: bool = False,
     effort: bool = False,
     exchanged: bool = False,
+    crossed: bool = False,
+    power: bool = False,
+    inflow: bool = False,
+    coupling: bool = False,
     positions: bool = False,
 ) -> System:
     """Surge, sway, yaw of a boat with two thrusters (Siramdasu & Fahimi 2013, twin form).
 
     ``drag`` names axes ("surge", "sway", "yaw") with quadratic drag beside the linear one;
     ``gain``: left (1 + gain), right (1 - gain), of the forces; ``effort``: inputs are shares of
-    full command, a force is |effort|^exponent; ``exchanged``: left is right.
+    full command, a force is |effort|^exponent; ``exchanged``: left is right; ``crossed``: a share
+    of each force acts on the other side; ``power``: forces times |force / 10 N|^(power - 1);
+    ``inflow``: of the thrust, loss times the surge is lost; ``coupling``: m23 and d23 of sway and
+    yaw (Fossen 2011, section 7.1).
     """
     parameters = {
         "m11": Range(20.0, 0.01, 1e4),
@@ -350,6 +367,15 @@ def twin_boat(
         parameters |= {"to_north": Range(0.0, -2.0, 2.0), "to_east": Range(0.0, -2.0, 2.0)}
     if gain:
         parameters["gain"] = Range(0.0, -0.9, 0.9)
+    extra = {
+        "share": (crossed, Range(0.9, 0.0, 1.0)),
+        "power": (power, Range(1.2, 0.3, 3.0)),
+        "reference": (power, Range(10.0, 10.0, 10.0)),
+        "loss": (inflow, Range(0.1, 0.0, 10.0)),
+        "m23": (coupling, Range(0.0, -1e3, 1e3)),
+        "d23": (coupling, Range(0.0, -1e4, 1e4)),
+    }
+    parameters |= {name: r for name, (there, r) in extra.items() if there}
     sides = ("right_force", "left_force") if exchanged else ("left_force", "right_force")
 
     def rates(x: Signals, u: Signals, p: Signals) -> Signals:
@@ -358,13 +384,24 @@ def twin_boat(
             left, right = (np.sign(f) * np.abs(f) ** p["exponent"] for f in (left, right))
         if gain:
             left, right = left * (1.0 + p["gain"]), right * (1.0 - p["gain"])
+        if crossed:
+            moved = p["share"] * (right - left)
+            left, right = left + moved, right - moved
+        if power:
+            left, right = (
+                f * np.maximum(np.abs(f) / p["reference"], 0.02) ** (p["power"] - 1.0)
+                for f in (left, right)
+            )
         cos, sin, r = np.cos(x["heading"]), np.sin(x["heading"]), x["yaw_rate"]
         ahead = across = 0.0
         if current:
             ahead = p["to_north"] * cos + p["to_east"] * sin
             across = p["to_east"] * cos - p["to_north"] * sin
         ur, vr = x["surge"] - ahead, x["sway"] - across
-        fx = left + right - p["d11"] * ur + p["m22"] * vr * r
+        thrust = left + right
+        if inflow:
+            thrust = thrust - p["loss"] * np.abs(thrust) * ur
+        fx = thrust - p["d11"] * ur + p["m22"] * vr * r
         fy = -p["d22"] * vr - p["m11"] * ur * r
         n = p["lever_arm"] * (left - right) - p["d33"] * r - (p["m22"] - p["m11"]) * ur * vr
         if "surge" in drag:
@@ -373,10 +410,18 @@ def twin_boat(
             fy = fy - p["q_sway"] * _signed(vr)
         if "yaw" in drag:
             n = n - p["q_yaw"] * _signed(r)
+        swaying, yawing = fy / p["m22"], n / p["i33"]
+        if coupling:
+            fx = fx + p["m23"] * r * r
+            fy = fy - p["d23"] * r
+            n = n - p["d23"] * vr - p["m23"] * ur * r
+            whole = p["m22"] * p["i33"] - p["m23"] ** 2
+            swaying = (p["i33"] * fy - p["m23"] * n) / whole
+            yawing = (p["m22"] * n - p["m23"] * fy) / whole
         return {  # a constant current turns against the axes of a turning boat
             "surge": fx / p["m11"] + r * across,
-            "sway": fy / p["m22"] - r * ahead,
-            "yaw_rate": n / p["i33"],
+            "sway": swaying - r * ahead,
+            "yaw_rate": yawing,
             "north": x["surge"] * cos - x["sway"] * sin,
             "east": x["surge"] * sin + x["sway"] * cos,
             "heading": r,
@@ -386,6 +431,8 @@ def twin_boat(
         linear = np.maximum(
             np.maximum(p["d11"] / p["m11"], p["d22"] / p["m22"]), p["d33"] / p["i33"]
         )
+        if coupling:  # the masses that are left of two coupled ones are smaller
+            linear = linear / np.maximum(1.0 - p["m23"] ** 2 / (p["m22"] * p["i33"]), 0.05)
         return 1.0 + linear + 2.0 * p["q_surge"] / p["m11"] if "surge" in drag else 1.0 + linear
 
     names = ("surge", "sway", "yaw_rate", "north", "east", "heading")
@@ -411,7 +458,7 @@ def yoerger(
     saturation: bool = False,
     offset: bool = False,
     reverse: bool = False,
-    full: float = 4.0,
+    full: float = 16.0,
 ) -> System:
     """W' = beta c - alpha W|W|, T = ct W|W| (Yoerger, Cooke & Slotine 1990), with effects.
 
@@ -531,15 +578,26 @@ def two_tanks(*, overflow: bool = False, linear: bool = False) -> System:
 
 
 def rail_axis(
-    *, viscous: bool = True, quadratic: bool = False, dry: bool = False, offset: bool = False
+    *,
+    viscous: bool = True,
+    quadratic: bool = False,
+    dry: bool = False,
+    offset: bool = False,
+    waves: bool = False,
 ) -> System:
-    """The EMPS carriage: mass a = force - viscous v - quadratic v|v| - dry tanh(v/w) - offset."""
+    """The EMPS carriage: mass a = force - viscous v - quadratic v|v| - dry tanh(v/w) - offset.
+
+    ``waves``: the force gains height sin(per_speed (v - shift)) besides.
+    """
     parameters = {"mass": Range(95.0, 1.0, 1e5), "width": Range(2e-3, 2e-3, 2e-3)}
     extra = {
         "viscous": (viscous, Range(200.0, 0.0, 1e5)),
         "quadratic": (quadratic, Range(67.0, 0.0, 1e5)),
         "dry": (dry, Range(15.0, 0.0, 1e3)),
         "offset": (offset, Range(0.0, -1e3, 1e3)),
+        "height": (waves, Range(-20.0, -1e3, 1e3)),
+        "per_speed": (waves, Range(30.0, 1.0, 200.0)),
+        "shift": (waves, Range(0.0, -0.1, 0.1)),
     }
     parameters |= {name: r for name, (there, r) in extra.items() if there}
 
@@ -552,6 +610,8 @@ def rail_axis(
             force = force - p["quadratic"] * _signed(v)
         if dry:
             force = force - p["dry"] * np.tanh(v / p["width"])
+        if waves:
+            force = force + p["height"] * np.sin(p["per_speed"] * (v - p["shift"]))
         return {"position": v, "velocity": force / p["mass"]}
 
     def fastest(p: Signals) -> Any:
