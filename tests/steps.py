@@ -184,9 +184,12 @@ from diffthrust.diagnosis._stage_shares import (  # private: of stages made by h
 )
 from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
+    done,
+    from_simulation,
     next_stage,
     ranked,
     refusing,
+    step,
     still_refused,
 )
 from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
@@ -283,6 +286,7 @@ __all__ = [
     "dependence_of",
     "deviations",
     "diagnosis_page",
+    "done",
     "edge_of",
     "effect_words",
     "error_changes",
@@ -298,6 +302,7 @@ __all__ = [
     "fitting",
     "form_values",
     "form_words",
+    "from_simulation",
     "growth_words",
     "harms",
     "hats",
@@ -352,6 +357,7 @@ __all__ = [
     "stage_words",
     "stages_figure",
     "state_terms",
+    "step",
     "still_refused",
     "stopped",
     "strongest_line",
