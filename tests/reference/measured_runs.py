@@ -191,6 +191,37 @@ def otter(every: int = 5) -> tuple[list[wr.Run], list[wr.Run]]:
     return runs[:3], runs[3:]
 
 
+def esso_osaka(every: int = 5, stop: float = 150.0) -> tuple[list[wr.Run], list[wr.Run]]:
+    """Nine runs of the tanker's model and six unseen; the rudder as the package counts it."""
+    here = folder() / "esso_osaka"
+    zigzag, september, october, cut = (
+        sorted(here.glob(f"{kind}*.csv"))
+        for kind in ("zigzag", "turn_14-Sep", "turn_14-Oct", "turn_cut")
+    )
+    return (
+        [_esso_osaka(path, every, stop) for path in (*zigzag[:5], *cut, *september[:2])],
+        [_esso_osaka(path, every, stop) for path in (*zigzag[5:], *october[:4])],
+    )
+
+
+def _esso_osaka(path: Path, every: int, stop: float) -> wr.Run:
+    t = table(path)
+    t = {name: column[t["t [s]"] <= stop] for name, column in t.items()}
+    inputs = {
+        "propeller_speed": t["n_prop [rps]"],
+        "rudder_angle": -t["delta_rudder [rad]"],
+        "wind_speed": t["wind_velo_true [m/s]"],
+        "wind_direction": np.unwrap(t["wind_dir_true [rad]"]),
+        "heading": np.unwrap(t["psi_hat [rad]"]),
+    }
+    measured = {
+        "surge": t["u_velo [m/s]"],
+        "sway": t["vm_velo [m/s]"],
+        "yaw_rate": t["r_angvelo [rad/s]"],
+    }
+    return averaged(wr.Run(t["t [s]"], inputs, measured, name=path.stem), every)
+
+
 def _told(name: str, found: wr.Found, unseen: list[wr.Run], begun: float) -> None:
     errors = wr.errors(found.system, unseen, found.values)
     train = found.errors["all"]
