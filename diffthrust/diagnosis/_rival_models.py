@@ -4,7 +4,9 @@ Whether a controller holds the speed or the command drives a torque decides what
 a speed loop no effect can stand for a supply that sags. So where the diagnosed model with all that
 was found still errs far above the noise, each model that the same channels feed is fitted as it is.
 Of those that err about as little as the diagnosed model as it was given, the best is searched for
-effects of its own: those that the diagnosis saw some gain in, and those that act in it alone.
+effects of its own: those that the diagnosis saw some gain in, and those that act in it alone. None
+whose parameters the logs leave open: a DC motor whose current nobody measures is fitted for longer
+than the whole diagnosis takes, and to no end.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from diffthrust.diagnosis._search_state import (
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._stepwise import done, simulation_is_poor, step
 from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record, bind
@@ -37,6 +40,8 @@ from diffthrust.simulation._runs import Run, runs_over
 
 _STARTS = 4
 """Numerics: starts of the fit of another model, of which nothing is known."""
+_OPEN = {Status.NOT_IDENTIFIABLE, Status.NOT_CONVERGED}
+"""Outcomes of a fit after which there is no search."""
 
 
 class _Rival(NamedTuple):
@@ -53,8 +58,8 @@ def other_models(
 ) -> tuple[OtherModel, ...]:
     """Other models of the same logs, the one that errs least first.
 
-    None where whole runs of the diagnosed model err hardly more than the noise: no other can then
-    do better.
+    None where whole runs of the diagnosed model, with all that was found and learned, err hardly
+    more than the noise: no other can then do better.
 
     Args:
         context: what the search worked with.
@@ -63,7 +68,7 @@ def other_models(
         catalogue: whether the whole catalogue was tried, and may be on another model.
     """
     first, last = state.stages[0], state.stages[-1]
-    if not simulation_is_poor(context, state, last):
+    if not simulation_is_poor(context, state, law.reported if law else last):
         return ()
     with context.clock("other models"):
         rivals = [_as_it_is(context, model) for model in _rivals_of(context)]
@@ -74,11 +79,12 @@ def other_models(
         results = []
         for place, rival in enumerate(rivals):
             found = None
-            if not place and _error(rival.stage.fit) <= reach:
+            fit = rival.stage.fit
+            if not place and fit.status not in _OPEN and _error(fit) <= reach:
                 found = _searched(context, state, rival, catalogue)
             runs = (found or rival.stage).unseen_runs or (found or rival.stage).runs
             worth = explained_share(errors_between(baseline, runs))
-            results.append(OtherModel(rival.stage.fit, found.fit if found else None, worth))
+            results.append(OtherModel(fit, found.fit if found else None, worth))
     return tuple(sorted(results, key=lambda other: _error(other.best)))
 
 
@@ -99,6 +105,7 @@ def _rivals_of(context: SearchContext) -> list[Model]:
         model
         for model in models
         if type(model) is not type(given)
+        and _hidden_states(model, records) <= _hidden_states(given, records)
         and not prescribed & {*model.states, *given.states}
         and all(given.inputs.get(name, unit) == unit for name, unit in model.inputs.items())
         and _measured(model, records) == {*context.fitter.channels}
@@ -107,6 +114,11 @@ def _rivals_of(context: SearchContext) -> list[Model]:
 
 def _measured(model: Model, records: Sequence[Record]) -> set[str]:
     return {*model.outputs} & {name for record in records for name in record.log.measured}
+
+
+def _hidden_states(model: Model, records: Sequence[Record]) -> int:
+    """The number of states that no channel measures."""
+    return len({*model.states} - {name for record in records for name in record.log.measured})
 
 
 def _as_it_is(context: SearchContext, model: Model) -> _Rival:

@@ -15,8 +15,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from diffthrust.diagnosis._admission import admit
+from diffthrust.diagnosis._criteria import OverRuns
 from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
+from diffthrust.diagnosis._findings import Refusal, TriedEffect
 from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
 from diffthrust.diagnosis._pairs import with_pair
 from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
@@ -130,8 +131,8 @@ def still_refused(context: SearchContext, state: SearchState, name: str) -> Refu
     return None if touched else why
 
 
-def simulation_is_poor(context: SearchContext, state: SearchState, last: Stage) -> bool:
-    """Whether the whole-run errors of a stage are large and persistent."""
+def simulation_is_poor(context: SearchContext, state: SearchState, last: OverRuns) -> bool:
+    """Whether the whole-run errors of a stage or a fit are large and persistent."""
     sigma = state.current.trial.quadratic.sigma
     one_step = dict(zip(context.fitter.channels, map(float, sigma), strict=True))
     return bool(far_above_noise(last.holdout or last.train, one_step))

@@ -1,5 +1,6 @@
 """Other models of the same logs, and channels for which a model has no use."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -52,14 +53,17 @@ def test_models_that_some_channels_feed(channels, models):
 @pytest.mark.parametrize(
     ("unit", "rivals"),
     [
-        ("V", {"speed_loop_thruster": "V", "dc_motor_thruster": "V"}),
+        ("V", {"speed_loop_thruster": "V"}),
         ("effort", {"speed_loop_thruster": "effort"}),
         ("N m", {"ducted_thruster": "N m"}),
-        ("", {"speed_loop_thruster": "V", "dc_motor_thruster": "V"}),
+        ("", {"speed_loop_thruster": "V"}),
     ],
 )
 def test_rivals_of_a_thruster_have_its_command(unit, rivals):
-    """A log without units is in those of the diagnosed model: volts are no torque."""
+    """A log without units is in those of the diagnosed model: volts are no torque.
+
+    A motor's current, which nobody measures here, makes it no rival.
+    """
     logs = [log(**({"command": unit} if unit else {}))]
     given = adopted(dft.Thruster(), logs)
     fitter = SimpleNamespace(records=bind(given, logs), channels=("speed",))
@@ -145,6 +149,58 @@ def test_the_data_of_other_models_and_unused_channels_keep_to_the_schema():
     assert data["extended"]["effects"] == ["command_deadband"]
     assert data["better"]
     assert plain["unused"] == {"roll": "nobody reads it"}
+
+
+@pytest.mark.parametrize("law", [False, True])
+def test_no_other_model_is_fitted_where_what_was_learned_reaches_the_noise(monkeypatch, law):
+    asked = []
+
+    def simulation_is_poor(context, state, judged):
+        asked.append(judged)
+        return False
+
+    monkeypatch.setattr(rival_models_module, "simulation_is_poor", simulation_is_poor)
+    learned = SimpleNamespace(reported="with the law") if law else None
+    state = SimpleNamespace(stages=("given", "last"))
+    assert rival_models_module.other_models(None, state, learned, catalogue=True) == ()
+    assert asked == ["with the law" if law else "last"]
+
+
+def test_a_rival_that_the_logs_leave_open_is_fitted_and_not_searched(monkeypatch):
+    fits = {
+        "open": replace(other(), status=dft.Status.NOT_IDENTIFIABLE),
+        "fixed": replace(other(), status=dft.Status.CONVERGED),
+    }
+    searched = []
+    stage = SimpleNamespace(fit=other(), holdout=None, train=other().train)
+
+    def rivals_of(context):
+        return [context.given]
+
+    def as_it_is(context, model):
+        fitted = SimpleNamespace(fit=fits[context.kind], unseen_runs=(), runs=())
+        return SimpleNamespace(model=model, stage=fitted)
+
+    def search(context, state, rival, catalogue):
+        searched.append(context.kind)
+
+    for name, stand_in in (
+        ("simulation_is_poor", lambda *a: True),
+        ("_rivals_of", rivals_of),
+        ("_as_it_is", as_it_is),
+        ("_searched", search),
+        ("_runs_of", lambda *a: ()),
+        ("errors_between", lambda *a: []),
+        ("explained_share", lambda pairs: SURE),
+    ):
+        monkeypatch.setattr(rival_models_module, name, stand_in)
+    for kind in fits:
+        context = SimpleNamespace(kind=kind, given="given", clock=lambda step: nullcontext())
+        told = rival_models_module.other_models(
+            context, SimpleNamespace(stages=(stage,)), None, catalogue=True
+        )
+        assert [model.plain for model in told] == [fits[kind]]
+    assert searched == ["fixed"]
 
 
 @pytest.mark.slow
