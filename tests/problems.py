@@ -10,13 +10,18 @@ from diffthrust.estimation import (  # private: logs as a search has them
     _arguments,
     _arrange,
 )
+from diffthrust.estimation import _horizons as horizons_module  # private: two valleys
 from diffthrust.estimation import _insensitive as insensitive_module
 from diffthrust.estimation import _likelihood as likelihood_module
 from diffthrust.estimation import _refine as refine_module
 from diffthrust.estimation import _status as status_module
 from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._arrange import restarts  # private: segments of another length
-from diffthrust.estimation._horizons import folds, without  # private: what a choice hides
+from diffthrust.estimation._horizons import (  # private: what a choice hides
+    Ended,
+    folds,
+    without,
+)
 from diffthrust.estimation._insensitive import (  # private: each alone
     alive,
     vanished,
@@ -83,6 +88,7 @@ __all__ = [
     "RANGE",
     "RANK_LIMIT",
     "BoundedLevenbergMarquardt",
+    "Ended",
     "Gaps",
     "Innovations",
     "Local",
@@ -103,6 +109,7 @@ __all__ = [
     "failed_over",
     "folds",
     "gram",
+    "horizons_module",
     "insensitive_module",
     "jacobians",
     "judge",

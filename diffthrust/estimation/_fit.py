@@ -113,8 +113,9 @@ def fit(
             one before; ``None`` means whole runs. "auto" uses whole runs, except for models with a
             ``horizon`` of their own (vessels) and logs of more than twice that length: these are
             fitted on segments of a tenth, a third and all of that length (the shorter, the fewer
-            false minima), on segments of three times that length, and on whole runs. Of the last
-            three the one is taken that errs least over whole runs of logs that are left out.
+            false minima), on segments of three times that length, and on whole runs, where all
+            starts are made once more. Of the last three the one is taken that errs least over whole
+            runs of logs that are left out.
         likelihood: "simulation" or "innovations". The latter goes through whole runs, without a
             ``horizon``; a noise level that a log gives is the sensor's alone, and that of the
             prediction is estimated.
@@ -354,7 +355,9 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
     length = horizons[-1]
     if task.automatic and horizons != (None,):
-        (length, search, final), notes = by_left_out(Ended(length, search, final))
+        (length, search, final), notes = by_left_out(
+            Ended(length, search, final), task.starts, task.rng
+        )
     if task.likelihood.corrects:
         search, final = refined(search, final)
     search = polished(search, final)

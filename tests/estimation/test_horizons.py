@@ -1,10 +1,12 @@
 """The horizon of a fit is chosen by whole runs of logs that are left out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from compilations import compilations
 from gusty_runs import MISSING, gusty_runs, model_of
-from problems import build, folds, solve, without
+from problems import Ended, build, folds, horizons_module, solve, without
 
 import diffthrust as dft
 
@@ -70,3 +72,30 @@ def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizo
         chosen = error(logs, "auto", length)[0]
         better = min(error(logs, h, length)[0] for h in ((2, 6.7, 20), (2, 6.7, 20, None)))
         assert chosen < 1.03 * better, seed
+
+
+@pytest.mark.parametrize(("deeper", "taken"), [(5.0, "anew"), (0.5, "followed")])
+def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_valley(
+    monkeypatch, deeper, taken
+):
+    def search_of(cost, z):
+        quadratic = SimpleNamespace(cost=cost)
+        best = SimpleNamespace(quadratic=quadratic, z=np.array([z]))
+        return SimpleNamespace(best=best, guesses=("a user's guess",))
+
+    followed, anew = search_of(10.0, 1.0), search_of(10.0 - deeper, 2.0)
+    begun = []
+
+    def search(problem, starts, rng, guesses):
+        begun.append((problem, starts, guesses))
+        return anew
+
+    monkeypatch.setattr(horizons_module, "search", search)
+    monkeypatch.setattr(
+        horizons_module,
+        "_followed",
+        lambda ended, horizon: Ended(horizon, followed, "whole runs"),
+    )
+    end = horizons_module._over_whole_runs(None, 4, None)
+    assert end.search is {"anew": anew, "followed": followed}[taken]
+    assert begun == [("whole runs", 4, [followed.best.z, "a user's guess"])]
