@@ -16,6 +16,7 @@ from diffthrust.logs._columns import Column
 from diffthrust.logs._held import Hold, held_note, held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._rails import Railed, railed, railed_between, railed_note
+from diffthrust.logs._resampled import resampled_fields
 from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
@@ -485,6 +486,31 @@ class Log:
         )
 
     @showing
+    def resampled(self, rate: float) -> "Log":
+        """Bring the log to an even rate, for one that was merged from messages, or is fast.
+
+        Measured channels become means of their samples in each step, at its middle, and missing
+        where there are none. A held input becomes its mean until the next step and stays held, so
+        that its steps are not smeared. Angles in rad or deg are averaged across their jumps, and a
+        known noise falls with the square root of the samples in a step. Steps without any row are
+        left out.
+
+        Args:
+            rate: samples a second, at most those of the log.
+
+        Returns:
+            A new log, with a note.
+
+        Raises:
+            InputError: the rate is not a positive number, above the log's, or so low that fewer
+                than three samples remain.
+
+        Example:
+            >>> log.resampled(10.0).step, log.resampled(10.0).hold["command"]
+            (0.1, 'zero')
+        """
+        return self.replaced(**resampled_fields(self, rate))
+
     def plot(self) -> "Figure":
         """Plot all channels over time, stacked: inputs on top, gaps in time shaded.
 

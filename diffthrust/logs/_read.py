@@ -25,6 +25,7 @@ def read_log(
     interpolate_inputs: bool = False,
     start: float | None = None,
     stop: float | None = None,
+    rate: float | None = None,
     name: str | None = None,
 ) -> Log:
     """Read a log from a file with a table: CSV, Excel, Parquet, MATLAB or HDF5.
@@ -46,6 +47,8 @@ def read_log(
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         start: first moment to keep, in seconds after the first time stamp.
         stop: last moment to keep, in seconds after the first time stamp.
+        rate: samples a second to bring the log to, as by `Log.resampled`: for rows that were merged
+            from messages of several rates, or come much faster than the motion.
         name: name of the log; by default the file's name.
 
     Returns:
@@ -77,4 +80,12 @@ def read_log(
         )
     source = open_table(file, kind, request.wanted, sheet)
     fields = request.fields(source, in_line(file.name if name is None else str(name)))
-    return Log.of_checked({**fields, "file": log_file(file)})
+    log = Log.of_checked({**fields, "file": log_file(file)})
+    if rate is None:
+        return log
+    if time is None:
+        raise InputError(
+            f"{file.name}: a table without time has no rate, found rate = {rate!r}.",
+            "leave rate out, or name the time column.",
+        )
+    return log.resampled(rate)

@@ -113,6 +113,8 @@ class LogsPart(_Part):
     """Leave out what comes before [s]."""
     stop: float | None = None
     """Leave out what comes after [s]."""
+    rate: Annotated[float, Field(gt=0)] | None = None
+    """Samples a second to bring the logs to, by means: for rows merged from several messages."""
     base: str | float | None = None
     """Time stamps of a robot's log: ``"messages"``, a channel, or a step [s]."""
     gap: Annotated[float, Field(ge=0)] | None = None

@@ -117,6 +117,7 @@ class Spec(Brief):
                 interpolate_inputs=logs.interpolate_inputs,
                 start=logs.start,
                 stop=logs.stop,
+                rate=logs.rate,
                 name=path.name if unique else f"{path.parent.name}/{path.name}",
                 **more,
             )
@@ -140,12 +141,12 @@ class Spec(Brief):
                 )
         if not robot:
             return read_log, {"time": self._clock(), "sheet": logs.sheet}
-        if logs.base is None:
+        if logs.base is None and logs.rate is None:
             raise InputError(
                 f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
                 "different rates, and no time base is chosen.",
                 'Write base = "messages" for all stamps, base = "speed" for those of that channel, '
-                "or base = 0.05 for a step.",
+                "base = 0.05 for a step, or rate = 10 for means of 10 samples a second.",
             )
         return read_robot_log, {k: getattr(logs, k) for k in ("base", "gap", "faster", "stamps")}
 

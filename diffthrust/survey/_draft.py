@@ -118,6 +118,9 @@ def _logs(
     if used and not choice.contents.messages:
         finite = np.array([np.isfinite(p.field.values) for p in used])
         driving = np.array([p.role == "input" for p in used])
+        # A row for each message: of any channel, most rows hold nothing.
+        if not driving.all() and finite[~driving].mean(axis=1).min() < 0.6:
+            yield "# rate = 10 # [Hz] brings rows merged from messages to one rate, by means"
         # Rows without any number are dropped when the log is read, and need no interpolation.
         if (finite.any(axis=0) & ~finite[driving].all(axis=0)).any():
             yield "interpolate_inputs = true # an input has missing samples"

@@ -36,6 +36,7 @@ def read_robot_log(
     interpolate_inputs: bool = False,
     start: float | None = None,
     stop: float | None = None,
+    rate: float | None = None,
     name: str | None = None,
 ) -> Log:
     """Read a log from a ROS bag, an MCAP file, or a log of ArduPilot or PX4.
@@ -73,6 +74,8 @@ def read_robot_log(
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         start: first moment to keep, in seconds after the first sample.
         stop: last moment to keep, in seconds after the first sample.
+        rate: samples a second to bring the log to, as by `Log.resampled`; the base is then
+            ``"messages"`` where none is given.
         name: name of the log; by default the file's name.
 
     Returns:
@@ -87,14 +90,15 @@ def read_robot_log(
         ...     dft.read_robot_log("run1.csv", inputs={"command": "RCOU.C1"})
         ... except dft.InputError as error:
         ...     print(error.mend)
-        give base="messages" for all stamps, base="speed" for those of that channel, or ...
+        give base="messages" for all stamps, base="speed" for those of that channel, ...
     """
     file = Path(path)
+    base = "messages" if base is None and rate is not None else base
     if base is None:
         raise InputError(
             f"{file.name}: expected a time base, found none; its messages come at different rates.",
-            'give base="messages" for all stamps, base="speed" for those of that channel, or '
-            "base=0.05 for a step.",
+            'give base="messages" for all stamps, base="speed" for those of that channel, '
+            "base=0.05 for a step, or rate=10 for means of 10 samples a second.",
         )
     columns = channel_columns(file, inputs, measured)
     _check(file, gap, faster, stamps, start, stop)
@@ -140,7 +144,8 @@ def read_robot_log(
         notes=notes,
         at=at,
     )
-    return Log.of_checked({**fields, "file": log_file(file)})
+    log = Log.of_checked({**fields, "file": log_file(file)})
+    return log if rate is None else log.resampled(rate)
 
 
 def _check(

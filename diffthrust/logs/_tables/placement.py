@@ -67,12 +67,18 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
     if wanted and max(matched.values()) == len(set(wanted)):
         header = max(filled, key=lambda k: matched[k])
     elif numbers:
+        cells = len(rows[min(numbers)])
         above = [k for k in filled if k < min(numbers)]
-        # A column that is filled in the first rows only makes these wider than those that follow.
-        while above and any(above[-1] in wider for n, wider in shares.items() if n > width):
+        # A column that is filled in the first rows only makes these wider than those that follow;
+        # a table that was merged from messages begins with that of any of its columns.
+        while above and any(
+            above[-1] in of_width and (n > width or len(rows[above[-1]]) == cells)
+            for n, of_width in shares.items()
+        ):
             first = above.pop()
             widths.add(size := len(_trimmed(rows[first])))
             numbers[first] = shares[size][first]
+        widths |= {n for n, of_width in shares.items() for k in of_width if len(rows[k]) == cells}
         # The row right above the numbers may hold units, with the names above it.
         if len(above) > 1 and len(_trimmed(rows[above[-2]])) in widths and _units(rows[above[-1]]):
             above.pop()
