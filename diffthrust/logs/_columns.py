@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
+from diffthrust.logs._geographic import positions_of_fixes
 from diffthrust.logs._units import convert
 from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields, is_finite
 from diffthrust.logs._written import FURTHEST, PWM, Written
@@ -22,7 +23,9 @@ class Column:
     Args:
         column: name of the column, exactly as in the file; in a MATLAB struct as ``a.b``, in a
             robot's log as ``MESSAGE.FIELD``.
-        unit: unit in which the column is written; empty where it is the model's unit.
+        unit: unit in which the column is written; empty where it is the model's unit. A ``north``
+            and an ``east`` in deg are a latitude and a longitude, and become metres from the first
+            fix.
         unsigned: the sensor reports the absolute value.
         noise: known standard deviation, in the unit of the column.
         hold: for an input, ``"zero"`` (keeps its last value) or ``"linear"``.
@@ -248,6 +251,7 @@ def fields_of_columns(
     Raises:
         InputError: as in `Log`.
     """
+    columns, values, moved = positions_of_fixes(columns, values, at)
     read = {key: column.read(values[key], at(key, None)) for key, column in columns.items()}
     scaled = {key: numbers for key, (numbers, _, _) in read.items()}
     return checked_fields(
@@ -260,7 +264,7 @@ def fields_of_columns(
         hold={key: columns[key].hold for key in inputs},
         name=name,
         interpolate_inputs=interpolate_inputs,
-        notes=(*notes, *(note for _, _, note in read.values() if note)),
+        notes=(*notes, *moved, *(note for _, _, note in read.values() if note)),
         written={key: written for key, (_, written, _) in read.items()},
         rails={key: ends for key in measured if (ends := columns[key].rails) is not None},
         censored=[key for key in measured if columns[key].censored],

@@ -485,7 +485,6 @@ class Log:
             notes=(*self.notes, f"{samples} samples each were averaged into one."),
         )
 
-    @showing
     def resampled(self, rate: float) -> "Log":
         """Bring the log to an even rate, for one that was merged from messages, or is fast.
 
@@ -511,6 +510,7 @@ class Log:
         """
         return self.replaced(**resampled_fields(self, rate))
 
+    @showing
     def plot(self) -> "Figure":
         """Plot all channels over time, stacked: inputs on top, gaps in time shaded.
 

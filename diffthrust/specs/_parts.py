@@ -146,7 +146,10 @@ class ChannelPart(_Part):
     column: str
     """The column, or ``TOPIC.FIELD`` of a robot's log."""
     unit: str = ""
-    """The column's unit; without one the numbers are taken to be in the model's."""
+    """The column's unit; without one the numbers are taken to be in the model's.
+
+    A ``north`` and an ``east`` in deg are a latitude and a longitude.
+    """
     role: Literal["input", "measured"] | None = None
     """Whether it is an input or measured, where the model has the name as both."""
     unsigned: bool | None = None

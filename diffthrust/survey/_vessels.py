@@ -21,6 +21,9 @@ def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
     if "surge" not in motion and (speed := pool.pick("velocity", "measured")) is not None:
         motion = {"surge": speed.doubted("Taken for the speed ahead."), **motion}
     place = pool.picks(POSE, "measured")
+    fixes = pool.picks(("latitude", "longitude"), "measured")
+    if len(fixes) == 2 and not {"north", "east"} & set(place):
+        place = {"north": fixes["latitude"], "east": fixes["longitude"], **place}
     if not motion and not place:
         return None
     turns = _turning(motion, place, plain)
