@@ -248,7 +248,7 @@ def fit_records(
         **_judged(optimum, notes, doubts_of((*logs, *unseen), model) if options.doubts else ()),
         **_of_noise(optimum.problem, optimum.best),
     )
-    fitted = with_runaways(fitted, optimum.runs)
+    fitted = with_runaways(fitted, optimum.runs, doubts=options.doubts)
     return FitRuns(fitted, optimum.runs, holdout_runs)
 
 

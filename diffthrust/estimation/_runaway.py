@@ -14,10 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust._support.correlation import lag_one
-from diffthrust._support.words import number
+from diffthrust._support.words import joined, number
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
+from diffthrust.soundness._doubt import Doubt
 
 FAR = 10.0
 """A value so many times the first guess may have run away. Lower: guesses that were merely poor are
@@ -33,10 +35,39 @@ UNTOLD = 2.0
 """Logarithm of the likelihood ratio up to which the logs do not tell the larger value: 95 %, of one
 parameter. Samples count by how far errors are correlated: BlueBoat's sway (0.95) has a fortieth."""
 
+VERY_FAR = 1e3
+"""A value so many times the first guess is doubted, however well the logs tell it. Lower: guesses
+within the two decades over which starts are drawn are doubted. Higher: of a channel in mN that was
+declared in N, whose factor the parameter takes on, nothing is said."""
 
-def with_runaways(fit: Fit, runs: Sequence[Run]) -> Fit:
-    """The fit with a note, and its mend, on each parameter that ran away; see `runaway_notes`."""
-    return replace(fit, notes=(*runaway_notes(fit, runs), *fit.notes))
+
+def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
+    """The fit with what is to be said of parameters that ran away.
+
+    Args:
+        fit: the fit, whose ``guess`` is where it began.
+        runs: of its model over the training logs.
+        doubts: whether values far beyond the guess are doubted; else they have their notes only.
+    """
+    fit = replace(fit, notes=(*runaway_notes(fit, runs), *fit.notes))
+    far = [name for name, value in _suspects(fit, VERY_FAR)] if doubts else []
+    if not far:
+        return fit
+    added = [_doubt_on(name, fit) for name in far]
+    pointer = f" But {joined(far)} ran very far from the first guess: look at the doubts."
+    return replace(fit, message=fit.message + pointer, doubts=(*fit.doubts, *added))
+
+
+def _doubt_on(name: str, fit: Fit) -> Doubt:
+    value, unit = fit.parameters[name].value, f" {fit.parameters[name].unit}".rstrip()
+    return Doubt(
+        name,
+        "runaway",
+        f"it began at {number(fit.guess[name])} and ended at {number(value)}{unit}, more than "
+        f"{VERY_FAR:g} times as far from zero.",
+        "look at the units and scales of the channels, whose mistakes a parameter takes on; if the "
+        f'value is right, begin there: model.replace({{"{name}": {value:.3g}}}).',
+    )
 
 
 def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
@@ -46,7 +77,11 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
         fit: the fit, whose ``guess`` is where it began.
         runs: of its model over the training logs.
     """
-    suspects = list(_suspects(fit))
+    suspects = [
+        (name, value)
+        for name, value in _suspects(fit, FAR)
+        if _within(FURTHER * value, fit.model.parameters[name])
+    ]
     if not suspects or not np.isfinite(fit.train.nrmse):
         return ()
     error, samples = _error(fit, fit.model, runs), _independent(runs)
@@ -65,15 +100,18 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _suspects(fit: Fit) -> Iterator[tuple[str, float]]:
+def _suspects(fit: Fit, times: float) -> Iterator[tuple[str, float]]:
+    """Free parameters, away from their bounds, at so many times where they began."""
     for name in fit.free:
         estimate, parameter = fit.parameters[name], fit.model.parameters[name]
         size = max(abs(fit.guess[name]), abs(parameter.null or 0.0))
-        if size == 0 or estimate.at_bound or abs(estimate.value) < FAR * size:
-            continue
-        low, high = parameter.limits
-        if low <= FURTHER * estimate.value <= high:
+        if size > 0 and not estimate.at_bound and abs(estimate.value) >= times * size:
             yield name, estimate.value
+
+
+def _within(value: float, parameter: Parameter) -> bool:
+    low, high = parameter.limits
+    return low <= value <= high
 
 
 def _error(fit: Fit, model: Model, runs: Sequence[Run]) -> float:

@@ -21,8 +21,9 @@ DOUBT_KINDS = (
     "gap",
     "odd_log",
     "silent",
+    "runaway",
 )
-"""What may be wrong with a channel, the graver mistakes first."""
+"""What may be wrong with a channel, the graver mistakes first; "runaway" is of a parameter."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,10 @@ class Doubt:
     """Something in a log that is probably not what its name, unit or clock says.
 
     Args:
-        channel: the channel that is doubted, or ``"time"``.
+        channel: the channel that is doubted, or ``"time"``; of a fit also a parameter.
         kind: one of ``sign``, ``exchanged``, ``unit``, ``time_base``, ``lag``, ``stuck``,
-            ``saturated``, ``sentinel``, ``outliers``, ``gap``, ``odd_log``, ``silent``.
+            ``saturated``, ``sentinel``, ``outliers``, ``gap``, ``odd_log``, ``silent``,
+            ``runaway``.
         evidence: what was seen, with its figures; names the log.
         mend: a line to copy, or what to look at.
         readings: how channels are read where the mistake is undone, the likeliest first; several

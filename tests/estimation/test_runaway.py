@@ -49,3 +49,38 @@ def test_a_parameter_that_the_logs_bound_is_not(guess):
     fit = dft.fit(Follower(rate=guess), followed(rate=0.8), starts=1, doubts=False)
     assert fit.parameters["rate"].value == pytest.approx(0.8, rel=0.1)
     assert not any("runs away" in note for note in fit.notes)
+
+
+def test_a_parameter_at_a_thousand_times_its_start_is_doubted_however_well_it_fits():
+    """Readings in mm that were declared in m: the gain takes the factor on, and all converges."""
+
+    class Scaled(Follower):
+        """A level in other units than its target."""
+
+        name = "scaled"
+        gain: float = dft.parameter(1.0, "", bounds=(0, None))
+
+        def equations(self, s, port):
+            return {"level": self.rate * (self.gain * s.target - s.level)}, {"level": s.level}
+
+    log = followed(rate=0.8)
+    millimetres = dft.Log(log.time, log.inputs, {"level": 1500.0 * log.measured["level"]})
+    fit = dft.fit(Scaled(), millimetres, starts=1)
+    assert fit.parameters["gain"].value == pytest.approx(1500.0, rel=0.05)
+    (doubt,) = fit.doubts
+    assert (doubt.channel, doubt.kind) == ("gain", "runaway")
+    assert "it began at 1.000 and ended at 14" in doubt.evidence
+    assert "units and scales of the channels" in doubt.mend
+    assert "But gain ran very far from the first guess: look at the doubts." in fit.message
+    begun = eval(doubt.mend.split("begin there: ")[1].rstrip("."), {"model": Scaled()})
+    assert dft.fit(begun, millimetres, starts=1).doubts == ()
+
+
+def test_a_converged_fit_that_explains_less_than_a_fifth_of_a_channel_is_doubted():
+    log = followed(rate=0.8)
+    rng = np.random.default_rng(7)
+    drowned = dft.Log(log.time, log.inputs, {"level": rng.standard_normal(150)})
+    fit = dft.fit(Follower(), drowned, starts=1)
+    assert fit.train.channels["level"].fit_percent < 20
+    assert any(doubt.channel == "level" for doubt in fit.doubts)
+    assert "of level: look at the doubts first" in fit.message
