@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._geographic import positions_of_fixes
-from diffthrust.logs._units import convert
+from diffthrust.logs._units import convert, convert_scale, same_quantity
 from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields, is_finite
 from diffthrust.logs._written import FURTHEST, PWM, Written
 
@@ -251,7 +251,7 @@ def fields_of_columns(
     Raises:
         InputError: as in `Log`.
     """
-    columns, values, moved = positions_of_fixes(columns, values, at)
+    columns, values, moved = _from_fixes(columns, values, at)
     read = {key: column.read(values[key], at(key, None)) for key, column in columns.items()}
     scaled = {key: numbers for key, (numbers, _, _) in read.items()}
     return checked_fields(
@@ -270,3 +270,36 @@ def fields_of_columns(
         censored=[key for key in measured if columns[key].censored],
         at=at,
     )
+
+
+def _from_fixes(
+    columns: Mapping[str, Column], values: Mapping[str, np.ndarray], at: PlaceOf
+) -> tuple[Mapping[str, Column], Mapping[str, np.ndarray], tuple[str, ...]]:
+    """Columns and numbers with ``north`` and ``east`` in metres, and a note if they were angles.
+
+    Raises:
+        InputError: one of the two is an angle and the other is not, or the angles are no fixes.
+    """
+    place = [name for name in ("north", "east") if name in columns]
+    angles = [n for n in place if (u := columns[n].kept_unit) and same_quantity(u, "rad")]
+    if not angles:
+        return columns, values, ()
+    if len(angles) < 2:
+        partner = "east" if angles == ["north"] else "north"
+        raise InputError.at(
+            at(angles[0], None),
+            f"{angles[0]!r} is an angle, so a latitude or longitude, and {partner!r} is none.",
+            "name both columns, the latitude as north and the longitude as east, with their unit.",
+        )
+    written = {n: values[n] * float(columns[n].scale) + float(columns[n].offset) for n in angles}
+    latitude, longitude = (
+        convert(written[n], columns[n].unit, "rad", where=at(n, None)) for n in angles
+    )
+    metres, scales, note = positions_of_fixes(latitude, longitude, at)
+    plain = {}
+    for name in angles:
+        noise, unit = columns[name].noise, columns[name].unit
+        if noise is not None:
+            noise = scales[name] * convert_scale(noise, unit, "rad", where=at(name, None))
+        plain[name] = replace(columns[name], unit="m", scale=1.0, offset=0.0, noise=noise)
+    return {**columns, **plain}, {**values, **metres}, (note,)

@@ -16,7 +16,7 @@ from diffthrust.logs._columns import Column
 from diffthrust.logs._held import Hold, held_note, held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._rails import Railed, railed, railed_between, railed_note
-from diffthrust.logs._resampled import resampled_fields
+from diffthrust.logs._resampled import EvenSteps, unwrapped
 from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
@@ -462,13 +462,7 @@ class Log:
         used = len(self) // samples * samples
 
         def mean(name: str, values: np.ndarray) -> np.ndarray:
-            turn = {"rad": 2 * np.pi, "deg": 360.0}.get(self.units.get(name, ""))
-            if turn:
-                finite = np.isfinite(values)
-                values = values.copy()
-                # A heading that passes from 359 to 1 degree would average to 180.
-                values[finite] = np.unwrap(values[finite], period=turn)
-            blocks = values[:used].reshape(-1, samples)
+            blocks = unwrapped(values, self.units[name])[:used].reshape(-1, samples)
             finite = np.isfinite(blocks)
             counts = finite.sum(axis=1)
             sums = np.where(finite, blocks, 0.0).sum(axis=1)
@@ -508,7 +502,25 @@ class Log:
             >>> log.resampled(10.0).step, log.resampled(10.0).hold["command"]
             (0.1, 'zero')
         """
-        return self.replaced(**resampled_fields(self, rate))
+        steps = EvenSteps.of(self.time, rate, self.name)
+
+        def mean(name: str, values: np.ndarray) -> np.ndarray:
+            plain = unwrapped(values, self.units[name])
+            if self.hold.get(name) == "zero":
+                return steps.held_means(self.time, plain)
+            if name in self.inputs:
+                return steps.filled_means(self.time, plain)
+            return steps.means(self.time, plain)
+
+        counts = {name: steps.samples(self.measured[name]) for name in self.noise}
+        note = f"{len(self)} rows were averaged to {steps.time.size} at {rate:g} Hz."
+        return self.replaced(
+            time=steps.time,
+            inputs={name: mean(name, values) for name, values in self.inputs.items()},
+            measured={name: mean(name, values) for name, values in self.measured.items()},
+            noise={name: sigma / counts[name] ** 0.5 for name, sigma in self.noise.items()},
+            notes=(*self.notes, note),
+        )
 
     @showing
     def plot(self) -> "Figure":

@@ -8,82 +8,20 @@ the step that follows, so that a step of a command neither comes early nor lasts
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._validate import is_finite
 
-if TYPE_CHECKING:
-    from diffthrust.logs._log import Log
-
 _LEAST = 3
 """Numerics: steps that a log must last; fewer say nothing of a motion."""
-
-
-def resampled_fields(log: Log, rate: float) -> dict[str, Any]:
-    """The fields of a log that change when it is brought to a rate [Hz].
-
-    Raises:
-        InputError: the rate is no positive number, above that of the log, or below that of three
-            samples.
-    """
-    if not is_finite(rate) or rate <= 0:
-        raise InputError(
-            f"log {log.name!r}: expected a rate above zero in Hz, found {rate!r}.",
-            "give the samples a second, such as rate = 10.",
-        )
-    if rate * log.step > 1 + 1e-6:
-        raise InputError(
-            f"log {log.name!r}: its rows come at {1 / log.step:.3g} Hz, found rate = {rate:g}. "
-            "Samples between them would add no information.",
-            f"give a rate of at most {1 / log.step:.3g}, or leave it out.",
-        )
-    steps = _Steps.of(log.time, 1.0 / rate)
-    if steps.time.size < _LEAST:
-        raise InputError(
-            f"log {log.name!r}: at {rate:g} Hz, its {log.duration:.3g} s hold fewer than {_LEAST} "
-            "samples.",
-            "give a higher rate, in samples a second.",
-        )
-    held = {name for name, hold in log.hold.items() if hold == "zero"}
-    inputs = {
-        name: steps.held_means(log.time, _unwrapped(values, log.units[name]))
-        if name in held
-        else steps.filled_means(log.time, _unwrapped(values, log.units[name]))
-        for name, values in log.inputs.items()
-    }
-    measured = {
-        name: steps.means(log.time, _unwrapped(values, log.units[name]))
-        for name, values in log.measured.items()
-    }
-    counts = {name: steps.samples(values) for name, values in log.measured.items()}
-    note = f"{len(log)} rows were averaged to {steps.time.size} at {rate:g} Hz."
-    return {
-        "time": steps.time,
-        "inputs": inputs,
-        "measured": measured,
-        "noise": {name: sigma / counts[name] ** 0.5 for name, sigma in log.noise.items()},
-        "notes": (*log.notes, note),
-    }
-
-
-def _unwrapped(values: np.ndarray, unit: str) -> np.ndarray:
-    """Angles across their jumps: a heading from 359 to 1 degree would average to 180."""
-    turn: Mapping[str, float] = {"rad": 2 * np.pi, "deg": 360.0}
-    if unit not in turn:
-        return values
-    finite = np.isfinite(values)
-    out = values.copy()
-    out[finite] = np.unwrap(values[finite], period=turn[unit])
-    return out
+_TURN = {"rad": 2 * np.pi, "deg": 360.0}
 
 
 @dataclass(frozen=True)
-class _Steps:
+class EvenSteps:
     """Equal steps over a log, without those in which nothing was recorded.
 
     Args:
@@ -97,13 +35,42 @@ class _Steps:
     of_row: np.ndarray
 
     @classmethod
-    def of(cls, stamps: np.ndarray, width: float) -> _Steps:
+    def of(cls, stamps: np.ndarray, rate: float, name: str) -> EvenSteps:
+        """The steps of a log.
+
+        Args:
+            stamps: its time [s], ``(m,)``.
+            rate: steps a second.
+            name: of the log, for messages.
+
+        Raises:
+            InputError: the rate is no positive number, above that of the log, or below that of
+                three samples.
+        """
+        if not is_finite(rate) or rate <= 0:
+            raise InputError(
+                f"log {name!r}: expected a rate above zero in Hz, found {rate!r}.",
+                "give the samples a second, such as rate = 10.",
+            )
+        row = float(np.median(np.diff(stamps))) if stamps.size > 1 else np.inf
+        if rate * row > 1 + 1e-6:
+            raise InputError(
+                f"log {name!r}: its rows come at {1 / row:.3g} Hz, found rate = {rate:g}. "
+                "Samples between them would add no information.",
+                f"give a rate of at most {1 / row:.3g}, or leave it out.",
+            )
         # Half a row before the first: the means of even rows stand at the middle of their step.
-        first = stamps[0] - 0.5 * (float(np.median(np.diff(stamps))) if stamps.size > 1 else width)
-        step = np.floor((stamps - first) / width + 1e-9).astype(np.int64)
+        first = stamps[0] - 0.5 * row
+        step = np.floor((stamps - first) * rate + 1e-9).astype(np.int64)
         # Steps without a row are left out: a gap of the recorder stays one, and is reported.
         numbers, of_row = np.unique(step, return_inverse=True)
-        return cls(first + (numbers + 0.5) * width, width, of_row)
+        if numbers.size < _LEAST:
+            raise InputError(
+                f"log {name!r}: at {rate:g} Hz, its {stamps[-1] - stamps[0]:.3g} s hold fewer than "
+                f"{_LEAST} samples.",
+                "give a higher rate, in samples a second.",
+            )
+        return cls(first + (numbers + 0.5) / rate, 1.0 / rate, of_row)
 
     def _totals(self, weights: np.ndarray) -> np.ndarray:
         return np.bincount(self.of_row, weights, minlength=self.time.size)
@@ -137,3 +104,13 @@ class _Steps:
         integral = np.append(0.0, np.cumsum(np.diff(ends) * values))
         until = np.interp(self.time + self.width, ends, integral)
         return (until - np.interp(self.time, ends, integral)) / self.width
+
+
+def unwrapped(values: np.ndarray, unit: str) -> np.ndarray:
+    """Angles across their jumps: a heading from 359 to 1 degree would average to 180."""
+    if unit not in _TURN:
+        return values
+    finite = np.isfinite(values)
+    out = values.copy()
+    out[finite] = np.unwrap(values[finite], period=_TURN[unit])
+    return out
