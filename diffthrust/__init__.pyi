@@ -42,6 +42,7 @@ from .models._base.parameter import Normal as Normal
 from .models._base.parameter import Parameter as Parameter
 from .models._base.parameter import parameter as parameter
 from .models._dc_motor import DCMotorThruster as DCMotorThruster
+from .models._ducted_thruster import DuctedThruster as DuctedThruster
 from .models._linear_sensor import LinearSensor as LinearSensor
 from .models._speed_loop import SpeedLoopThruster as SpeedLoopThruster
 from .models._thruster import Thruster as Thruster

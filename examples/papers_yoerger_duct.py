@@ -21,7 +21,7 @@ import diffthrust as dft
 from diffthrust.papers import lowpass_noise
 
 STEP = 0.02
-RIG = dft.models.DuctedThruster(efficiency=0.2, volume=0.016)
+RIG = dft.DuctedThruster(efficiency=0.2, volume=0.016)
 UNITS = {"command": "N m", "speed": "rad/s", "flow": "m/s"}
 NOISE = {"speed": 0.5, "flow": 0.02}
 
@@ -43,7 +43,7 @@ true = dft.simulate(RIG, dft.Log(time, {"command": torque}, units={"command": "N
 rng = np.random.default_rng(2)
 measured = {n: true[n] + size * rng.standard_normal(time.size) for n, size in NOISE.items()}
 log = dft.Log(time, {"command": torque}, measured, UNITS, name="torque, speed and outflow")
-fit = dft.fit(dft.models.DuctedThruster(), log)
+fit = dft.fit(dft.DuctedThruster(), log)
 print(fit.report())
 thrust = dft.simulate(fit.model, log)["thrust"]
 off = np.sqrt(np.mean((thrust - true["thrust"]) ** 2)) / np.std(true["thrust"])

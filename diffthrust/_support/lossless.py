@@ -55,7 +55,8 @@ def encoded(value: Any, arrays: dict[str, Any]) -> Any:
     if isinstance(value, Real):
         return _written(float(value))
     if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: encoded(getattr(value, f.name), arrays) for f in fields(value)}
+        kept = [f.name for f in fields(value) if f.metadata.get("saved", True)]
+        return {name: encoded(getattr(value, name), arrays) for name in kept}
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return encoded(value._asdict(), arrays)  # pyright: ignore[reportAttributeAccessIssue]
     if isinstance(value, Mapping):

@@ -29,6 +29,10 @@ _WIDEST = 100
 """Characters of the widest bar."""
 _SURE = 0.05
 """Completed share from which the remaining time is estimated."""
+_EARLY = 2.0
+"""Seconds before which no share foretells: compiled programs come from a disk, or not."""
+_LINES = 10.0
+"""Seconds between two lines in a file or a pipe: short work is silent, and hours are no novel."""
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
@@ -90,29 +94,31 @@ def subtask(report: Progress, first: float, last: float) -> Progress:
 
 
 @contextmanager
-def bar(begin: str = "working") -> Iterator[Progress | None]:
+def bar(begin: str = "working") -> Iterator[Progress]:
     """A bar that never goes back, with a running clock, on a terminal or in a notebook.
 
+    Where the error stream goes to a file or a pipe, a line of it tells every ten seconds how far
+    the work is.
+
     Yields:
-        The function that receives progress; None where output goes to a file or a pipe.
+        The function that receives progress.
 
     Example:
         >>> with bar() as report:
         ...     fit(model, logs, progress=report)
     """
-    draw = _place_to_draw()
-    if draw is None:
-        yield None
-        return
+    draw, words_of = _place_to_draw()
     message, share_done, drawn = begin, 0.0, 0.0
     start = time.monotonic()
+    remaining = Remaining()
     over, drawing = threading.Event(), threading.Lock()
 
     def redraw() -> None:
         nonlocal drawn
         with drawing:
             drawn = time.monotonic()
-            draw(_line(message, share_done, time.monotonic() - start))
+            seconds = time.monotonic() - start
+            draw(words_of(message, share_done, seconds, remaining.after(seconds, share_done)))
 
     def report(words: str, share: float) -> None:
         nonlocal message, share_done
@@ -136,23 +142,54 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
         draw("")
 
 
-def _line(message: str, share: float, seconds: float) -> str:
+class Remaining:
+    """The time that is left, as each share done foretells it; what is shown never grows.
+
+    Shares promise too much now and then (the last 8 % of a diagnosis took longer than all before).
+    Then nothing is said until less is left than was shown.
+    """
+
+    def __init__(self) -> None:
+        self._share, self._end, self._shown = 0.0, float("nan"), float("inf")
+
+    def after(self, seconds: float, share: float) -> float | None:
+        """Seconds left, ``None`` where nothing can be said."""
+        if share != self._share:
+            self._share = share
+            early = seconds < _EARLY or share < _SURE
+            self._end = float("nan") if early else seconds / share
+        remaining = self._end - seconds
+        if not 0.0 <= remaining <= self._shown or share >= 1.0:
+            return None
+        self._shown = remaining
+        return remaining
+
+
+def _line(message: str, share: float, seconds: float, remaining: float | None) -> str:
     """The current step, its share and the time taken, as wide as the terminal."""
-    clock = _clock(seconds)
-    if _SURE <= share < 1.0:
-        clock += f", {_clock(seconds * (1.0 - share) / share)} left"
+    clock = _clock(seconds) + (f", {_clock(remaining)} left" if remaining is not None else "")
     room = min(_WIDEST, shutil.get_terminal_size().columns) - 1
     words = visible(message)[: room // 2]
     full = max(room - len(words) - len(clock) - 11, 1)
     return f"{words}  {100 * share:3.0f} % [{'#' * int(share * full):{full}}] {clock}"
 
 
+def _log_line(message: str, share: float, seconds: float, remaining: float | None) -> str:
+    """The same without a bar, for a file."""
+    clock = _clock(seconds) + (f", {_clock(remaining)} left" if remaining is not None else "")
+    return f"{100 * share:3.0f} % {clock}  {visible(message)}"
+
+
 def _clock(seconds: float) -> str:
     return f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
 
 
-def _place_to_draw() -> Callable[[str], None] | None:
-    """A function that draws a line over the previous one."""
+_Words = Callable[[str, float, float, "float | None"], str]
+"""How a step, its share, the seconds and those left become a line."""
+
+
+def _place_to_draw() -> tuple[Callable[[str], None], _Words]:
+    """A function that draws a line over the previous one, or below it, and what makes the line."""
     if sys.stderr.isatty():
 
         def draw(line: str) -> None:
@@ -160,10 +197,10 @@ def _place_to_draw() -> Callable[[str], None] | None:
             sys.stderr.write(f"\r{line:{wide}}" if line else f"\r{'':{wide}}\r")
             sys.stderr.flush()
 
-        return draw
+        return draw, _line
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if not hasattr(shell, "kernel"):
-        return None
+        return _lines_below(), _log_line
     from IPython.display import display
 
     def cell_content(line: str) -> dict[str, str]:
@@ -171,4 +208,17 @@ def _place_to_draw() -> Callable[[str], None] | None:
 
     cell = display(cell_content(""), raw=True, display_id=True)
     assert cell is not None
-    return lambda line: cell.update(cell_content(line), raw=True)
+    return lambda line: cell.update(cell_content(line), raw=True), _line
+
+
+def _lines_below() -> Callable[[str], None]:
+    """A function that prints a line to the error stream, now and then."""
+    last = time.monotonic()
+
+    def print_line(line: str) -> None:
+        nonlocal last
+        if line and time.monotonic() - last > _LINES:
+            last = time.monotonic()
+            print(line, file=sys.stderr, flush=True)
+
+    return print_line

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled, thinned
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, styled, thinned
 from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
 
@@ -29,7 +29,12 @@ def model_figure(model: SampledModel, log: Log) -> Figure:
         unit = model.channels.units[name]
         words = f"{name} [{unit}]" if unit else name
         measured = log.values(name, unit)
-        top.plot(*thinned(log.time, measured), color=GREY, linewidth=2.4, label="measured")
+        # Of a channel at half the rate of its log no two samples are neighbours, to be joined.
+        dots: dict[str, Any] = (
+            {"marker": "o", "markersize": 3, "linestyle": "none"} if is_sparse(measured) else {}
+        )
+        look = {"color": GREY, "linewidth": 2.4, **dots}
+        top.plot(*thinned(log.time, measured), label="measured", **look)
         top.plot(*thinned(log.time, simulated[name]), color=VERMILLION, linewidth=1.2,
                  label="simulated freely")  # fmt: skip
         if predicting:
@@ -40,9 +45,11 @@ def model_figure(model: SampledModel, log: Log) -> Figure:
         styled(top, title, "", words)
         top.legend(fontsize=8, frameon=False, ncols=3)
         below.axhline(0.0, color="0.4", linewidth=0.8)
-        below.plot(*thinned(log.time, measured - simulated[name]), color=VERMILLION, linewidth=0.9)
+        look = {"color": VERMILLION, "linewidth": 0.9, **dots}
+        below.plot(*thinned(log.time, measured - simulated[name]), **look)
         if predicting:
-            below.plot(*thinned(log.time, measured - predicted[name]), color=BLUE, linewidth=0.9)
+            look = {"color": BLUE, "linewidth": 0.9, **dots}
+            below.plot(*thinned(log.time, measured - predicted[name]), **look)
         last = name == outputs[-1]
         styled(below, "", "time [s]" if last else "", f"residual [{unit}]" if unit else "residual")
     return figure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,8 +9,6 @@ from typing import Annotated
 import typer
 
 from diffthrust._support.files import write_json
-from diffthrust._support.progress import Progress
-from diffthrust._support.visible import visible
 from diffthrust.cli._session import (
     CHECK_FAILED,
     JsonPath,
@@ -21,9 +18,6 @@ from diffthrust.cli._session import (
     show,
     written,
 )
-
-_EVERY = 30.0
-"""Seconds between two lines of progress where there is no terminal."""
 
 
 class TaskName(StrEnum):
@@ -94,7 +88,7 @@ def campaign_command(
             time_limit=time_limit,
             report=report,
             trust=trust or (),
-            progress=progress or _lines(),
+            progress=progress,
             candidates=effect_names(candidates),
             method=method,
             draws=draws,
@@ -107,17 +101,3 @@ def campaign_command(
     written(finished.path, json)
     if not finished.ok:
         raise typer.Exit(CHECK_FAILED)
-
-
-def _lines() -> Progress:
-    """Progress as lines on standard error, for logs of batch systems."""
-    last = time.monotonic()
-
-    def print_line(message: str, share: float) -> None:
-        nonlocal last
-        # A campaign reports every result; a log of a batch job needs a line every half minute.
-        if time.monotonic() - last > _EVERY:
-            last = time.monotonic()
-            typer.echo(visible(message), err=True)
-
-    return print_line

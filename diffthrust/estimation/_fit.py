@@ -244,6 +244,7 @@ def fit_records(
         ranges=(ranges := input_ranges(model, records)),
         hold={name: records[0].hold[name] for name in ranges},
         written={name: way for log in reversed(logs) for name, way in log.written.items()},
+        logs=(*logs, *unseen),
         **words,
         **_judged(optimum, notes, doubts_of((*logs, *unseen), model) if options.doubts else ()),
         **_of_noise(optimum.problem, optimum.best),

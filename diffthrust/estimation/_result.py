@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,11 +32,15 @@ from diffthrust.export._exported import Exported
 from diffthrust.export._source import ExportSource
 from diffthrust.export._trace import read_inputs
 from diffthrust.logs._identity import LogIdentity
+from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits, Size, Written
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import ChannelError, Errors
 from diffthrust.soundness._doubt import Doubt
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,10 @@ class Fit(Result):
         correlation: the notes that say why standard errors, and all that follows from them, are
             too small.
         doubts: what in the logs is probably not what its name, unit or clock says
-            (`diffthrust.soundness.doubts`), and channels of which the fit explains little.
+            (`diffthrust.soundness.doubts`), channels of which the fit explains little, and
+            parameters that ran very far from where they began.
+        logs: the training logs, then the unseen ones, for `plot`; empty for a fit from a file or
+            from another process.
 
     Example:
         >>> fit.status.value, fit.status.ok, fit.free
@@ -174,6 +181,11 @@ class Fit(Result):
     written: Mapping[str, Written] = field(default_factory=dict, repr=False)
     correlation: tuple[str, ...] = field(default=(), repr=False)
     doubts: tuple[Doubt, ...] = field(default=(), repr=False)
+    logs: tuple[Log, ...] = field(default=(), repr=False, compare=False, metadata={"saved": False})
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Worker processes send thousands of fits back, whose logs the caller has.
+        return {**vars(self), "logs": ()}
 
     @property
     def data(self) -> tuple[LogIdentity, ...]:
@@ -240,6 +252,31 @@ class Fit(Result):
             ),
             closing_section(closing(self.origin, self.model)),
         )
+
+    def plot(self, logs: Log | Sequence[Log] | None = None) -> Figure:
+        """Measured and modelled on top, residual below, for each channel of each log.
+
+        Args:
+            logs: the logs to show; by default the unseen ones, or those of the training where
+                there were none.
+
+        Raises:
+            InputError: the fit was loaded from a file, or comes from another process, and no logs
+                are given.
+
+        Example:
+            >>> fit.plot().savefig("unseen.png")
+        """
+        # A comparison draws it; it is above this layer, and reached by the door of the package.
+        from diffthrust import compare
+
+        logs = logs if logs is not None else self.logs[len(self.data) :] or self.logs
+        if not logs:
+            raise InputError(
+                "A fit from a file or from another process has no logs to draw.",
+                "Give them: fit.plot(logs).",
+            )
+        return compare(self, logs).plot()
 
     def save(self, path: Path | str) -> None:
         """Write the fit to a JSON file from which `load` makes it again, to the last digit.

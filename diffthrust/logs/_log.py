@@ -499,7 +499,8 @@ class Log:
                 than three samples remain.
 
         Example:
-            >>> log.resampled(10.0).step, log.resampled(10.0).hold["command"]
+            >>> even = log.resampled(10.0)
+            >>> round(even.step, 6), even.hold["command"]
             (0.1, 'zero')
         """
         steps = EvenSteps.of(self.time, rate, self.name)

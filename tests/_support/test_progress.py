@@ -13,7 +13,7 @@ from places import ROOT
 
 import diffthrust as dft
 from diffthrust._support.progress import (  # private: shared by all work
-    bar,
+    Remaining,
     progressing,
     reporter,
     subtask,
@@ -21,13 +21,18 @@ from diffthrust._support.progress import (  # private: shared by all work
 
 LOOK = """
 import time
+import diffthrust._support.progress as progress
 from diffthrust._support.progress import bar
+progress._EARLY = 0.5
 with bar("reading") as tell:
     for share in (0.2, 0.6, 0.4, 0.9):
         tell("working", share)
         time.sleep(0.7)
 print("over")
 """
+
+
+LINE = r" *\d+ % \d\d:\d\d(, \d\d:\d\d left)?  working"
 
 
 def on_a_terminal(code: str, columns: int = 80) -> list[str]:
@@ -63,18 +68,41 @@ def test_the_bar_never_goes_back_and_its_clock_runs():
     clocks = [line.rsplit("] ", 1)[1][:5] for line in seen if "60 %" in line]
     assert len(set(clocks)) >= 2  # between two words of progress
     assert max(map(len, seen)) <= 80
-    assert all(re.search(r"\] \d\d:\d\d, \d\d:\d\d left", line) for line in seen if "60 %" in line)
+    assert any(re.search(r"60 % .*\] \d\d:\d\d, \d\d:\d\d left", line) for line in seen)
     before, after = " ".join(seen).rsplit("left", 1)[1].split("over")
     assert not before.strip()  # the line of the bar is empty again
     assert not after.strip()
 
 
-def test_nothing_is_written_into_files_and_pipes(capfd):
-    with bar() as tell:
-        assert tell is None
+def test_the_time_that_is_left_never_grows_and_ends_where_it_promised_too_much():
+    remaining = Remaining()
+    assert remaining.after(1.0, 0.01) is None  # too early to say
+    # a diagnosis at 92 % after 29 s, which took 41 s more
+    steps = [(10.0, 0.5), (29.0, 0.92), (30.0, 0.92), (35.0, 0.93), (60.0, 0.95), (69.0, 0.99)]
+    left = [remaining.after(*step) for step in steps]
+    assert left[0] == pytest.approx(10.0)
+    told = [seconds for seconds in left if seconds is not None]
+    assert told == sorted(told, reverse=True)
+    assert left[3:5] == [None, None]  # longer than it said: 2.6 s and 3.2 s
+    assert left[5] == pytest.approx(0.7, abs=0.01)
+
+
+def test_short_work_writes_nothing_into_files_and_pipes(capfd):
     log = dft.Log(np.arange(9), {"depth": np.arange(9.0)}, {"reading": 2.0 + np.arange(9) ** 0.99})
     assert dft.fit(dft.LinearSensor(), log, starts=1, progress=True).status.ok
     assert capfd.readouterr() == ("", "")
+
+
+def test_long_work_tells_a_pipe_now_and_then_how_far_it_is():
+    code = LOOK.replace("progress._EARLY = 0.5", "progress._LINES = 0.6")
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=env, check=True
+    )
+    assert run.stdout == "over\n"
+    lines = run.stderr.splitlines()
+    assert 2 <= len(lines) <= 5
+    assert all(re.fullmatch(LINE, line) for line in lines)
 
 
 @pytest.mark.parametrize("horizon", [None, [2.0, None]])

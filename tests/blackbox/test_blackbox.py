@@ -423,6 +423,19 @@ def test_report_and_figure_name_what_they_show():
     assert "fit" in figure.axes[0].get_title(loc="left")
 
 
+def test_an_output_at_half_the_rate_of_its_log_is_drawn():
+    log = made(noise=0.3)
+    model = bb.arx(log, **UY)
+    half = np.where(np.arange(len(log)) % 2, np.nan, log.measured["y"])
+    top, below = model.plot(log.replaced(measured={"y": half})).axes
+    # no two samples are neighbours, so that a line alone would be invisible
+    for axes, label in ((top, "measured"), (below, None)):
+        lines = [x for x in axes.get_lines() if label in (None, x.get_label())]
+        sparse = [x for x in lines if np.isnan(np.asarray(x.get_ydata(), float)).any()]
+        assert sparse
+        assert all(x.get_marker() == "o" for x in sparse)
+
+
 def test_python_control_is_asked_for_where_it_is_absent(monkeypatch):
     model = bb.arx(made(), **UY)
     monkeypatch.setitem(sys.modules, "control", None)

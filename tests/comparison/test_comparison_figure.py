@@ -44,6 +44,25 @@ def test_one_pair_of_axes_for_each_channel_of_each_run(count):
     assert out.getvalue().startswith(b"\x89PNG")
 
 
+def drawn_marks(axes, label: str) -> int:
+    """Samples of a line that leave a mark or a stretch of line."""
+    (line,) = [line for line in axes.get_lines() if line.get_label() == label]
+    seen = np.isfinite(np.asarray(line.get_ydata(), float))
+    dotted = line.get_marker() not in ("None", "", None)
+    return int(seen.sum() if dotted else (seen[1:] & seen[:-1]).sum())
+
+
+@pytest.mark.parametrize("n", [400, 12_000])
+def test_a_channel_at_half_the_rate_of_its_log_is_drawn(n):
+    every = log("run", n=n)
+    half = np.where(np.arange(n) % 2, np.nan, every.measured["speed"])
+    figure = dft.compare(dft.Thruster(), every.replaced(measured={"speed": half})).plot()
+    (top,) = [axes for axes in figure.axes if axes.get_ylabel() == "speed [rad/s]"]
+    (below,) = [axes for axes in figure.axes if axes.get_ylabel() == "residual [rad/s]"]
+    assert drawn_marks(top, "measured") >= 200
+    assert drawn_marks(below, "measured - modelled") >= 200
+
+
 def test_a_run_may_lack_a_channel():
     figure = dft.compare(dft.Thruster(), [log("a", thrust=False), log("b")]).plot()
     assert len(figure.axes) == 3 + 5
