@@ -69,7 +69,7 @@ def test_the_bar_never_goes_back_and_its_clock_runs():
     assert len(set(clocks)) >= 2  # between two words of progress
     assert max(map(len, seen)) <= 80
     assert any(re.search(r"60 % .*\] \d\d:\d\d, \d\d:\d\d left", line) for line in seen)
-    before, after = " ".join(seen).rsplit("left", 1)[1].split("over")
+    before, after = " ".join(seen).rsplit("] ", 1)[1][5:].split("over")
     assert not before.strip()  # the line of the bar is empty again
     assert not after.strip()
 
