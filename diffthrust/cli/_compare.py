@@ -9,9 +9,9 @@ import typer
 
 from diffthrust._support.files import write_json
 from diffthrust.cli._session import (
+    FittedPath,
     JsonPath,
     ReportPath,
-    SpecPath,
     TrustOption,
     session,
     show,
@@ -21,7 +21,7 @@ from diffthrust.cli._session import (
 
 
 def compare_command(
-    spec: SpecPath,
+    spec: FittedPath,
     no_fit: Annotated[
         bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
     ] = False,
@@ -37,11 +37,14 @@ def compare_command(
     with session() as progress:
         from diffthrust.comparison._compare import comparison_report
         from diffthrust.comparison._page import comparisons_of, write_comparison_page
-        from diffthrust.specs._spec import load_spec
+        from diffthrust.saved._spec_of_fit import fitted_spec
 
-        loaded = load_spec(spec, trust=trust or ())
+        loaded, fit = fitted_spec(spec, trust or ())
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
-        fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=holdout)
+        if no_fit:
+            fit = None
+        elif fit is None:
+            fit = loaded.fit(progress=progress, train=train, holdout=holdout)
         comparisons = comparisons_of(fit or loaded.model, train, holdout)
         if json:
             parts = {name.split()[0]: c.to_json() for name, c in comparisons.items()}

@@ -8,10 +8,10 @@ import typer
 
 from diffthrust._support.files import write_json
 from diffthrust.cli._session import (
+    FittedPath,
     JsonPath,
     ReportPath,
     SavePath,
-    SpecPath,
     TrustOption,
     effect_names,
     session,
@@ -21,7 +21,7 @@ from diffthrust.cli._session import (
 
 
 def diagnose_command(
-    spec: SpecPath,
+    spec: FittedPath,
     candidates: Annotated[
         str | None,
         typer.Option(
@@ -38,10 +38,11 @@ def diagnose_command(
 ) -> None:
     """Find what a model lacks: where it fails, which effect is missing, what is undecided."""
     with session() as progress:
-        from diffthrust.specs._spec import load_spec
+        from diffthrust.saved._spec_of_fit import fitted_spec
 
-        loaded = load_spec(spec, trust=trust or ())
-        diagnosis = loaded.diagnose(progress=progress, candidates=effect_names(candidates))
+        loaded, fit = fitted_spec(spec, trust or ())
+        names = effect_names(candidates)
+        diagnosis = loaded.diagnose(progress=progress, candidates=names, fit=fit)
         if save:
             diagnosis.save(save)
         if json:

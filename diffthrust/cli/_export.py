@@ -59,7 +59,7 @@ def export_command(
         if fit.suffix.lower() == ".json":
             from diffthrust.saved._load import load
 
-            files = load(fit)
+            files = load(fit, trust=trust or ())
             if not hasattr(files, "export"):
                 raise InputError(
                     f"{fit}: expected a saved fit, found a {type(files).__name__}.",

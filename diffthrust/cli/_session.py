@@ -90,6 +90,15 @@ SpecPath = Annotated[
 ]
 
 
+FittedPath = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SPEC",
+        help="A spec file (TOML), a folder with a fit.toml, or a fit that fit --save has kept.",
+    ),
+]
+
+
 TrustOption = Annotated[
     list[Path] | None,
     typer.Option(

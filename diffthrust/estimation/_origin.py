@@ -27,6 +27,7 @@ class Origin:
         train: the logs that it was made of, in their order.
         holdout: the unseen logs that it was held against.
         spec: sha256 of the spec file without its [expected] block, where there was one.
+        spec_file: its path.
 
     Example:
         >>> fit.origin.created, [log.sha256[:8] for log in fit.origin.train]
@@ -38,6 +39,7 @@ class Origin:
     train: tuple[LogIdentity, ...]
     holdout: tuple[LogIdentity, ...] = ()
     spec: str | None = None
+    spec_file: str | None = None
 
     @property
     def sentences(self) -> tuple[str, ...]:

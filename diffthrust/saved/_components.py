@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 from diffthrust._support.errors import InputError
@@ -81,7 +82,8 @@ def _class_of(base: type, plain: dict[str, Any], classes: Sequence[type]) -> Any
         f"The {base.__name__.lower()} '{name}' is of a class of your own, {origin['class']} in "
         f"{origin['module']}{where}; loading runs no code that you did not ask for.",
         f"Give the class, or the script that defines it: dft.load(path, "
-        f"classes=[{origin['class']}]) or classes=[{word}].",
+        f"classes=[{origin['class']}]) or classes=[{word}]; on the command line trust its folder, "
+        f"--trust {Path(origin['file']).parent if origin['file'] else 'DIR'}.",
     )
 
 

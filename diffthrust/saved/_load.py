@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,9 @@ Classes = type[Component] | str | Sequence[type[Component] | str]
 _KINDS: dict[str, type] = {"fit": Fit, "diagnosis": Diagnosis}
 
 
-def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
+def load(
+    path: str | PathLike[str], *, classes: Classes = (), trust: Iterable[Path | str] = ()
+) -> Any:
     """Load a saved fit, diagnosis or posterior.
 
     A loaded fit equals the saved fit to the last digit and can be used everywhere: in `compare`,
@@ -38,6 +40,8 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
             ArviZ, ``post.to_netcdf("posterior.nc")``.
         classes: your own models and effects: classes, or ``"script.py:Class"``, whose script is
             then run.
+        trust: folders whose scripts may be run, where the file names one there that defines a
+            model or an effect of your own.
 
     Returns:
         `Fit`, `Diagnosis`, or `arviz.InferenceData`.
@@ -69,10 +73,9 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
             f"{file}: expected a saved {listing(_KINDS)}, found the kind {kind!r}.",
             "Load it with the version of diffthrust that wrote it.",
         )
-    resolved = tuple(
-        own_class(each, Path()) if isinstance(each, str) else each
-        for each in ([classes] if isinstance(classes, str | type) else classes)
-    )
+    words = [classes] if isinstance(classes, str | type) else [*classes]
+    words += _trusted(document["result"], tuple(trust))
+    resolved = tuple(own_class(w, Path()) if isinstance(w, str) else w for w in words)
     decoder = Decoder(
         arrays=document["arrays"],
         makers={
@@ -93,6 +96,20 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
             f"written by version {version_of(document)}.",
             "Load it with that version, or save the result again with this one.",
         ) from None
+
+
+def _trusted(plain: Any, trust: Sequence[Path | str]) -> list[str]:
+    """The user's own classes that a document names by scripts in trusted folders."""
+    if isinstance(plain, dict):
+        own = plain.get("own")
+        if isinstance(own, dict) and own.get("file"):
+            real = Path(own["file"]).resolve()
+            if any(real.is_relative_to(Path(place).resolve()) for place in trust):
+                return [f"{real}:{own['class']}"]
+        plain = plain.values()
+    elif not isinstance(plain, list):
+        return []
+    return list(dict.fromkeys(word for each in plain for word in _trusted(each, trust)))
 
 
 def _check_suffix(file: Path) -> None:

@@ -200,9 +200,10 @@ class Spec(Brief):
         train = self.train_logs() if train is None else train
         # Only keys that the spec states: the defaults stay those of `fit`.
         options, mark = self.file.fit.model_dump(exclude_unset=True), self.sha256
+        place = str(self.path.resolve())
         result = fit(self.model, train, holdout=unseen or None, progress=progress, **options)
         assert result.origin is not None
-        return replace(result, origin=replace(result.origin, spec=mark))
+        return replace(result, origin=replace(result.origin, spec=mark, spec_file=place))
 
     @progressing
     def diagnose(
@@ -210,10 +211,12 @@ class Spec(Brief):
         *,
         progress: ProgressOption = None,
         candidates: Sequence[str] | None = None,
+        fit: Fit | None = None,
     ) -> Diagnosis:
         """Fit with the options of ``[fit]``, then diagnose which physics is missing.
 
         Args:
+            fit: a fit of this spec, as loaded from a file; made where there is none.
             progress: True for a bar, or a function of a message and the share done.
             candidates: effects to try, named as under ``effects``, and fixed constants of the
                 model, by name; ``None`` for all.
@@ -237,13 +240,15 @@ class Spec(Brief):
         # Before the fit, which takes minutes: a wrong name of an effect is reported at once.
         candidates_of(model, records, wanted)
         report = reporter(progress)
-        fit = self.fit(progress=subtask(report, 0.0, 0.15), train=train, holdout=unseen)
+        begun = 0.15 if fit is None else 0.0
+        if fit is None:
+            fit = self.fit(progress=subtask(report, 0.0, begun), train=train, holdout=unseen)
         return diagnose(
             fit,
             train,
             holdout=unseen or None,
             candidates=wanted,
-            progress=subtask(report, 0.15, 1.0),
+            progress=subtask(report, begun, 1.0),
         )
 
 
