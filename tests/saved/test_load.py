@@ -67,7 +67,8 @@ def bits(value):
         own = {k: bits(v) for k, v in vars(value).items() if k != "effects"}
         return type(value), own, [bits(effect) for effect in getattr(value, "effects", ())]
     if is_dataclass(value):
-        return type(value), {f.name: bits(getattr(value, f.name)) for f in fields(value)}
+        kept = [f.name for f in fields(value) if f.metadata.get("saved", True)]
+        return type(value), {name: bits(getattr(value, name)) for name in kept}
     if hasattr(value, "items"):
         return {key: bits(each) for key, each in value.items()}
     if isinstance(value, tuple | list) and not isinstance(value, Enum):
