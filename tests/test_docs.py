@@ -10,6 +10,8 @@ import pytest
 from command_line import COMMANDS
 from places import EXAMPLES, ROOT, docs_pages
 
+from diffthrust.models import MODELS
+
 DOCS = ROOT / "docs"
 PAGES = docs_pages()
 MADE = {"atlas", "gallery", "reference"}
@@ -70,17 +72,39 @@ def test_a_page_has_one_title_and_its_headings_go_down_by_one(page):
 def test_every_link_and_its_anchor_lead_somewhere(page):
     for target in re.findall(r"\]\((?!https?://)([^)\s]+)\)", without_code(text_of(page))):
         path, _, anchor = target.partition("#")
-        if anchor.startswith("sphx_glr_gallery_"):
-            assert (EXAMPLES / anchor.removeprefix("sphx_glr_gallery_")).is_file(), target
-            continue
         other = (page.parent / path).resolve() if path else page
-        if other.parent.name in MADE:
-            assert other.name == "index.md", target
-            continue
-        assert other.is_file(), target
-        assert other in PAGES or other.suffix == ".png", target  # not beside the site
+        assert other.is_file(), target  # also for who reads the pages as they are
+        # Nothing else is beside the site; its gallery stands for the examples.
+        assert other in PAGES or other.suffix == ".png" or other.parent == EXAMPLES, target
         if anchor:
             assert anchor in anchors(other), target
+
+
+def test_a_link_to_an_example_leads_to_the_gallery_of_the_site():
+    from example_gallery import link_examples
+
+    source = ["See [examples/export.py](../../examples/export.py) and [units](units.md)."]
+    link_examples(None, "guides/export", source)
+    assert (
+        source[0] == "See [examples/export.py](#sphx_glr_gallery_export.py) and [units](units.md)."
+    )
+
+
+def test_readme_has_no_dead_link():
+    targets = re.findall(
+        r"\]\((?!https?://)([^)\s#]+)\)", without_code(text_of(ROOT / "README.md"))
+    )
+    assert len(targets) > 8
+    assert not [target for target in targets if not (ROOT / target).exists()]
+
+
+def test_the_page_of_models_lists_the_ports_of_each():
+    rows = re.findall(
+        r"^\| (`.*?) \| `(\w+)` \| ", text_of(DOCS / "guides/choose_a_model.md"), re.M
+    )
+    listed = {(cls, port) for classes, port in rows for cls in re.findall(r"`(\w+)`", classes)}
+    models = [cls() for cls in MODELS.values()]
+    assert listed == {(type(model).__name__, port) for model in models for port in model.ports}
 
 
 def test_every_card_of_the_first_page_leads_somewhere():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
 from textwrap import indent
@@ -122,7 +123,16 @@ def finish_page(app: Any, docname: str, source: list[str]) -> None:
         source[0] = source[0][:at] + printed_text + source[0][at:]
 
 
+_SCRIPT = re.compile(r"\]\((?:\.\./)+examples/(\w+\.py)\)")
+
+
+def link_examples(app: Any, docname: str, source: list[str]) -> None:
+    """Turn links to the scripts, for who reads the pages as they are, into links to the gallery."""
+    source[0] = _SCRIPT.sub(r"](#sphx_glr_gallery_\1)", source[0])
+
+
 def setup(app: Any) -> dict[str, Any]:
     """Connect what completes the pages."""
     app.connect("source-read", finish_page)
+    app.connect("source-read", link_examples)
     return {"parallel_read_safe": True}
