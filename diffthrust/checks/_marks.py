@@ -56,6 +56,22 @@ class Marks:
         unchanged = f"; {joined(same)} {'is' if len(same) == 1 else 'are'} the same" if same else ""
         return f"Since it was stored {joined(moved)} changed{unchanged}."
 
+    def data_since(self, expected: ExpectedPart) -> str:
+        """A sentence on data that changed though no result did; "" where none has.
+
+        A heading off by five degrees in one sample stays within every tolerance, and is no less
+        another file.
+        """
+        if not expected.data:
+            return ""
+        files = [f for f in {**expected.data, **self.data} if self._moved(expected, f)]
+        if not files:
+            return ""
+        return (
+            f"The data ({', '.join(files)}) changed since it was stored; the results stay within "
+            "their tolerances. Restore the data, or accept them: diffthrust check --update."
+        )
+
     def _moved(self, expected: ExpectedPart, file: str) -> bool:
         return expected.data.get(file) != self.data.get(file)
 

@@ -23,7 +23,8 @@ class FitRun(Brief):
         updated: its [expected] block was rewritten.
         seconds: duration.
         warnings: warnings of the fit.
-        since: for a failure, which of data, spec and library changed since it was stored.
+        since: for a failure, which of data, spec and library changed since it was stored; where
+            all agrees, data that changed all the same.
     """
 
     fit: str

@@ -86,7 +86,8 @@ def _rows(
     if not rows:
         mend = "Remove the empty [expected] block and run diffthrust check --update."
         rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]
-    return rows, False, "" if all(row.ok for row in rows) else marks.since(expected)
+    agrees = all(row.ok for row in rows)
+    return rows, False, marks.data_since(expected) if agrees else marks.since(expected)
 
 
 def _write_over(path: Path, original: str, replacement: str) -> None:

@@ -9,7 +9,7 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import RatesAndOutputs, Relaxing, Signal, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Relaxing, Signals
 
 
 @registered
@@ -24,7 +24,8 @@ class DCMotorThruster(Model):
     Where the electrical time constant inductance / resistance vanishes this is the torque-driven
     `Thruster` with ``beta = torque_constant / (resistance * inertia)``, ``alpha = load / inertia``
     and a damping in proportion to speed. The current is integrated as a `Relaxing` state, so the
-    electrical time constant may lie far below the log's step.
+    electrical time constant may lie far below the log's step. It begins as measured; where the log
+    has no current it begins at zero, and settles within a few electrical time constants.
 
     Source: Aras et al. 2013, motor equations and table of motor data. The propeller's load and
     thrust coefficients are not printed there; the defaults are of a propeller of that size.
@@ -74,7 +75,3 @@ class DCMotorThruster(Model):
             "speed": torque / self.inertia,
         }
         return rates, {"speed": s.speed, "thrust": thrust, "current": s.current}
-
-    def initial(self, s: Signals) -> Mapping[str, Signal | float]:
-        """The current that the first command drives through the motor at rest."""
-        return {"current": s.command / self.resistance}

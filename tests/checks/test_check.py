@@ -415,6 +415,19 @@ def test_what_moved_is_told_beside_what_changed_since(fits, alterations, words, 
     assert words in fit_of(checked).to_json()["since"]
 
 
+def test_data_that_changed_are_told_though_no_result_moved(fits):
+    data = fits / "depth_sensor" / "train.csv"
+    reading = data.read_text().splitlines()[1].split(",")[1]
+    data.write_text(data.read_text().replace(reading, f"{float(reading) + 1e-7:.9f}", 1))
+    checked = check(fits)
+    assert checked.ok
+    words = "The data (train.csv) changed since it was stored; the results stay within"
+    assert words in fit_of(checked).since
+    assert words in " ".join(checked.report().split())
+    check(fits, update=True)
+    assert fit_of(check(fits)).since == ""
+
+
 def test_what_says_nothing_of_its_making_still_compares(fits):
     path = spec_of(fits)
     path.write_text(re.sub("(library|spec|data) = [^\n]*\n", "", path.read_text()))

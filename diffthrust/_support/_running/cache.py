@@ -1,4 +1,4 @@
-"""JAX's persistent compilation cache, as the command line sets it up."""
+"""JAX's persistent compilation cache, for the command line and for scripts alike."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ def enable_compilation_cache() -> Path | None:
     The folder is the user's cache folder for the package; the environment variable
     ``DIFFTHRUST_CACHE`` names another, and an empty one or ``off`` switches the cache off. A
     folder that cannot be written to switches it off as well: a cache is never worth a failure.
-    ``JAX_COMPILATION_CACHE_DIR``, where set, is left to JAX.
+    ``JAX_COMPILATION_CACHE_DIR``, where set, is left to JAX, as is a folder that a script has
+    chosen by ``jax.config``.
 
     Returns:
         The folder, or ``None`` where there is no cache.
@@ -26,11 +27,13 @@ def enable_compilation_cache() -> Path | None:
         return None
     if named is None and "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return Path(os.environ["JAX_COMPILATION_CACHE_DIR"])
+    import jax
+
+    if named is None and (chosen := jax.config.jax_compilation_cache_dir):
+        return Path(chosen)
     folder = _writable(named)
     if folder is None:
         return None
-    import jax
-
     jax.config.update("jax_compilation_cache_dir", str(folder))
     # By default JAX keeps only what took a second to compile; a fit is made of dozens of programs
     # that take less, and together they are most of the time of a first run.

@@ -13,8 +13,15 @@ from typing import Any
 
 import jax
 
+from diffthrust._support._running.cache import enable_compilation_cache
+
 KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""
+
+
+# Before anything compiles: JAX looks once whether there is a cache. A first diagnosis of a process
+# is half compilation, in a script as on the command line.
+enable_compilation_cache()
 
 
 class Programs:
