@@ -54,6 +54,8 @@ class Log:
 
     Attributes:
         time: time stamps [s], shape (n,).
+        inputs: in SI, whatever the file has; ``log.values(name, in_units=True)`` is as written.
+        measured: in SI as well.
         units: unit in which the stored numbers are (SI); empty where the user gave none.
         hold: ``"zero"`` or ``"linear"`` for each input.
         written: for each channel the unit in which the user wrote it, and the conversion back;
@@ -351,13 +353,14 @@ class Log:
         """
         return LogIdentity(self.name, len(self), self.duration, self.sha256, self.file)
 
-    def values(self, channel: str, unit: str) -> np.ndarray:
-        """Samples of a channel in the unit that a model needs.
+    def values(self, channel: str, unit: str = "", *, in_units: bool = False) -> np.ndarray:
+        """Samples of a channel in the unit that a model needs, or in that of the log's file.
 
         Args:
             channel: name of an input or a measured channel.
             unit: the unit wanted. Where the log or the caller names none, the stored numbers are
-                returned unchanged.
+                returned unchanged, which are in SI, and an effort of 1 at the full command.
+            in_units: as the log was written, instead: in rpm, kgf, or as widths of pulses.
 
         Returns:
             Samples in ``unit``, float64, shape (n,).
@@ -368,6 +371,9 @@ class Log:
         Example:
             >>> log.values("speed", "rpm").shape
             (240,)
+            >>> rpm = dft.Log([0, 1, 2], {}, {"speed": [0.0, 60.0, 90.0]}, units={"speed": "rpm"})
+            >>> rpm.measured["speed"].round(1), rpm.values("speed", in_units=True)
+            (array([0. , 6.3, 9.4]), array([ 0., 60., 90.]))
         """
         samples = self.inputs.get(channel)
         if samples is None:
@@ -375,6 +381,8 @@ class Log:
         if samples is None:
             raise self._no_channel(channel)
         stored = self.units[channel]
+        if in_units:
+            return ShownUnits([self.written]).values(channel, samples, stored)
         if not stored or not unit or stored == unit:
             return samples
         return convert(samples, stored, unit, where=_place(self.name, channel))

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from diffthrust.logs._log import Log
+from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._overflow import SimulationFailedWarning, overflow
 from diffthrust.simulation._record import bind
@@ -20,6 +21,7 @@ def simulate(
     *,
     initial: Mapping[str, float] | None = None,
     substeps: int | None = None,
+    in_units: bool = False,
 ) -> dict[str, np.ndarray]:
     """Simulate a model with the inputs of a log.
 
@@ -29,9 +31,11 @@ def simulate(
         initial: initial states by name, in the model's units. By default measured states start
             from their first measurement, all others from the model's own initial state.
         substeps: integrator steps per sample; ``None`` chooses them (see `choose_substeps`).
+        in_units: give channels of the log as it was written, in rpm or kgf, instead of in SI.
 
     Returns:
-        Outputs and states by name at the log's time stamps, ``(n,)`` each, in the model's units.
+        Outputs and states by name at the log's time stamps, ``(n,)`` each, in the model's units,
+        which are SI.
         Where they leave the finite numbers a `SimulationFailedWarning` says when and which.
 
     Raises:
@@ -41,6 +45,7 @@ def simulate(
         >>> dft.simulate(dft.Thruster(), log)["thrust"].shape
         (240,)
     """
+    written = log.written
     if substeps is not None:  # measured outputs, in whatever unit, only serve to choose the step
         states = {name: values for name, values in log.measured.items() if name in model.states}
         log = log.replaced(measured=states)
@@ -52,4 +57,7 @@ def simulate(
     modelled = simulate_chosen(model, record, initial, choice)
     if failure := overflow(model, record, modelled):
         warnings.warn(failure, SimulationFailedWarning, stacklevel=2)
-    return modelled
+    if not in_units:
+        return modelled
+    display, units = ShownUnits([written]), {**model.all_states, **model.outputs}
+    return {n: display.values(n, numbers, units.get(n, "")) for n, numbers in modelled.items()}

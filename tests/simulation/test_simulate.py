@@ -579,3 +579,20 @@ def test_logs_of_many_lengths_share_few_programs():
         speed = dft.simulate(dft.Thruster(), part, substeps=3)["speed"]
         assert speed == pytest.approx(whole["speed"][:count], rel=1e-12)
     assert compilations("simulation") <= before + 1
+
+
+def test_outputs_are_in_si_or_as_the_log_was_written():
+    time = 0.1 * np.arange(30)
+    log = dft.Log(
+        time,
+        {"command": np.full(30, 1.0)},
+        {"speed": np.full(30, 100.0), "thrust": np.full(30, 1.0)},
+        units={"command": "V", "speed": "rpm", "thrust": "kgf"},
+    )
+    si = dft.simulate(dft.Thruster(command="V"), log, substeps=1)
+    shown = dft.simulate(dft.Thruster(command="V"), log, substeps=1, in_units=True)
+    np.testing.assert_allclose(shown["speed"], si["speed"] * 60.0 / (2.0 * np.pi))
+    np.testing.assert_allclose(shown["thrust"], si["thrust"] / 9.80665)
+    assert log.measured["thrust"][0] == pytest.approx(9.80665)
+    np.testing.assert_allclose(log.values("thrust", in_units=True), 1.0)
+    np.testing.assert_allclose(log.values("command", in_units=True), 1.0)

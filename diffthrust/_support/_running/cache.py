@@ -29,7 +29,8 @@ def enable_compilation_cache() -> Path | None:
         return Path(os.environ["JAX_COMPILATION_CACHE_DIR"])
     import jax
 
-    if named is None and (chosen := jax.config.jax_compilation_cache_dir):
+    chosen = getattr(jax.config, "jax_compilation_cache_dir", None)
+    if named is None and chosen:
         return Path(chosen)
     folder = _writable(named)
     if folder is None:

@@ -204,7 +204,11 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any], name: st
         return old.with_value(float(new))
     except (TypeError, ValueError):
         raise InputError(
-            f"Parameter '{name}': expected a number, found {new!r}.", "Give a number."
+            f"Parameter '{name}': expected a number in {unit}, found {new!r}.",
+            "Give the number in that unit, alone; a spec file takes numbers with the units of the "
+            'logs, as in "25 us".'
+            if isinstance(new, str)
+            else "Give a number.",
         ) from None
 
 

@@ -185,8 +185,9 @@ class Model(Component):
         """The model with some parameters changed: by a value, a `Parameter`, or some fields.
 
         Args:
-            parameters: full name to new value; needed for names such as
-                ``"actuator_lag.time_constant"``.
+            parameters: full name to new value, in the unit that ``model.parameters[name].unit``
+                says, which is SI or an effort of 1 at the full command whatever the unit of the
+                logs; needed for names such as ``"actuator_lag.time_constant"``.
             **more: the same for names without a dot.
 
         Raises:
