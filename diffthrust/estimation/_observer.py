@@ -45,6 +45,11 @@ REAL = 10.0
 """That is so where the logs are likelier with `WIDE` by more than this (log-likelihood)."""
 
 
+_PER_STEP = "1 / step"
+"""Of what is handed to a correction beside the readings, by a name that no channel can have: of a
+motor whose speed is called "rate" this took the place of the reading."""
+
+
 @dataclass(frozen=True)
 class Observer:
     """What is corrected by what; fixes the compiled code.
@@ -205,7 +210,7 @@ class Correction:
         decays = {name: jnp.exp(-step / memory) for name, memory in kept.items()}
         rate = jnp.where(step > 0, 1.0 / jnp.where(step > 0, step, 1.0), 0.0)
         readings = {c: measured[i] for i, c in enumerate(observer.channels)}
-        self.rows: Mapping[str, Any] = {**decays, **readings, "rate": rate}
+        self.rows: Mapping[str, Any] = {**decays, **readings, _PER_STEP: rate}
         self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
         coloured = (c for c in observer.fed if observer.lasting)
         self.start = {**self.start, **{f"colour.{c}": 0.0 for c in coloured}}
@@ -243,12 +248,12 @@ class Correction:
         new = dict(state)
         for name, sources in o.corrected:
             measured = name in o.fed
-            pace = 1.0 if measured else row["rate"]
+            pace = 1.0 if measured else row[_PER_STEP]
             new[name] = new[name] + pace * sum(
                 v[f"noise.{name}.gain.{c}"] * errors[c] for c in sources
             )
             if name in o.forced:
-                pace = row["rate"] if measured else row["rate"] ** 2
+                pace = row[_PER_STEP] if measured else row[_PER_STEP] ** 2
                 drift = sum(v[f"noise.{name}.drift.{c}"] * errors[c] for c in sources)
                 new[f"drift.{name}"] = row[f"drift.{name}"] * (
                     state[f"drift.{name}"] + pace * drift

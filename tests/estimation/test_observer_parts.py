@@ -200,7 +200,7 @@ def test_one_correction_is_that_written_out(unsigned):
     found = run.correct(STATE, {"u": np.ones(5), "time": TIME}, run.rows)
     step = np.append(np.diff(TIME), 0.0)
     rate = np.divide(1.0, step, out=np.zeros(5), where=step > 0)
-    np.testing.assert_allclose(run.rows["rate"], rate, rtol=1e-12)
+    np.testing.assert_allclose(run.rows["1 / step"], rate, rtol=1e-12)
     x, seen, toward = STATE, {}, {}
     for i, c in enumerate(("second", "third")):
         modelled, toward[c] = x[c], 1.0
@@ -263,3 +263,15 @@ def test_a_correction_knows_whole_turns():
     plain_run.model = Chain()
     rest = Correction.error(plain_run, "third", np.zeros(1), np.array([6.5]), 0.1)
     np.testing.assert_allclose(rest, [6.4])
+
+
+@pytest.mark.parametrize("name", ["rate", "step", "drift", "colour"])
+def test_a_reading_is_that_of_its_channel_whatever_its_name(name):
+    observer = Observer((name,), (name,), ((name, (name,)),), (name,))
+    values = {f"noise.{name}.{of}": 0.5 for of in ("gain", "drift", "memory", "colour")}
+    values[f"noise.{name}.correlation"] = 1.0
+    readings = np.arange(5.0)[None]
+    run = Correction(
+        observer, Chain(), values, TIME, readings, np.zeros(1, bool), Limits(np.full(1, 9.0), 1.0)
+    )
+    np.testing.assert_array_equal(run.rows[name], readings[0])
