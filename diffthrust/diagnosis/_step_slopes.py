@@ -192,9 +192,12 @@ class _Step:
         first = Signals({n: value[0] for n, value in u.items()})
         starts = {n: log.start[i] + initial[i] for i, n in enumerate(self.layout.starts)}
         settled = starting_point(model, first, {**log.held, **starts})
-        start = jnp.stack([jnp.asarray(settled.get(n, 0.0), float) for n in self.names])
-        next_states = [jnp.broadcast_to(updated[n], log.time.shape) for n in self.names]
-        return start, jnp.stack(next_states), jnp.stack(errors)
+        # arrays of no rows where nothing is a state: a simulated sensor has none, and no colours
+        start = jnp.asarray([settled.get(n, 0.0) for n in self.names], float)
+        next_states = jnp.zeros((len(self.names), log.time.size))
+        for i, n in enumerate(self.names):
+            next_states = next_states.at[i].set(updated[n])
+        return start, next_states, jnp.stack(errors)
 
     def integrated(
         self, model: Any, run: Correction, states: Mapping[str, Any], u: Mapping[str, Any]

@@ -66,7 +66,7 @@ def test_a_wrong_argument_is_named_with_its_mend(verb, model, logs, options, sai
         ({"horizon": []}, r"horizon: expected .* found \(\)", "whole runs"),
         ({"guesses": {"alpha": 1.0}}, "guesses: expected a list", "guesses="),
         ({"guesses": [{"alfa": 1.0}]}, "guesses: .* 'alfa' .the nearest is 'alpha'.", "name"),
-        ({"guesses": [{"alpha": "x"}]}, "'alpha': expected a number, found 'x'", "number"),
+        ({"guesses": [{"alpha": "x"}]}, "'alpha': expected a number in 1/rad, found 'x'", "number"),
     ],
 )
 def test_a_wrong_option_of_a_fit_is_named_with_its_mend(options, said, mended):

@@ -89,7 +89,7 @@ def _diagnosis(added=(), groups=(), laws=(), error=0.1, **values):
         groups=groups,
         laws=laws,
         remaining=None,
-        summary="",
+        details="",
         stages=[stage],
         fit=SimpleNamespace(parameters=estimates),
         **none,

@@ -149,7 +149,7 @@ def test_every_effect_is_documented_and_its_null_is_inside_its_bounds(effect):
         ({"alpha": math.inf}, "'alpha': expected a value within"),
         ({"alpha": 0.0}, "'alpha': expected a positive value"),
         ({"alpha": dft.Parameter(1.0, bounds=(3, 2))}, "lower bound 3 is not below the upper"),
-        ({"alpha": "much"}, "'alpha': expected a number, found 'much'"),
+        ({"alpha": "much"}, "'alpha': expected a number in 1/rad, found 'much'"),
         ({"alfa": 1.0}, r"no parameter 'alfa'.*the nearest is 'alpha'"),
     ],
 )
