@@ -101,6 +101,7 @@ class Refit:
         records: tuple[Sequence[Record], Sequence[Record]] | None = None,
         segments: bool = False,
         substeps: int = 0,
+        horizons: tuple[float | None, ...] | None = None,
     ) -> FitRuns:
         """Fit a model; its unseen runs have the integrator steps of the fit, too.
 
@@ -112,6 +113,7 @@ class Refit:
             records: training and unseen records to use in place of all.
             segments: allow short segments first, even if the first fit did not need them.
             substeps: integrator steps per sample, without a check whether finer ones are needed.
+            horizons: of these segments, for a model that has none of its own.
         """
         records = records or (self.train, self.unseen)
         starts = starts or _STARTS[bool(guesses)]
@@ -122,6 +124,7 @@ class Refit:
             if self.settled:
                 settled = {n: v for n, v in self.settled.items() if not segments or n != "horizon"}
                 settled |= {"substeps": substeps} if substeps else {}
+                settled |= {"horizon": horizons} if horizons else {}
                 chosen = FitOptions(**options, **settled)
                 fitted = fit_records(model, *records, chosen, progress)
                 if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in caught):

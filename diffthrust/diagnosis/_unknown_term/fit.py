@@ -70,6 +70,11 @@ _SIMILAR_GAIN = 0.95
 it is most like the curve; whole runs know the curve better than one-step errors do."""
 
 
+_SEGMENTS = (64, 16, 4)
+"""Numerics: the longest log is divided into so many segments in turn. An arm out of balance, fitted
+to whole runs at once, ended a turn off, at 30 times the error of its true structure."""
+
+
 def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: bool = False) -> Fit:
     """A model fitted from its present values, with the fewest integrator steps that serve another.
 
@@ -80,11 +85,20 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
         segments: whether it is fitted to segments first.
     """
     substeps = few_substeps(baseline, context.fitter.records)
-    fit = context.refit(model, starts=1, segments=segments, substeps=substeps).fit
+    horizons = _horizons(context) if segments and model.horizon is None else None
+    fit = context.refit(
+        model, starts=1, segments=segments, substeps=substeps, horizons=horizons
+    ).fit
     if math.isfinite(fit.train.nrmse):
         return fit
     # a stiff curve overflows with few
     return context.refit(model, starts=1, segments=segments).fit
+
+
+def _horizons(context: SearchContext) -> tuple[float | None, ...]:
+    """Segments through which a model without a horizon of its own comes to whole runs."""
+    longest = max(record.duration for record in context.fitter.records)
+    return (*(longest / parts for parts in _SEGMENTS), None)
 
 
 def worth_between_fits(context: SearchContext, baseline: Fit, updated: Fit) -> Worth:
