@@ -96,10 +96,6 @@ class Compiled(NamedTuple):
     problem: Problem
     unseen: Problem | None
 
-    def room(self, free: int) -> int:
-        """How many parameters of effects can be estimated beside those of the model."""
-        return (self.problem.layout.width or 0) - free
-
 
 @dataclass(frozen=True, eq=False)
 class TrialFit:
@@ -258,7 +254,8 @@ class Programs:
         with self._lock:
             needed = sum(map(self._size, effects))
             for program in reversed(self._compiled):
-                if program.effects >= {*effects} and program.room(len(self.free)) >= needed:
+                wide = program.problem.layout.shared >= len(self.free) + needed
+                if wide and program.effects >= {*effects}:
                     return program
             last = sorted(self._compiled[-1].effects)
             wanted = dict.fromkeys((*effects, *last, *later))

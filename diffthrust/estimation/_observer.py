@@ -81,6 +81,11 @@ class Observer:
         """The channels whose sensors have errors that last."""
         return self.channels if self.lasting else ()
 
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """Those of them whose lasting error is a state of the observer."""
+        return self.fed if self.lasting else ()
+
     def parameters(self, duration: float, step: float) -> dict[str, Parameter]:
         """The gains and memories, by name, with values to start from."""
         named: dict[str, Parameter] = {}
@@ -212,8 +217,7 @@ class Correction:
         readings = {c: measured[i] for i, c in enumerate(observer.channels)}
         self.rows: Mapping[str, Any] = {**decays, **readings, _PER_STEP: rate}
         self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
-        coloured = (c for c in observer.fed if observer.lasting)
-        self.start = {**self.start, **{f"colour.{c}": 0.0 for c in coloured}}
+        self.start = {**self.start, **{f"colour.{c}": 0.0 for c in observer.carried}}
 
     def rates(self, rates: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
         """Random accelerations on the forced states; the observer's own states wait."""
@@ -258,7 +262,7 @@ class Correction:
                 new[f"drift.{name}"] = row[f"drift.{name}"] * (
                     state[f"drift.{name}"] + pace * drift
                 )
-        for c in o.fed if o.lasting else ():
+        for c in o.carried:
             held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * bounded[c]
             new[f"colour.{c}"] = row[f"colour.{c}"] * held
         return new

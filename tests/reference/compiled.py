@@ -183,13 +183,7 @@ def fit(
     rng = np.random.default_rng(seed)
     best, costs = None, []
     for k in range(starts):
-        theta = begin.copy()
-        if k:
-            factors = np.exp(rng.uniform(-1.4, 1.4, len(free)))
-            near = begin + size * rng.uniform(-3, 3, len(free))
-            theta = np.where((begin > 0) & (low >= 0), begin * factors, near)
-        inner = 1e-9 * np.maximum(size, 1.0)
-        theta = np.clip(theta, low + inner, high - inner)
+        theta = wr.begun(rng if k else None, begin, size, low, high)
         found = least_squares(
             residuals, theta, bounds=(low, high), x_scale=size, max_nfev=most, ftol=1e-9
         )

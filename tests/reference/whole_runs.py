@@ -235,6 +235,19 @@ def _unwrapped(runs: Sequence[Run], channel: str) -> Array:
     return np.concatenate([np.unwrap(x) for x in series])
 
 
+def begun(
+    rng: np.random.Generator | None, begin: Array, size: Array, low: Array, high: Array
+) -> Array:
+    """Where a least squares begins: as told, or drawn about it, within the bounds."""
+    theta = begin.copy()
+    if rng is not None:
+        factors = np.exp(rng.uniform(-1.4, 1.4, begin.size))
+        near = begin + size * rng.uniform(-3, 3, begin.size)
+        theta = np.where((begin > 0) & (low >= 0), begin * factors, near)
+    inner = 1e-9 * np.maximum(size, 1.0)
+    return np.clip(theta, low + inner, high - inner)
+
+
 def fit(
     system: System,
     runs: Sequence[Run],
@@ -299,13 +312,7 @@ def fit(
     rng = np.random.default_rng(seed)
     best, costs = None, []
     for k in range(starts):
-        theta = begin.copy()
-        if k:
-            factors = np.exp(rng.uniform(-1.4, 1.4, len(free)))
-            keeps = (begin > 0) & (low >= 0)
-            theta = np.where(keeps, begin * factors, begin + size * rng.uniform(-3, 3, len(free)))
-        inner = 1e-9 * np.maximum(size, 1.0)
-        theta = np.clip(theta, low + inner, high - inner)
+        theta = begun(rng if k else None, begin, size, low, high)
         found = least_squares(
             alone,
             theta,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -86,13 +87,11 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
     """
     substeps = few_substeps(baseline, context.fitter.records)
     horizons = _horizons(context) if segments and model.horizon is None else None
-    fit = context.refit(
-        model, starts=1, segments=segments, substeps=substeps, horizons=horizons
-    ).fit
+    refit = partial(context.refit, model, starts=1, segments=segments, horizons=horizons)
+    fit = refit(substeps=substeps).fit
     if math.isfinite(fit.train.nrmse):
         return fit
-    # a stiff curve overflows with few
-    return context.refit(model, starts=1, segments=segments).fit
+    return refit().fit  # a stiff curve overflows with few
 
 
 def _horizons(context: SearchContext) -> tuple[float | None, ...]:
