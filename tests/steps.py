@@ -32,7 +32,11 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     noises,
     wald,
 )
-from diffthrust.diagnosis._equivalence import alike_by_shares  # private: the rule alone
+from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and on given trials
+    alike_by_shares,
+    refuted,
+    unrefuted,
+)
 from diffthrust.diagnosis._explainable import (  # private: the regressions alone
     ErrorRecord,
     Rung,
@@ -53,6 +57,7 @@ from diffthrust.diagnosis._explained_share import (  # private: the share and it
     matters,
     negligible,
     sure_share,
+    surely_less,
 )
 from diffthrust.diagnosis._findings import (  # private: made by hand
     HeldValue,
@@ -341,6 +346,7 @@ __all__ = [
     "ranking_figure",
     "recurring_shares",
     "refusing",
+    "refuted",
     "regression",
     "regressors_of",
     "residual_structure_module",
@@ -362,9 +368,11 @@ __all__ = [
     "stopped",
     "strongest_line",
     "sure_share",
+    "surely_less",
     "term_along",
     "through_filters",
     "unexplained_line",
+    "unrefuted",
     "unused_channels",
     "unused_notes",
     "upheld",

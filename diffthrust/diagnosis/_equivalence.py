@@ -8,12 +8,20 @@ from typing import NamedTuple
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import price_of, unseen_gain
-from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._innovations_fit import TrialFit
+from diffthrust.diagnosis._explained_share import Worth, matters
+from diffthrust.diagnosis._findings import Stage
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
+from diffthrust.diagnosis._simulation_fit import (
+    SimulationChange,
+    change_between,
+    fitted_beside,
+    fitted_to_runs,
+    share_between,
+    simulation_fitter,
+)
 from diffthrust.diagnosis._stepwise import simulation_is_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
@@ -44,7 +52,7 @@ def _groups_of(
 ) -> tuple[tuple[str, ...], ...]:
     """For each of some effects of the present model those that, in its place, explain as much.
 
-    Not those against which whole runs have spoken. The signals' levels are those of ``first``, the
+    Not those against which whole runs speak. The signals' levels are those of ``first``, the
     trial of the model as given.
     """
     fitter, present = context.fitter, state.current.trial
@@ -52,38 +60,51 @@ def _groups_of(
     rivals = {
         c.effect for c in state.ranking if c.delta_bic < -SETTINGS.admission.least_bic_gain
     } - barred
-    levels = levels_of(fitter, first)
+    outside, levels = sorted(rivals - {*present.effects}), levels_of(fitter, first)
     groups = []
     for name in (n for n in names if n in fitter.candidates):
-        without = fitter.further(state.current.without(name))
-        group, price = [name], price_of(fitter, present, name)
-        outside = sorted(rivals - {*present.effects})
-        for rival, trial in screened(fitter, outside, without, levels).items():
-            if 2 * (trial.expected - present.cost) > SETTINGS.equivalence.hopeless_bic:
-                continue
-            trial = fitter.further(trial)
-            worse = trial.cost - present.cost
-            if rival in state.refused:
-                worse -= unseen_gain(fitter, present, trial)
-            if 2 * worse + price_of(fitter, trial) - price < SETTINGS.equivalence.most_bic_apart:
-                group.append(rival)
-        groups.append((*group, *_alike_over_whole_runs(context, state, name, {*group} | barred)))
+        near = _alike_by_one_step(fitter, state, name, outside, levels)
+        if name in state.detectable:  # it does next to nothing to whole runs
+            groups.append((name, *near))
+            continue
+        near |= _alike_over_whole_runs(context, state, name, {*near} | barred)
+        groups.append((name, *unrefuted(context, state.stages[-1], name, near)))
     return tuple(groups)
+
+
+def _alike_by_one_step(
+    fitter: CandidateFitter,
+    state: SearchState,
+    name: str,
+    outside: Sequence[str],
+    levels: Mapping[str, float],
+) -> dict[str, TrialFit]:
+    """The rivals of an effect that explain the next sample as well in its place, nearest first."""
+    present, without = state.current.trial, fitter.further(state.current.without(name))
+    price, apart, near = price_of(fitter, present, name), {}, {}
+    for rival, trial in screened(fitter, outside, without, levels).items():
+        if 2 * (trial.expected - present.cost) > SETTINGS.equivalence.hopeless_bic:
+            continue
+        trial = fitter.further(trial)
+        worse = trial.cost - present.cost
+        if rival in state.refused:
+            worse -= unseen_gain(fitter, present, trial)
+        apart[rival] = 2 * worse + price_of(fitter, trial) - price
+        if apart[rival] < SETTINGS.equivalence.most_bic_apart:
+            near[rival] = trial
+    return {rival: near[rival] for rival in sorted(near, key=lambda rival: apart[rival])}
 
 
 def _alike_over_whole_runs(
     context: SearchContext, state: SearchState, name: str, excluded: Collection[str]
-) -> list[str]:
+) -> dict[str, TrialFit]:
     """The rivals of an effect, when it was added, that do nearly the same to whole runs.
 
-    None of an effect that is only detectable: it does next to nothing to whole runs. Where these
-    stay poor the model is wrong in more than this, and the likelihood of the next
+    Where these stay poor the model is wrong in more than this, and the likelihood of the next
     sample, in which random forces take up what is wrong, does not tell them apart. Not those in
     ``excluded``, which are known already.
     """
     fitter = context.fitter
-    if name in state.detectable:
-        return []
     at, stage = next((k, s) for k, s in enumerate(state.stages) if name in s.effects)
     tried = [
         c.effect
@@ -92,19 +113,54 @@ def _alike_over_whole_runs(
     ]
     rivals = [rival for rival in tried if rival not in {*excluded, *stage.effects}]
     if not rivals or not simulation_is_poor(context, state, state.stages[-1]):
-        return []
+        return {}
     simulation = simulation_fitter(fitter)
     fitted = fitted_to_runs(fitter, stage)
     without = fitted_to_runs(fitter, stage, [n for n in stage.effects if n != name])
     effect = share_between(fitter, without, fitted)
     started = screened(simulation, rivals, without, levels_of(fitter, without))
-    return alike_by_shares(
-        effect,
-        {
-            rival: share_between(fitter, without, simulation.further(trial))
-            for rival, trial in started.items()
-        },
-    )
+    ended = {rival: simulation.further(trial) for rival, trial in started.items()}
+    shares = {rival: share_between(fitter, without, trial) for rival, trial in ended.items()}
+    return {rival: ended[rival] for rival in alike_by_shares(effect, shares)}
+
+
+def unrefuted(
+    context: SearchContext, stage: Stage, name: str, rivals: Mapping[str, TrialFit]
+) -> list[str]:
+    """The rivals of an effect that whole runs, too, do not tell from it in the last stage.
+
+    Each is fitted to whole runs in the place of the effect. On the runs of the Esso Osaka a surge
+    drag predicts the next sample as well as the wind; over whole runs it lowers nothing, and the
+    wind halves the error.
+    """
+    if not rivals:
+        return []
+    fitter = context.fitter
+    kept = [n for n in stage.effects if n != name]
+    nearest = list(rivals)[: SETTINGS.equivalence.most_compared]
+    simulation_fitter(fitter).ready((*stage.effects, *nearest))  # one program for all of them
+    fitted, without = fitted_to_runs(fitter, stage), fitted_to_runs(fitter, stage, kept)
+    effect = change_between(fitter, without, fitted)
+    if not matters(effect.worth, effect.everywhere):
+        return nearest
+    alike = []
+    for rival in nearest:
+        instead = fitted_beside(fitter, stage, rivals[rival], (*kept, rival))
+        share = change_between(fitter, without, instead).everywhere
+        if not refuted(effect.everywhere, share, change_between(fitter, instead, fitted)):
+            alike.append(rival)
+    return alike
+
+
+def refuted(effect: Worth, rival: Worth, ahead: SimulationChange) -> bool:
+    """Whether whole runs tell an effect from a rival in its place.
+
+    Args:
+        effect: what the effect removes of their squared errors.
+        rival: the same of the rival.
+        ahead: what the effect changes where the rival is.
+    """
+    return not alike_by_shares(effect, {"": rival}) and matters(ahead.worth, ahead.everywhere)
 
 
 def alike_by_shares(effect: Worth, rivals: Mapping[str, Worth]) -> list[str]:

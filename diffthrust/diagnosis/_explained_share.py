@@ -209,6 +209,15 @@ def negligible(worth: Worth, everywhere: Worth) -> bool:
     )
 
 
+def surely_less(everywhere: Worth) -> bool:
+    """Whether whole runs surely err less, in all or in one channel, however little, and none more.
+
+    A constant that the logs contradict biases all else, however little it does to whole runs.
+    """
+    shares = (everywhere, *everywhere.channels.values())
+    return any(each.above_zero for each in shares) and not harms(everywhere)
+
+
 def harms(everywhere: Worth) -> bool:
     """Whether the squared error of a channel surely grows, by more than is negligible.
 

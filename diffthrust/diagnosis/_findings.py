@@ -45,6 +45,7 @@ class Refusal(StrEnum):
     ALL_RUNS = (
         "predicts the next sample better, and whole runs worse, unseen and training ones together"
     )
+    NO_BETTER_RUNS = "predicts the next sample better, and whole runs no better at that value"
 
     @property
     def by_whole_runs(self) -> bool:

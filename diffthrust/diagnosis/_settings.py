@@ -202,6 +202,11 @@ class Equivalence:
     its group.
     Origin: chosen, the tenth by which errors count as equal. Lower: rivals that do less of the
     work. Higher: noise in the parameters separates equals."""
+    most_compared: int = 4
+    """The number of rivals of an effect that are held against whole runs in its place, the nearest
+    by one-step errors first.
+    Origin: chosen; each takes a fit of whole runs. Lower: the right one may not be among them.
+    Higher: minutes, for groups that name nothing."""
     most_named: int = 2
     """The number of these rivals that are named.
     Origin: with the effect three, the largest group the bench takes for an answer. Lower: the right

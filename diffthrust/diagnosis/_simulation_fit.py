@@ -53,22 +53,32 @@ def _fitted(
 
 
 def fitted_beside(
-    fitter: CandidateFitter, last: Stage, trial: TrialFit, effects: Sequence[str]
+    fitter: CandidateFitter,
+    last: Stage,
+    trial: TrialFit,
+    effects: Sequence[str],
+    still: Collection[str] = (),
 ) -> TrialFit:
-    """The model of a stage with other effects, fitted to whole runs.
+    """The model of a stage with other effects, also in place of its own, fitted to whole runs.
 
     The better of two fits: one starts from the values of the trial, one from those of the stage,
-    with those of the trial for the parameters that the stage lacks.
+    with those of the trial for the parameters that the stage lacks. Parameters named in ``still``
+    keep the values of the trial.
     """
     stage_values = _values_of(fitter, last)
     trial_values = {n: v for n, v in trial.values.items() if n not in fitter.nuisance}
-    lacking = {n: v for n, v in trial_values.items() if n not in last.fit.model.parameters}
+    lacking = {
+        n: v for n, v in trial_values.items() if n in still or n not in last.fit.model.parameters
+    }
     simulation, clip = simulation_fitter(fitter), _unclipped(fitter)
-    ends = [
-        simulation.solve(effects, {**stage_values, **values}, None, clip, _FEW)
-        for values in (trial_values, lacking)
-    ]
-    return simulation.further(min(ends, key=lambda end: end.expected))
+    ends = []
+    for values in (trial_values, lacking):
+        start: Mapping[str, float] = {**stage_values, **values}
+        for name in {*last.effects, *trial.effects} - {*effects}:
+            start = fitter.absent(name, start)
+        ends.append(simulation.solve(effects, start, None, clip, _FEW, still))
+    best = min(ends, key=lambda end: end.expected)
+    return simulation.solve(effects, best.values, best.initial_states, clip, still=still)
 
 
 class SimulationErrors(NamedTuple):

@@ -1,5 +1,6 @@
 """The linear response of one-step errors, against derivatives of whole passes."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import jax
@@ -18,6 +19,7 @@ from steps import (
     predicted_gains,
     shift_of,
     simulation_fitter,
+    unrefuted,
 )
 from trajectories import runs_over
 
@@ -180,3 +182,28 @@ def test_what_is_not_there_is_worth_nothing(known):
     before = fitted_to_runs(trials, known.stage)
     after = fitted_beside(trials, known.stage, start_search(trials, name), (name,))
     assert abs(change_between(trials, before, after).worth.share) < 0.05
+
+
+def test_a_rival_that_lowers_nothing_over_whole_runs_is_told_from_an_effect(known):
+    """By one-step errors alone it would have been named as what the effect may be."""
+    trials, name, rival = known.trials, "coulomb_friction", "actuator_lag"
+    fit = dft.fit(dft.Thruster() + name, known.train, holdout=known.unseen, starts=2)
+    stage = SimpleNamespace(effects=(name,), fit=fit)
+    context, lag = SimpleNamespace(fitter=trials), {rival: start_search(trials, rival)}
+    assert unrefuted(context, stage, name, lag) == []
+    without = SimpleNamespace(effects=(rival,), fit=known.stage.fit)
+    # a lag of zero does nothing to whole runs: they have no say in what else it may be
+    friction = {name: start_search(trials, name)}
+    assert unrefuted(context, without, rival, friction) == [name]
+
+
+def test_a_value_that_one_step_errors_want_is_kept_where_whole_runs_are_asked(known):
+    trials, stage, name = known.trials, known.stage, "coulomb_friction"
+    trial = start_search(trials, name)
+    own = f"{name}.level"
+    trial = replace(trial, values={**trial.values, own: 5.0, "beta": 444.0})
+    ended = fitted_beside(trials, stage, trial, (name,), still=[own, "beta"])
+    assert (ended.values[own], ended.values["beta"]) == (5.0, 444.0)
+    instead = fitted_beside(trials, stage, trial, ("actuator_lag",))
+    assert ended.values["ct"] != stage.fit.model.parameters["ct"].value
+    assert instead.values[own] == 0.0  # it is in place of the friction

@@ -321,3 +321,24 @@ def test_worths_are_shares_of_one_whole():
         "share": pytest.approx(0.0075),
         "interval": [pytest.approx(0.005), pytest.approx(0.009)],
     }
+
+
+@pytest.mark.parametrize(("low", "refusal"), [(-0.01, Refusal.NO_BETTER_RUNS), (0.005, None)])
+def test_a_constant_needs_whole_runs_that_bear_its_value_out(monkeypatch, low, refusal):
+    """A T200's maps wanted a rate of 0.03 1/s for 0.1; whole runs err the same from 0.1 to 0.75."""
+    held = []
+
+    def fitted_beside(fitter, last, trial, effects, still):
+        held.append((effects, still))
+
+    change = SimpleNamespace(everywhere=Worth(0.02, low, 0.05))
+    for name, work in (("fitted_to_runs", lambda *_: None), ("fitted_beside", fitted_beside),
+                       ("change_between", lambda *_: change)):  # fmt: skip
+        monkeypatch.setattr(admission_module, name, work)
+    context = SimpleNamespace(fitter=SimpleNamespace(constants=("alpha",)),
+                              clock=lambda _: nullcontext())  # fmt: skip
+    trial = SimpleNamespace(effects=("lag", "alpha"))
+    state = SearchState(SimpleNamespace(trial=trial), (SimpleNamespace(effects=("lag",)),), {})
+    assert admission_module.reject_if_unborne(context, state, "alpha") is refusal
+    assert held == [(("lag", "alpha"), ["alpha"])]
+    assert admission_module.reject_if_unborne(context, state, "lag") is None  # an effect

@@ -1,6 +1,7 @@
 """What an effect is worth over whole runs, and how sure that is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ from steps import (
     harms,
     matters,
     negligible,
+    refuted,
     sure_share,
+    surely_less,
 )
 
 
@@ -190,3 +193,28 @@ def test_a_rival_removes_the_error_of_the_same_channel():
         "a",
         "b",
     ]
+
+
+def test_a_rival_is_refuted_where_whole_runs_are_surely_better_with_the_effect():
+    """A surge drag that lowers nothing was named as what the wind at the Esso Osaka may be."""
+    wind, drag, other = (Worth(share, share - 0.05, share + 0.05) for share in (0.75, 0.1, 0.74))
+
+    def ahead(low):
+        return SimpleNamespace(worth=Worth(0.7, low, 0.8), everywhere=Worth(0.7, low, 0.8))
+
+    assert refuted(wind, drag, ahead(0.6))
+    assert not refuted(wind, drag, ahead(-0.1))  # it may be chance
+    assert not refuted(wind, other, ahead(0.6))  # within a tenth of the error
+
+
+def test_errors_are_surely_less_in_one_channel_where_no_other_suffers():
+    """What a wrong constant does to one channel may drown in the errors of the others."""
+
+    def worth(yaw_rate, sway):
+        shares = {"yaw_rate": Worth(*yaw_rate), "sway": Worth(*sway)}
+        return Worth(0.001, -0.01, 0.01, shares)
+
+    assert surely_less(Worth(0.02, 0.01, 0.03))
+    assert surely_less(worth((0.02, 0.01, 0.03), (0.0, -0.1, 0.1)))
+    assert not surely_less(worth((0.02, 0.01, 0.03), (-0.2, -0.3, -0.1)))
+    assert not surely_less(worth((0.02, -0.01, 0.03), (0.0, -0.1, 0.1)))
