@@ -12,6 +12,7 @@ import numpy as np
 
 from diffthrust.diagnosis._findings import HeldValue, Refusal
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._linear_response import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import cost, nrmse, settled_start
@@ -89,7 +90,8 @@ def wald(trial: TrialFit, names: Sequence[str]) -> float:
     at = [trial.names.index(name) for name in names if name in trial.names]
     size = np.array([trial.values[trial.names[i]] for i in at])
     scales = np.array([trial.problem.named[trial.names[i]].scale for i in at])
-    covariance = np.linalg.pinv(trial.quadratic.information, rcond=1e-11, hermitian=True)
+    information = without_overflow(trial.quadratic.information)
+    covariance = np.linalg.pinv(information, rcond=1e-11, hermitian=True)
     block, z = covariance[np.ix_(at, at)], size / scales
     return float(z @ np.linalg.pinv(block, hermitian=True) @ z)
 
@@ -204,7 +206,7 @@ def _standard_errors(trial: TrialFit) -> dict[str, float]:
     """Standard errors of the parameters of a trial; infinite without information on one."""
     q, problem = trial.quadratic, trial.at_values
     length = np.sqrt(np.diagonal(q.information))
-    live = length > 0
+    live = (length > 0) & np.isfinite(length)
     scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
     spread = np.full(length.size, np.inf)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)

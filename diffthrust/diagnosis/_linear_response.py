@@ -300,10 +300,22 @@ def project_out(
     Returns:
         The information ``(n - base, n - base)`` and the scores ``(n - base, blocks)``.
     """
+    scores = np.where(np.isfinite(np.diagonal(information))[:, None], scores, 0.0)
+    information = without_overflow(information)
     nuisance, cross = information[:base, :base], information[base:, :base]
     # a pseudo-inverse: parameters that the logs do not determine make the information singular
     through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
     return information[base:, base:] - through @ cross.T, scores[base:] - through @ scores[:base]
+
+
+def without_overflow(information: np.ndarray) -> np.ndarray:
+    """An information, zero for coordinates whose derivatives overflow along a path.
+
+    They can be neither tested nor moved. A diagonal that is finite bounds all beside it. Of a
+    Kingfisher, whose sway nobody measures, one was not, and no eigenvalues are found then.
+    """
+    finite = np.isfinite(np.diagonal(information))
+    return np.where(np.outer(finite, finite), information, 0.0)
 
 
 def score_test(
@@ -329,7 +341,7 @@ def score_test(
     projected, gradient = project_out(information, scores, base)
     values, vectors = np.linalg.eigh(projected)
     # directions that the estimated coordinates can do all of have eigenvalues of rounding errors
-    unprojected = np.diagonal(information)[base:].max(initial=0.0)
+    unprojected = np.diagonal(without_overflow(information))[base:].max(initial=0.0)
     kept = values > 1e-8 * max(unprojected, 1e-300)
     rank = int(kept.sum())
     blocks = int(np.sum(np.any(scores != 0, axis=0)))
@@ -352,7 +364,7 @@ def gauss_newton_step(
     The information is scaled to a unit diagonal first: parameters differ in unit by 1e3 and more.
     """
     length = np.sqrt(np.diagonal(information))
-    live = (length > 0) & movable
+    live = (length > 0) & np.isfinite(length) & movable
     scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
     slope = gradient[live] / length[live]
     step = np.zeros(gradient.size)
@@ -376,7 +388,7 @@ def promised_gain(q: Quadratic, movable: np.ndarray) -> float:
 
 def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
     """Whether an effect does nothing that the other estimated parameters cannot."""
-    live = np.diagonal(q.information) > 0
+    live = (np.diagonal(q.information) > 0) & np.isfinite(np.diagonal(q.information))
     of_this = np.zeros(live.size, bool)
     of_this[: len(names)] = [of_effect(n, effect) for n in names]
     length = np.sqrt(np.diagonal(q.information)[live])

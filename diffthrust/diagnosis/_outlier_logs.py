@@ -19,6 +19,7 @@ from diffthrust.comparison._outstanding import beside_others, outstanding
 from diffthrust.diagnosis._beyond_others import beyond_others
 from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._linear_response import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._laws import TAIL, Law
 from diffthrust.estimation._one_step import Pass, passes, settled_start
@@ -273,7 +274,7 @@ def deviations(logs: Sequence[Slopes]) -> list[Deviation]:
 
 def tested(logs: Sequence[Slopes], among: Sequence[int]) -> Iterator[Deviation]:
     """Every parameter of every log against the other logs."""
-    joint = np.sum([logs[k].information for k in among], axis=0)
+    joint = without_overflow(np.sum([logs[k].information for k in among], axis=0))
     length = np.sqrt(np.maximum(np.diagonal(joint), 1e-300))
     scaled = joint / np.outer(length, length)
     inverse = np.linalg.pinv(scaled, rcond=1e-11, hermitian=True) / np.outer(length, length)

@@ -161,3 +161,23 @@ def test_what_the_estimated_columns_can_do_is_no_news():
     mix[BASE:, BASE:] = 0.0  # the new columns become copies of the first
     mix[BASE:, 0] = 1.0
     assert score_test(mix @ information @ mix.T, mix @ scores, BASE)[0] == 1.0
+
+
+@pytest.mark.parametrize("size", [np.inf, np.nan])
+def test_what_overflows_is_not_tested_and_the_others_are(size):
+    """A diagnosis of a Kingfisher ended in "Eigenvalues did not converge"."""
+    information, scores = sums(np.random.default_rng(2), 0.2)
+    for lost in (0, BASE + MORE - 1):  # an estimated column, and a new one
+        kept = [k for k in range(BASE + MORE) if k != lost]
+        broken, beyond = information.copy(), scores.copy()
+        broken[lost], broken[:, lost], beyond[lost] = size, size, size
+        p, found, _ = score_test(broken, beyond, BASE)
+        alone = score_test(information[np.ix_(kept, kept)], scores[kept], BASE - (lost < BASE))
+        assert p == pytest.approx(alone[0])
+        np.testing.assert_allclose(found[: len(alone[1])], alone[1])
+    made = Made(100.0, dict.fromkeys(NOISE, 0.1), known=400.0)
+    broken = made.quadratic.information
+    broken[0, 0] = size
+    trial = SimpleNamespace(names=made.names, values=made.values, problem=made.problem,
+                            quadratic=SimpleNamespace(information=broken))  # fmt: skip
+    assert wald(trial, NOISE[:1]) == pytest.approx(400.0)
