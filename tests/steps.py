@@ -7,6 +7,7 @@ closed forms, or at the edge of a threshold.
 from diffthrust.diagnosis import (  # private: how a search begins
     _admission as admission_module,
 )
+from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
 from diffthrust.diagnosis import _rival_models as rival_models_module
@@ -225,6 +226,7 @@ from diffthrust.diagnosis._verdict import (  # private: from numbers alone
     far_above_noise,
     verdict_of,
 )
+from diffthrust.estimation._fit import FitRuns  # private: made by hand
 from diffthrust.simulation._commands import (  # private: the unit that a fit takes
     adopted,
 )
@@ -249,6 +251,7 @@ __all__ = [
     "CurrentModel",
     "ErrorRecord",
     "Errors",
+    "FitRuns",
     "FittedStage",
     "Headroom",
     "HeldValue",
@@ -321,6 +324,7 @@ __all__ = [
     "library",
     "log_rows",
     "matters",
+    "mend_trials_module",
     "missed",
     "missing_figure",
     "missing_words",

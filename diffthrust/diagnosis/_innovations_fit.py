@@ -344,7 +344,7 @@ class CandidateFitter:
         problem = clip.on(program.problem.focus(names, values, initial_states))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
-        minimal_problem = partial(self.programs.problem, effects, self.records)
+        minimal_problem = partial(self.programs.problem, effects, self.records, len(names))
         fitted = partial(
             TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
             minimal_problem=minimal_problem,

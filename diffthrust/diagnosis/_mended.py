@@ -18,7 +18,7 @@ EXCHANGES = {"swapped_thrusters": ("left_force", "right_force")}
 
 @dataclass(frozen=True, repr=False)
 class MeasuredMend(Brief):
-    """The model as given, fitted to the logs as they are and to the mended ones.
+    """The model as given, fitted to the logs as they are and to the mended ones, as thoroughly.
 
     Args:
         doubt: on the logs.

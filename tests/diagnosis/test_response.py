@@ -27,6 +27,7 @@ import diffthrust as dft
 
 TIME = np.arange(400) * 0.05
 NAMES = ("linear_damping", "speed_sensor_scale", "command_offset", "actuator_lag", "axial_flow")
+BESIDE = ("thrust_sensor_offset", "reverse_thrust_asymmetry")
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def trials():
     made = CandidateFitter(
         Programs(
             dft.Thruster(),
-            [dft.effects.EFFECTS[n]() for n in NAMES],
+            [dft.effects.EFFECTS[n]() for n in (*NAMES, *BESIDE)],
             bind(dft.Thruster(), logs),
             [],
             substeps=2,
@@ -89,6 +90,16 @@ def test_trials_of_whole_runs_err_as_a_plain_simulation_does(trials, simulated):
     for run, passed in zip(runs, simulated.passed, strict=True):
         for name, errors in zip(made.channels, passed.errors, strict=True):
             np.testing.assert_allclose(errors, run.channels[name].residual, atol=1e-9)
+
+
+def test_a_trial_of_many_effects_over_whole_runs_has_a_response(trials):
+    """The map of a T200 with six effects had none: a problem with room for four numbers of them."""
+    made, base = trials
+    names = (*NAMES, *BESIDE)
+    values = {n: p.value for n, p in made.ready(names).problem.named.items()}
+    full = simulation_fitter(made).solve(names, {**values, **base.values}, None, base.clip, 1)
+    assert len(full.names) > len(made.free) + len(names) - 1
+    assert np.isfinite(full.response.cost)
 
 
 @pytest.mark.parametrize("name", NAMES)
