@@ -212,6 +212,9 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     ranked_matches,
     with_companion,
 )
+from diffthrust.diagnosis._unknown_term.jumps import (  # private: evidence of one term
+    with_jump,
+)
 from diffthrust.diagnosis._unknown_term.state_terms import (  # private: without a whole search
     library,
     state_terms,
@@ -386,6 +389,7 @@ __all__ = [
     "wald",
     "with_candidates",
     "with_companion",
+    "with_jump",
     "within_budget",
     "words_in",
 ]

@@ -30,6 +30,7 @@ from steps import (
     regressors_of,
     term_along,
     with_companion,
+    with_jump,
 )
 
 import diffthrust as dft
@@ -50,7 +51,7 @@ def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out()
     errors = own @ np.array([0.4, 0.0, 0.3, -0.2, 0.1]) + rng.standard_normal(60)
     rows = np.concatenate([known, own], axis=1)
     scores = rows.T[:, :, None] * errors[None, :, None]
-    best = evidence._marginal_likelihood(*projected(rows.T @ rows, scores[:, :, 0], 2), 1.0)
+    best = evidence.marginal_likelihood(*projected(rows.T @ rows, scores[:, :, 0], 2), 1.0)
     widths = best.size * np.array([1.0, 2.0, *[best.bend] * 3])
     flat = 1e6 * known @ known.T  # of the known coordinates nothing is known before
     with_it = flat + own @ np.diag(widths**2) @ own.T + np.eye(60)
@@ -65,14 +66,14 @@ def test_what_the_estimated_parameters_do_is_no_evidence():
     own = np.concatenate([known, rng.standard_normal((80, 4))], axis=1)
     rows = np.concatenate([known, own], axis=1)
     errors = 5.0 * known[:, 0] + rng.standard_normal(80)
-    best = evidence._marginal_likelihood(*projected(rows.T @ rows, rows.T * errors, 1), 1.0)
+    best = evidence.marginal_likelihood(*projected(rows.T @ rows, rows.T * errors, 1), 1.0)
     assert best.shared.tolist() == [True, False, False, False, False]
     assert best.evidence < 1.0
 
 
 def test_an_answer_that_overflows_is_no_evidence():
     left, clear = np.diag([1.0, 2.0, np.nan]), np.array([1.0, np.nan, 0.0])
-    best = evidence._marginal_likelihood(left, clear, np.ones(3), 1.0)
+    best = evidence.marginal_likelihood(left, clear, np.ones(3), 1.0)
     assert best.evidence == -np.inf
     assert not best.shape.any()
 
@@ -344,6 +345,46 @@ def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     for ours, theirs in zip(together, alone, strict=True):
         assert ours.evidence == pytest.approx(theirs.evidence, rel=1e-8)
         np.testing.assert_allclose(ours.curve.shape, theirs.curve.shape, rtol=1e-6, atol=1e-9)
+
+
+def low_battery(loss):
+    """Evidence by its jump and by its curve, of a thrust that is lost at a battery's voltage."""
+    rng = np.random.default_rng(12)
+    t = np.arange(0.0, 40.0, 0.05)
+    volts = 15.0 - 0.05 * t + np.sin(0.7 * t)
+    command = np.repeat(rng.uniform(-4.0, 4.0, 20), 40)
+    inputs = {"command": command, "supply_voltage": volts}
+    speed = dft.simulate(dft.Thruster(), dft.Log(t, inputs))["speed"]
+    thrust = 0.018 * speed * np.abs(speed) - loss(volts) * speed
+    measured = {
+        "speed": speed + 0.2 * rng.standard_normal(t.size),
+        "thrust": thrust + 0.5 * rng.standard_normal(t.size),
+    }
+    log = dft.Log(t, inputs, measured)
+    fit = dft.fit(dft.Thruster(), log, starts=1)
+    trials, trial = compiled_fitter(fit, [], [], bind(fit.model, [log]), [])
+    seen = regressors_of(trials, trial)
+    term = term_along(seen, "propeller", "supply_voltage", "speed", {})
+    (curve,) = evidence.likely_curves(trials, trial, [term])
+    return with_jump(trials, trial, seen, curve).evidence, curve.evidence
+
+
+def test_a_law_that_changes_at_once_is_likelier_as_a_jump_and_one_that_does_not_as_a_curve():
+    jump, curve = low_battery(lambda volts: 0.12 * (volts < 14.0))
+    assert jump > curve + 20.0
+    jump, curve = low_battery(lambda volts: 0.04 * (16.0 - volts))
+    assert jump == curve
+
+
+def test_the_form_of_a_jump_may_be_narrower_than_splines_show():
+    curve = Curve("load", "speed", -40.0, 40.0)
+    narrow = judged(lambda x: 0.5 * (1.0 + np.tanh((x + 14.0) / 0.1)))
+    widths = {}
+    for match in ranked_matches({"": narrow}):
+        if match.form.name in ("step", "hump"):
+            form = as_formula(match, curve, "rad/s^2", "rad/s", "speed")
+            widths[match.form.name] = form.declared["c"].limits[0]
+    assert widths["step"] <= 0.1 < 0.5 < widths["hump"]
 
 
 def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():

@@ -123,14 +123,20 @@ class _CurveBasis(NamedTuple):
 def _with_basis(term: Term, passing: Sequence[np.ndarray]) -> _CurveBasis | None:
     pooled = np.concatenate(term.signal_values)
     ends = float(pooled.min()), float(pooled.max())
-    level = _rms(passing) if term.times != ARRIVING else 1.0
-    if term.factor_values is not None and term.times != ARRIVING:
-        level /= max(_rms(term.factor_values), 1e-300)
+    level = largest_size(term, passing)
     if not 0 < level < np.inf:
         return None
     parameters: dict[str, Any] = dict(term.parameters)
     curve = Curve(term.port, term.signal, *ends, times=term.times, **parameters)
     return _CurveBasis(term, curve, level, term.basis(curve))
+
+
+def largest_size(term: Term, passing: Sequence[np.ndarray]) -> float:
+    """The size of a term's curve that would add as much as passes the port; 1 if it scales that."""
+    if term.times == ARRIVING:
+        return 1.0
+    factor = 1.0 if term.factor_values is None else _rms(term.factor_values)
+    return _rms(passing) / max(factor, 1e-300)
 
 
 def _batched(terms: Iterable[Term]) -> Iterator[list[Term]]:
@@ -155,7 +161,7 @@ def _evidence_of(
         bases, projected_information(fitter, trial, port, series), strict=True
     ):
         bends = term.is_linear & (np.arange(len(curve.coefficients)) != _SLOPE_INDEX)
-        best = _marginal_likelihood(*projected, level, bends)
+        best = marginal_likelihood(*projected, level, bends)
         fixed = zip(curve.coefficients, best.shared, strict=True)
         arguments = {"size": best.size, "bend": best.bend, "shape": tuple(map(float, best.shape))}
         arguments["held"] = [name for name, is_fixed in fixed if is_fixed]
@@ -178,7 +184,7 @@ class _MarginalLikelihood(NamedTuple):
     shared: np.ndarray
 
 
-def _marginal_likelihood(
+def marginal_likelihood(
     information: np.ndarray,
     gradient: np.ndarray,
     unprojected: np.ndarray,

@@ -43,6 +43,7 @@ from diffthrust.diagnosis._unknown_term.fit import (
     term_of,
     try_closed_forms,
 )
+from diffthrust.diagnosis._unknown_term.jumps import with_jump
 from diffthrust.diagnosis._unknown_term.terms import (
     Term,
     product_terms,
@@ -177,7 +178,12 @@ def rank_terms(context: SearchContext, trial: TrialFit, place: DrivingPort) -> l
     least = SETTINGS.unknown_term.sharpened_evidence * curves[0].evidence
     near = [curve for curve in distinct if curve.evidence > least]
     curves = [curve for curve in distinct if curve.evidence <= least]
-    curves += side_by_side(lambda curve: tune_memory(fitter, trial, space.regressors, curve), near)
+
+    def sharpened(curve: LikelyCurve) -> LikelyCurve:
+        tuned = tune_memory(fitter, trial, space.regressors, curve)
+        return with_jump(fitter, trial, space.regressors, tuned)
+
+    curves += side_by_side(sharpened, near)
     tied = max(curve.evidence for curve in curves) - SETTINGS.unknown_term.indifferent_evidence
     curves.sort(key=lambda curve: (_plainness(curve.term), -curve.evidence))
     first = [curve for curve in curves if curve.evidence >= tied]
