@@ -14,12 +14,15 @@ from diffthrust.blackbox._orders import Orders, shape_of
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
 from diffthrust.blackbox._records import Channels, SampledLog, sampled_channels
 from diffthrust.blackbox._sampled_model import ModelKind
-from diffthrust.blackbox._search import SearchEnd, judged, search_coefficients, size_of
+from diffthrust.blackbox._search import FLAT, SearchEnd, judged, search_coefficients, size_of
 from diffthrust.blackbox._starts import armax_starts, least_squares, output_error_starts
 from diffthrust.blackbox._system import observer_form
 from diffthrust.estimation._result import Estimate
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
+
+_ON_CIRCLE = 0.999
+"""Numerics: a zero this near to the circle remembers a thousand samples, as long as a record."""
 
 
 def arx(
@@ -71,11 +74,16 @@ def armax(
     orders: Orders = (2, 2, 2, 1),
     offset: bool = False,
 ) -> BlackBox:
-    """A(q) y = B(q) u + C(q) e, by the least one-step prediction error.
+    """A(q) y = B(q) u + C(q) e, by the largest likelihood of one-step prediction errors.
+
+    The errors before a record count as of the same law. Left free they would cost nothing, and the
+    search would leave what can predict: noise on the output alone, whose C is A, has zeros near the
+    unit circle.
 
     Arguments and errors as in `arx`, with ``orders = (na, nb, nc, delay)``.
 
-    Source: Ljung 1999, sections 4.2, 7.2 and 10.2 to 10.3; two starts, see
+    Source: Ljung 1999, sections 4.2, 7.2 and 10.2 to 10.3; Ansley 1979, Biometrika 66, for the
+    likelihood; two starts, see
     `diffthrust.blackbox._starts`.
 
     Example:
@@ -200,6 +208,12 @@ def polynomial_model(
     if end.rank < shape.size:
         status = Status.NOT_IDENTIFIABLE
     notes = memory_note(end.memory, shape.tied)
+    if status is Status.NOT_CONVERGED:
+        slope = f"cosine between residuals and gradient {end.flat:.1g}, expected below {FLAT:g}"
+        notes = (*notes, f"The search ended on a slope: {slope}.")
+    if shape.nc and not shape.tied and np.abs(np.roots(c)).max(initial=0.0) > _ON_CIRCLE:
+        circle = "A zero of C lies on the unit circle, where standard errors do not hold: "
+        notes = (*notes, circle + "noise of the output alone looks like this: use output_error.")
     if status is Status.NOT_IDENTIFIABLE:
         unknown = f"These logs identify {end.rank} of {shape.size} coefficients: the orders are "
         notes = (*notes, unknown + "too high, the input too plain, or there is no noise for C.")

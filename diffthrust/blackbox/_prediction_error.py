@@ -2,8 +2,9 @@
 
 All models here are A(q) y = sum of q^-delay B(q) u + C(q) e, with C = 1 (ARX), a free C (ARMAX), or
 C = A (output error). Source: Ljung 1999, System Identification, 2nd
-edition, sections 10.2 and 10.3. The past before a record enters as starting values, which are
-eliminated in each stretch (variable projection, Golub & Pereyra 1973).
+edition, sections 10.2 and 10.3. The past before a record is eliminated in each stretch (variable
+projection, Golub & Pereyra 1973): of a simulation as free starting values, of a free C as errors of
+the same law, with which the likelihood is exact.
 """
 
 from __future__ import annotations
@@ -82,42 +83,81 @@ def equations(record: SampledLog, shape: Shape) -> list[tuple[np.ndarray, np.nda
     return rows
 
 
-def stretches(
-    records: Sequence[SampledLog], shape: Shape, theta: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray, int]]:
-    """Residuals ``(n,)``, their gradient ``(n, k)`` and the starting values by stretch."""
+@dataclass(frozen=True)
+class Stretch:
+    """Residuals of samples without a gap.
+
+    Args:
+        residuals: ``(n,)``, with a free C followed by the errors before the first sample.
+        samples: number of measured ones.
+        gradient: of the residuals, by coefficients, ``(n, k)``.
+        past: number of values before the first sample that were eliminated.
+        log_determinant: of the covariance of the output's errors, in units of their variance.
+        slope: of ``log_determinant``, ``(k,)``.
+    """
+
+    residuals: np.ndarray
+    samples: int
+    gradient: np.ndarray
+    past: int
+    log_determinant: float
+    slope: np.ndarray
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Residuals of measured samples."""
+        return self.residuals[: self.samples]
+
+
+def stretches(records: Sequence[SampledLog], shape: Shape, theta: np.ndarray) -> list[Stretch]:
+    """Residuals by stretch."""
     residuals_of = _simulated if shape.tied else _predicted
     return [stretch for record in records for stretch in residuals_of(record, shape, theta)]
 
 
-def _predicted(
-    record: SampledLog, shape: Shape, theta: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray, int]]:
-    """C e = A y - B u + starting values, in each stretch without a gap."""
+def _predicted(record: SampledLog, shape: Shape, theta: np.ndarray) -> list[Stretch]:
+    """C e = A y - B u in each stretch without a gap, with errors before it of the same variance.
+
+    Left free, the errors before a stretch would be too large without a price where C has a zero
+    outside the unit circle, and the search would end there: white noise on the output, whose C is
+    A, did so in half of all records. Source: Box & Jenkins 1976, appendix A7.4.
+    """
     _, _, c = shape.split(theta)
-    out = []
+    count, out = shape.nc, []
+    # what the errors before a stretch, the latest first, add to its first samples
+    entering = np.array([[c[t + j] if t + j <= count else 0.0 for j in range(1, count + 1)]
+                         for t in range(count)]).reshape(count, count)  # fmt: skip
     for _, rows, y in equations(record, shape):
         wrong = y - rows @ theta[: rows.shape[1]]
-        if not shape.nc:
-            out.append((wrong, -rows, 0))
+        if not count:
+            out.append(Stretch(wrong, y.size, -rows, 0, 0.0, np.zeros(theta.size)))
             continue
-        e = passed(c, wrong)
-        basis = _pulses(c, y.size, shape.nc)
-        _check_finite(e, basis)
-        # starting values are linear: the best ones are projected off, so the search knows only
-        # coefficients
-        e = e - basis @ np.linalg.lstsq(basis, e, rcond=None)[0]
-        by_ab = -passed(c, rows)
-        # dC/dc_i e = q^-i e, filtered once more by 1 / C
-        past = passed(c, e)
-        by_c = -np.stack([_later(past, i) for i in range(1, shape.nc + 1)], axis=1)
-        out.append((e, _freed(np.concatenate([by_ab, by_c], axis=1), basis), basis.shape[1]))
+        e, answers = passed(c, wrong), -_pulses(c, y.size, count) @ entering[: y.size]
+        _check_finite(e, answers)
+        basis = np.concatenate([answers, np.eye(count)])
+        e = np.concatenate([e, np.zeros(count)])
+        past = np.linalg.lstsq(basis, -e, rcond=None)[0]
+        e = e + basis @ past
+
+        def by_c(now: np.ndarray, before: np.ndarray) -> list[np.ndarray]:
+            joined = np.concatenate([before[::-1], now])
+            return [-passed(c, joined[count - i : count - i + now.size])
+                    for i in range(1, count + 1)]  # fmt: skip
+
+        slopes = np.stack(by_c(e[: y.size], past), axis=1)
+        gradient = np.concatenate([-passed(c, rows), slopes], axis=1)
+        gradient = np.concatenate([gradient, np.zeros((count, theta.size))])
+        spread = basis.T @ basis
+        turned = np.stack([by_c(answers[:, j], unit) for j, unit in enumerate(np.eye(count))])
+        slope = np.zeros(theta.size)
+        slope[-count:] = 2.0 * np.einsum("jk,kit,tj->i", np.linalg.inv(spread), turned, answers)
+        out.append(
+            Stretch(e, y.size, _freed(gradient, basis), count, np.linalg.slogdet(spread)[1], slope)
+        )
     return out
 
 
-def _simulated(
-    record: SampledLog, shape: Shape, theta: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray, int]]:
+def _simulated(record: SampledLog, shape: Shape, theta: np.ndarray) -> list[Stretch]:
     """Y - w with A w = B u + starting values; gaps are left out."""
     a, b, _ = shape.split(theta)
     t = np.arange(min(shape.first, len(record.u)), len(record.u))
@@ -143,7 +183,8 @@ def _simulated(
     past = passed(a, w)
     by_a = [_later(past, i) for i in range(1, shape.na + 1)]
     gradient = np.concatenate([*(x[:, None] for x in by_a), -rows], axis=1)[measured]
-    return [(y - w[measured], _freed(gradient, basis[measured]), free)]
+    freed = _freed(gradient, basis[measured])
+    return [Stretch(y - w[measured], y.size, freed, free, 0.0, np.zeros(theta.size))]
 
 
 def _check_finite(*series: np.ndarray) -> None:

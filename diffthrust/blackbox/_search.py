@@ -8,16 +8,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diffthrust.blackbox._criteria import WHITENESS_LEVEL, memory_of
-from diffthrust.blackbox._prediction_error import Shape, equations, stretches
+from diffthrust.blackbox._prediction_error import Shape, Stretch, equations, stretches
 from diffthrust.blackbox._records import SampledLog
 from diffthrust.blackbox._starts import reflected
 
-_FLAT = 1e-5
+FLAT = 1e-5
 """Largest |J_j . r| / (|J_j| |r|) at a point that counts as stationary."""
 _RANK = 1e-10
 """Singular values of the scaled gradient below this share of the largest count as zero."""
 _WORTH = 11.0
 """An unstable model is kept if it gains this in twice the log-likelihood (chi-square, 0.1 %)."""
+
+_BEYOND = 10.0
+"""Numerics: over a record that is N samples long a zero of C may grow to 1 + this / N: answers that
+grow to exp(10) keep ten digits."""
 
 
 @dataclass(frozen=True)
@@ -50,22 +54,22 @@ class SearchEnd:
     @property
     def stationary(self) -> bool:
         """Whether the end is stationary."""
-        return self.flat < _FLAT
+        return self.flat < FLAT
 
 
 def search_coefficients(
     records: Sequence[SampledLog], shape: Shape, starts: Sequence[np.ndarray]
 ) -> SearchEnd:
-    """The coefficients of least squared residuals, from several starts.
+    """The coefficients of the largest likelihood, from several starts: of least squared residuals.
 
     Starts whose residuals are not finite are left out; at least one must have finite ones.
     """
-    from scipy.optimize import least_squares  # takes a while
+    from scipy.optimize import least_squares, minimize  # takes a while
 
     # SciPy asks for residuals and Jacobian of one point in two calls: the last point is kept
-    kept: list[tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray, int]]]] = []
+    kept: list[tuple[np.ndarray, list[Stretch]]] = []
 
-    def parts(theta: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, int]]:
+    def parts(theta: np.ndarray) -> list[Stretch]:
         if not (kept and np.array_equal(kept[0][0], theta)):
             with np.errstate(over="ignore", invalid="ignore"):
                 try:
@@ -74,26 +78,30 @@ def search_coefficients(
                     np.linalg.LinAlgError,
                     FloatingPointError,
                 ):  # an unstable filter overflowed
-                    now = [(np.full(1, np.inf), np.zeros((1, shape.size)), 0)]
+                    none = np.zeros((1, shape.size))
+                    now = [Stretch(np.full(1, np.inf), 1, none, 0, 0.0, none[0])]
             kept[:] = [(theta.copy(), now)]
         return kept[0][1]
 
     def residual(theta: np.ndarray, bounded: bool = False) -> np.ndarray:
-        if bounded and not settles(theta):
-            return np.full(count, np.inf)
-        joined = np.concatenate([stretch[0] for stretch in parts(theta)])
+        a, _, c = shape.split(theta)
+        settled = settles(c, beyond) if shape.nc else not bounded or settles(a)
+        joined = joint(parts(theta))[0] if settled else np.full(count, np.inf)
         return joined if np.isfinite(joined).all() else np.full(count, np.inf)
 
     def gradient(theta: np.ndarray) -> np.ndarray:
-        return np.concatenate([stretch[1] for stretch in parts(theta)])
+        return joint(parts(theta))[1]
 
     counts = [int(r.complete[shape.first :].sum()) for r in records]
     if not shape.tied:
-        counts = [t.size for r in records for t, _, _ in equations(r, shape)]
+        counts = [t.size + shape.nc for r in records for t, _, _ in equations(r, shape)]
     count, scale = sum(counts), size_of(records)
+    # a C is as likely as its mirror image in the unit circle: the likelihood is level on the circle
+    # itself, and a search that may step across it ends there instead of creeping up to it
+    beyond = _BEYOND / max(len(record.u) for record in records)
 
-    def settles(theta: np.ndarray) -> bool:
-        return bool(np.all(np.abs(np.roots(shape.split(theta)[0])) < 1.0))
+    def settles(polynomial: np.ndarray, beyond: float = 0.0) -> bool:
+        return bool(np.all(np.abs(np.roots(polynomial)) < 1.0 + beyond))
 
     def end_of(start: np.ndarray, bounded: bool = False) -> tuple[float, np.ndarray]:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -111,16 +119,40 @@ def search_coefficients(
                 gtol=1e-12,
                 max_nfev=200,
             )
-        return float(end.cost), end.x
+        if not shape.nc or not end.cost > 0:
+            return float(end.cost), end.x
+        return polished(end.x, end.jac, end.cost)
+
+    def polished(theta: np.ndarray, slopes: np.ndarray, cost: float) -> tuple[float, np.ndarray]:
+        # Gauss-Newton lacks the curvature of the determinant: near the circle, where that is all
+        # there is, it creeps
+        size = np.linalg.norm(slopes, axis=0)
+        size[size == 0] = 1.0
+        _, values, turned = np.linalg.svd(slopes / size, full_matrices=False)
+        values = np.maximum(values, 1e-6 * values.max()) * np.sqrt(count / (2.0 * cost))
+        whitened = turned.T / values / size[:, None]
+
+        def unlikely(step: np.ndarray) -> tuple[float, np.ndarray]:
+            r = residual(theta + whitened @ step) / scale
+            if not np.isfinite(r).all():
+                return np.inf, np.zeros_like(step)
+            slope = whitened.T @ (gradient(theta + whitened @ step).T @ r) / scale
+            return float(0.5 * count * np.log(r @ r)), count * slope / (r @ r)
+
+        end = minimize(unlikely, np.zeros(theta.size), jac=True, method="BFGS",
+                       options={"gtol": 1e-5})  # fmt: skip
+        theta = theta + whitened @ end.x
+        return 0.5 * float(np.sum((residual(theta) / scale) ** 2)), theta
 
     ends = [end_of(start) for start in starts]
     best, theta = min(ends, key=lambda end: end[0])
     if not np.isfinite(best):
         raise FloatingPointError
+    if shape.nc:  # of the two only the one inside can predict
+        theta = shape.with_c(theta, reflected(shape.split(theta)[2], 1.0))
     agreeing = sum(cost <= best * 1.001 + 1e-20 * count for cost, _ in ends)
-    if shape.tied and not settles(
-        theta
-    ):  # an unstable model is kept only if the records clearly favour it
+    # an unstable model is kept only if the records clearly favour it
+    if shape.tied and not settles(shape.split(theta)[0]):
         restarts = [np.concatenate([reflected(shape.split(s)[0])[1:], s[shape.na :]])
                  for s in (theta, *starts)]  # fmt: skip
         cost, alternative = min((end_of(start, True) for start in restarts), key=lambda end: end[0])
@@ -131,13 +163,27 @@ def search_coefficients(
     return judged(parts(theta), theta, shape, scale, len(starts), agreeing)
 
 
+def joint(parts: Sequence[Stretch]) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals whose squares are least where the likelihood is largest, and their gradient.
+
+    With N samples of covariance S^2 D the likelihood is largest where the sum of squares times
+    det(D)^(1/N) is least. Source: Ansley 1979, Biometrika 66.
+    """
+    r, j = (np.concatenate(rows) for rows in ([x.residuals for x in parts],
+                                              [x.gradient for x in parts]))  # fmt: skip
+    twice = 2.0 * sum(stretch.samples for stretch in parts)
+    factor = np.exp(sum(stretch.log_determinant for stretch in parts) / twice)
+    slope = sum(stretch.slope for stretch in parts) / twice
+    return factor * r, factor * (j + r[:, None] * slope)
+
+
 def size_of(records: Sequence[SampledLog]) -> float:
     """Root mean square of the outputs; 1 if all are zero."""
     return float(np.sqrt(np.mean(np.concatenate([r.y[r.complete] for r in records]) ** 2))) or 1.0
 
 
 def judged(
-    parts: Sequence[tuple[np.ndarray, np.ndarray, int]],
+    parts: Sequence[Stretch],
     theta: np.ndarray,
     shape: Shape,
     scale: float,
@@ -150,8 +196,8 @@ def judged(
     the input: sums over lags of their correlation times that of the gradient (Ljung 1999, section
     9.3).
     """
-    residuals = [stretch[0] for stretch in parts]
-    r, j = np.concatenate(residuals), np.concatenate([stretch[1] for stretch in parts])
+    residuals = [stretch.errors for stretch in parts]
+    r, j = joint(parts)
     # columns of unit length: the rank then does not depend on the units of the channels
     size = np.linalg.norm(j, axis=0)
     size = np.where(size > 0, size, 1.0)
@@ -161,7 +207,7 @@ def judged(
     flat = 0.0 if exact else float(np.max(np.abs(scaled.T @ r), initial=0.0)) / norm
     _, values, v = np.linalg.svd(scaled, full_matrices=False)
     rank = int(np.sum(values > _RANK * values.max(initial=0.0)))
-    degrees = r.size - theta.size - sum(stretch[2] for stretch in parts)
+    degrees = r.size - theta.size - sum(stretch.past for stretch in parts)
     variance = norm**2 / degrees if degrees > 0 else np.nan
     memory = memory_of(residuals, 0 if shape.tied else shape.na + shape.nc)
     covariance = None
@@ -175,17 +221,18 @@ def judged(
     return SearchEnd(theta, covariance, variance, residuals, flat, rank, starts, agreeing, memory)
 
 
-def _with_memory(parts: Sequence[tuple[np.ndarray, np.ndarray, int]], factor: float) -> np.ndarray:
+def _with_memory(parts: Sequence[Stretch], factor: float) -> np.ndarray:
     """The covariance of the gradient of the squared errors, ``(k, k)``."""
-    samples = sum(e.size for e, _, _ in parts)
-    longest = min(samples // 4, max(e.size for e, _, _ in parts) - 1)
+    pairs = [(stretch.residuals, stretch.gradient) for stretch in parts]
+    samples = sum(e.size for e, _ in pairs)
+    longest = min(samples // 4, max(e.size for e, _ in pairs) - 1)
     # two standard errors of a correlation of white noise (Bartlett)
     limit = 2.0 / np.sqrt(samples)
-    power = sum(float(e @ e) for e, _, _ in parts) / samples
-    total = power * sum(j.T @ j for _, j, _ in parts)
+    power = sum(float(e @ e) for e, _ in pairs) / samples
+    total = power * sum(j.T @ j for _, j in pairs)
     quiet, lag = 0, 1
     while quiet < 5 and lag < longest:  # until the correlation stays within its confidence band
-        used = [(e, j) for e, j, _ in parts if e.size > lag]
+        used = [(e, j) for e, j in pairs if e.size > lag]
         r = sum(float(e[lag:] @ e[:-lag]) for e, _ in used) / samples
         cross = sum(j[lag:].T @ j[:-lag] for _, j in used)
         total = total + r * (cross + cross.T)  # pyright: ignore

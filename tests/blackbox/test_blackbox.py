@@ -5,6 +5,8 @@ import sys
 import control
 import numpy as np
 import pytest
+from scipy.linalg import solve_triangular, toeplitz
+from scipy.optimize import minimize
 from scipy.signal import cont2discrete, lfilter
 from scipy.stats import binom
 
@@ -13,6 +15,7 @@ from diffthrust import InputError, Status
 from diffthrust import blackbox as bb
 from diffthrust.blackbox._prediction_error import Shape, stretches  # private: the gradient alone
 from diffthrust.blackbox._records import sampled_channels  # private: what the gradient takes
+from diffthrust.blackbox._search import joint  # private: the gradient alone
 from diffthrust.blackbox._simulation_error import (  # private: the gradient alone
     linearized,
     output_sizes,
@@ -86,13 +89,58 @@ def test_gradients_are_those_of_the_residuals(tied):
     theta = np.array([-1.4, 0.6, 0.9, 0.4, 0.3, *([] if tied else [0.3, 0.1])])
 
     def cost(point):
-        return 0.5 * sum(float(e @ e) for e, _, _ in stretches(records, shape, point))
+        residuals, _ = joint(stretches(records, shape, point))
+        return 0.5 * float(residuals @ residuals)
 
-    parts = stretches(records, shape, theta)
-    slope = sum(j.T @ e for e, j, _ in parts)
+    residuals, gradient = joint(stretches(records, shape, theta))
+    slope = gradient.T @ residuals
     for i, step in enumerate(1e-6 * np.eye(theta.size)):
         numeric = (cost(theta + step) - cost(theta - step)) / 2e-6
         assert slope[i] == pytest.approx(numeric, rel=1e-5, abs=1e-5)
+
+
+def printed_plant(step, seed, n=1500):
+    """G(s) of Aras et al. 2013, in steps of 6 V, with 20 mV of white noise on its output."""
+    rng = np.random.default_rng(seed)
+    num, den, _ = cont2discrete(([-28.77, 16.28], [1.0, 45.09, 16.33]), step)
+    u = 6.0 * np.repeat(rng.choice([-1.0, 1.0], n // 20), 20)
+    y = lfilter(np.ravel(num), den, u) + 0.02 * rng.standard_normal(n)
+    return log_of(u, y, step), np.concatenate([den[1:], np.ravel(num)[1:]])
+
+
+@pytest.mark.parametrize(("step", "seed"), [(0.1, 0), (0.1, 2), (0.01, 3)])
+def test_noise_on_the_output_alone_converges(step, seed):
+    """C is A there, with a zero near or on the unit circle, and residuals know little of it."""
+    log, truth = printed_plant(step, seed)
+    model = bb.armax(log, **UY)
+    assert model.status is Status.CONVERGED
+    np.testing.assert_allclose(values(model)[:4], truth, rtol=0, atol=2e-3)
+    assert np.abs(np.roots(model.polynomials["c"])).max() <= 1.0 + 1e-9
+    on_circle = any("on the unit circle" in note for note in model.notes)
+    assert on_circle == (step == 0.01)
+    assert bb.state_space(log, **UY).status is Status.CONVERGED
+
+
+def test_armax_is_the_largest_likelihood_of_dense_covariances():
+    """The likelihood of A y - B u as a moving average, by its covariance matrix, for SciPy."""
+    log, _ = printed_plant(0.1, 1, n=300)
+    u, y = log.inputs["u"], log.measured["y"]
+
+    def unlikely(theta):
+        a1, a2, b1, b2, c1, c2 = theta
+        w = y[2:] + a1 * y[1:-1] + a2 * y[:-2] - b1 * u[1:-1] - b2 * u[:-2]
+        shares = np.zeros(w.size)
+        shares[:3] = 1.0 + c1**2 + c2**2, c1 * (1.0 + c2), c2
+        lower = np.linalg.cholesky(toeplitz(shares))
+        white = solve_triangular(lower, w, lower=True)
+        return 0.5 * w.size * np.log(white @ white) + np.sum(np.log(np.diag(lower)))
+
+    model = bb.armax(log, **UY)
+    best, size = values(model), spreads(model)
+    least = unlikely(best)
+    found = minimize(lambda z: unlikely(best + size * z), 0.05 * np.ones(6), method="BFGS")
+    assert least <= found.fun + 1e-6
+    np.testing.assert_allclose(found.x, 0.0, atol=2e-3)  # in standard errors
 
 
 @pytest.mark.slow
