@@ -41,6 +41,10 @@ class MPC:
     estimated from its errors of one sample; without it a steady disturbance leaves a steady error,
     as in the paper. The estimate needs the speeds to be measured.
 
+    A path that is faster than the limits, the wind or the current let the vessel go waits for it:
+    where the plan ends more than ``position`` behind and still loses ground, the wanted places are
+    those of an earlier instant (`Plan.late`) and not of a point that runs away.
+
     The method sees no further than its horizon: from a heading a quarter turn off the path or more,
     turning may not pay within 5 s, and the vessel stays where it is. Give a longer horizon there.
 
@@ -160,7 +164,9 @@ class MPC:
         zero = jnp.zeros(())
         push = {"north": zero, "east": zero, "yaw": zero}
         held = {name: jnp.asarray(now[name], float) for name in self.model.inputs}
-        return Plan(held, planned, state, push, zero, jnp.asarray(0), jnp.asarray(False), zero)
+        return Plan(
+            held, planned, state, push, zero, jnp.asarray(0), jnp.asarray(False), zero, zero
+        )
 
     def step(self, plan: Plan, measured: Mapping[str, Any], wanted: Wanted) -> Plan:
         """One sample: what to apply now, and the plan behind it.
@@ -168,7 +174,8 @@ class MPC:
         Args:
             plan: of the sample before, or `start`.
             measured: the six states; a missing or NaN one is taken as it was expected.
-            wanted: where to be at the instants `ahead` of now, ``(horizon,)`` each.
+            wanted: where to be at the instants `ahead` of now, less the plan's ``late``,
+                ``(horizon,)`` each.
 
         Raises:
             InputError: a path of another length, or with numbers that are not finite.
@@ -204,7 +211,7 @@ class MPC:
             raise InputError(
                 f"MPC: expected the path at {self._samples} instants ahead, finite, found "
                 f"{shape if isinstance(shape, str) else f'an array {shape}'}.",
-                "Give path.at(now + mpc.ahead).",
+                "Give path.at(now - plan.late + mpc.ahead).",
             )
         return place
 

@@ -51,11 +51,12 @@ class Plan(NamedTuple):
         settled: whether the plan that the last of them began from was a minimum, if not the lowest
             one: no input that is free to move lowers the cost.
         unseen: samples since the speeds were measured, for the estimate of ``push``.
+        late: seconds for which the path has waited for a vessel that cannot keep up.
 
     Example:
         >>> plan = mpc.start(sighted)
         >>> plan._fields
-        ('inputs', 'planned', 'state', 'push', 'cost', 'iterations', 'settled', 'unseen')
+        ('inputs', 'planned', 'state', 'push', 'cost', 'iterations', 'settled', 'unseen', 'late')
     """
 
     inputs: dict[str, Array]
@@ -66,6 +67,7 @@ class Plan(NamedTuple):
     iterations: Array
     settled: Array
     unseen: Array
+    late: Array
 
 
 class Frame(NamedTuple):
@@ -140,6 +142,7 @@ def replan(
         count,
         settled,
         unseen,
+        plan.late + ahead.waiting(flat),
     )
 
 
@@ -195,6 +198,25 @@ class _Horizon:
         errors = jnp.concatenate([off.ravel(), changes.ravel()])
         beyond = jnp.concatenate([limited - setting.most[None], setting.least[None] - limited])
         return errors, beyond.ravel()
+
+    def waiting(self, flat: Array) -> Array:
+        """Seconds for which the path waits: the time that the vessel loses at the plan's end.
+
+        An error along the path that no plan can mend grows, and in the end a course beside the path
+        is the cheaper one: with a surge of 0.6 m/s at most a boat left a line of 0.8 m/s at
+        0.022 m/s, for ever. A vessel that catches up, or is late by less than ``position``, is not
+        waited for.
+        """
+        count = self.place.shape[0]
+        if count == 1:
+            return jnp.zeros(())
+        errors, _ = self.foreseen(flat)
+        behind = -self.setting.position * errors[: 2 * count].reshape(count, 2)
+        onward = self.place[-1] - self.place[-2]
+        length = jnp.linalg.norm(onward) + jnp.finfo(float).tiny
+        late, lost = behind[-1] @ onward / length, (behind[-1] - behind[-2]) @ onward / length**2
+        share = jnp.where(late > self.setting.position, jnp.clip(lost, 0.0, 1.0), 0.0)
+        return jnp.where(jnp.isfinite(share), share, 0.0) * self.setting.period
 
     def cost(self, flat: Array) -> Array:
         """Sum of squares; infinite where the model runs away."""

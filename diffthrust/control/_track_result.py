@@ -78,7 +78,9 @@ class TrackRun(RunSignals):
             the point that follows the path [m]), ``along`` and ``across`` (its errors, of what is,
             not of what was measured, ahead of the wanted place and to starboard of it [m]),
             ``push.north``, ``push.east`` and ``push.yaw`` (accelerations estimated by the
-            controller), ``cost``, ``iterations``, ``settled`` and ``solve_time`` [s].
+            controller), ``late`` (how long the path has waited for the vessel [s]: the wanted
+            place is that of so much earlier), ``cost``, ``iterations``, ``settled`` and
+            ``solve_time`` [s].
         diverged: the time [s] of the first sample at which a signal was no longer finite, or
             larger than any that can be meant; ``None`` where the run stayed bounded.
         compiling: seconds of the controller's call before the first sample.
@@ -165,7 +167,7 @@ def track_run_of(
     Raises:
         InputError: it ran away before a second sample.
     """
-    wanted = path.at(time)
+    wanted = path.at(time - signals["late"])
     ahead, heading = loop.controller.point, signals["heading"]
     place = signals["north"] + ahead * np.cos(heading), signals["east"] + ahead * np.sin(heading)
     north, east = place[0] - wanted.north, place[1] - wanted.east

@@ -113,7 +113,8 @@ class VesselLoop(VesselAssembly):
             if records and not all(abs(value) < RUN_AWAY for value in measured.values()):
                 records.append(dict.fromkeys(records[0], math.nan))
                 break
-            ahead = wanted_at(path, now + mpc.ahead)
+            late = 0.0 if plan is None else float(plan.late)
+            ahead = wanted_at(path, now - late + mpc.ahead)
             if plan is None:  # this call compiles, so no timed one does; its plan is dropped
                 plan, begin_time = mpc.start(measured, inputs), perf_counter()
                 jax.block_until_ready(mpc.step(plan, measured, ahead))
@@ -130,6 +131,7 @@ class VesselLoop(VesselAssembly):
                 **inputs,
                 **constants,
                 **{f"push.{name}": float(value) for name, value in plan.push.items()},
+                "late": late,
                 "cost": float(plan.cost),
                 "iterations": float(plan.iterations),
                 "settled": float(plan.settled),

@@ -184,6 +184,39 @@ def test_a_wall_beside_the_path_is_not_crossed():
     assert 0.995 < run["north"].max() < 1.001
 
 
+def sailed(run):
+    """North and east of a run's inputs, with the equations written out and DOP853."""
+    n, a = run["propeller_speed"], run["rudder_angle"]
+    state, track = [run[name][0] for name in AT_SEA], []
+    for k in range(run.time.size):
+        track.append(state[3:5])
+        state = solve_ivp(rates, (0.0, 0.2), state, "DOP853", args=(n[k], a[k]), rtol=1e-9).y[:, -1]
+    return np.array(track).T
+
+
+def test_a_path_that_is_too_fast_waits_and_the_vessel_stays_on_it():
+    """A surge of 0.6 m/s at most, on a path of 0.8: the boat left it at 0.022 m/s."""
+    run = tracked(duration=40.0, limits=wide(surge=(-math.inf, 0.6)))
+    north, east = sailed(run)
+    settled = run.time > 20.0
+    np.testing.assert_allclose(north, run["north"], atol=1e-3)
+    assert np.max(np.abs(north[settled])) < 0.03
+    assert np.polyfit(run.time[settled], east[settled], 1)[0] == pytest.approx(0.6, abs=2e-3)
+    # the place that is wanted keeps the boat's pace, and says how late it is
+    waited = np.diff(run["late"])[settled[1:]].mean() * 5.0
+    assert waited == pytest.approx(1.0 - 0.6 / 0.8, abs=2e-3)
+    np.testing.assert_allclose(run["reference.east"], 0.8 * (run.time - run["late"]))
+    assert run.along(20.0).largest < 0.6
+    assert run["settled"][settled].all()
+
+
+def test_a_path_does_not_wait_for_a_vessel_that_catches_up():
+    run = tracked(initial={"surge": 0.0}, limits=wide())
+    assert run["along"].min() < -0.6  # from rest
+    assert not run["late"].any()
+    assert run.along(20.0).largest < 0.05
+
+
 def test_a_state_that_begins_beyond_its_limit_comes_back():
     run = tracked(initial={**ASIDE, "surge": 1.1}, duration=15.0,
                   limits=wide(surge=(-math.inf, 0.82)))  # fmt: skip
