@@ -101,10 +101,11 @@ class AdaptiveSliding(Sliding):
         d(load)/dt    = -load_rate    speed |speed|          s_delta
         d(inertia)/dt = -inertia_rate d(wanted speed)/dt     s_delta
 
-    Inside the layer nothing is adapted, so the estimates do not drift. Nor do they wind up where
-    the command is at its ``limit``: there only what draws it back is learned. They begin at
-    ``load`` and ``inertia``, zero unless given (`of` gives those of the thruster), and are recorded
-    as ``load_estimate`` and ``inertia_estimate``.
+    Inside the layer nothing is adapted, so the estimates do not drift, and a load that plain
+    sliding bears there is never learned (``examples/papers_yoerger_adaptive.py``). Nor do they wind
+    up where the command is at its ``limit``: there only what draws it back is learned. They begin
+    at ``load`` and ``inertia``, zero unless given (`of` gives those of the thruster), and are
+    recorded as ``load_estimate`` and ``inertia_estimate``.
 
     Source: Yoerger, Cooke & Slotine 1990, section V E; Slotine & Coetsee 1986.
 

@@ -91,6 +91,11 @@ def test_papers_yoerger_adaptive(tmp_path):
     assert blocked[2] < 0.3 * min(blocked[:2])
     shares = numbers(text, "load estimate over the true one of the free duct: ")
     assert shares[:2] == [pytest.approx(1.0, abs=0.02), pytest.approx(2.0, abs=0.1)]
+    # other loads and movements: what stays in the boundary layer teaches nothing
+    others = {"load x 2, 1 cm": 1.0, "load x 1.5, 5 cm": 1.08, "load x 1.5, 10 cm": 1.52,
+              "load x 3, 10 cm": 3.64}  # fmt: skip
+    for name, estimate in others.items():
+        assert numbers(text, f"{name}: estimate ")[0] == pytest.approx(estimate, abs=0.02)
     for number in (20, 21):
         figure(tmp_path, f"yoerger_figure_{number}.png")
 
