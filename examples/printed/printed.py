@@ -66,13 +66,21 @@ def printed_table(rows: Iterable[Printed]) -> str:
 
 
 def counts(rows: Iterable[Printed]) -> dict[str, list[str]]:
-    """Figures by how they come out; one that several ways lead to by the best of them."""
-    best: dict[str, float] = {}
+    """Figures by how they come out: by every way that leads to them, by some of them, by none."""
+    ways: dict[str, list[Printed]] = {}
     for row in rows:
-        away = math.inf if row.ours is None else abs(row.ratio - 1.0)
-        best[row.what] = min(away, best.get(row.what, math.inf))
-    return {
-        "reproduced": [what for what, away in best.items() if away <= NEAR],
-        "not reproduced": [what for what, away in best.items() if NEAR < away < math.inf],
-        "cannot be checked": [what for what, away in best.items() if away == math.inf],
-    }
+        ways.setdefault(row.what, []).append(row)
+    outcomes: dict[str, list[str]] = {
+        "reproduced": [], "reproduced by some ways only": [], "not reproduced": [],
+        "cannot be checked": [],
+    }  # fmt: skip
+    for what, several in ways.items():
+        near = [abs(row.ratio - 1.0) <= NEAR for row in several if row.ours is not None]
+        if not near:
+            outcomes["cannot be checked"].append(what)
+        elif any(near):
+            some = "" if all(near) else " by some ways only"
+            outcomes[f"reproduced{some}"].append(what)
+        else:
+            outcomes["not reproduced"].append(what)
+    return outcomes

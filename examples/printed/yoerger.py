@@ -17,6 +17,8 @@ _PITCH, _AREA, _DENSITY = 0.101, 0.0527, 1000.0
 _FULL = 10.0
 """Largest command [V], section II A."""
 _HORSEPOWER = 745.7
+_ZERO, _POLE, _DAMPING = 2.43, 6.5, 0.707
+"""Of the lead network and of its loop, section V B."""
 _UNITS = {"command": "V", "speed": "rad/s", "thrust": "N"}
 
 
@@ -96,9 +98,12 @@ def _lags(jason: Thruster) -> list[Printed]:
                 "2 alpha / √ct, the inverse of the model, with u in newtons"),
         Printed("pole cancellation: 0.49", cancel.rate, follows.rate * volt, "1/(s √V)",
                 "the same with u in volts: 0.49 goes with newtons"),
-        Printed("lead network: zero", 2.43, follows.rate * volt, "1/s",
-                "2 √(alpha beta), the lag of small changes about 1 V: 0.40 s, and not 0.75 s, "
-                "whose zero would be 1.33"),
+        Printed("time constant at 1 V", 0.75, 2.0 / (_DAMPING * math.sqrt(_ZERO * _POLE)), "s",
+                "of the lead network: by Ogata's root locus zero times pole is the square of the "
+                "wanted frequency, here of poles with twice the lag's attenuation"),
+        Printed("lead network: zero", _ZERO, (2.0 / (0.75 * _DAMPING)) ** 2 / _POLE, "1/s",
+                "by the same construction from 0.75 s and the printed pole; 2 √(alpha beta), the "
+                f"lag of small changes about 1 V, is {follows.rate * volt:.2f} by chance"),
         Printed("figure 12: largest break frequency", 2.0, float(pace[-1]), "rad/s",
                 "by the printed formula at the full 10 V and 0.2 rad/s; \"less than 2 for all "
                 f"magnitudes\" holds up to {below:.0f} N"),

@@ -55,6 +55,9 @@ def formula(square, ct=CT):
 GAMMA = 8.0 * ALPHA / (3.0 * math.pi)
 TOP = math.sqrt((-0.04 + math.sqrt(0.0016 + 4.0 * GAMMA**4 * (10.0 * BETA / ALPHA) ** 2)) / 2.0)
 
+# Ogata's root locus: poles of twice the attenuation of 1 / 0.75 s, damping 0.707; zero times pole
+# is the square of their distance from the origin
+DOMINANT = complex(-1.0, math.sqrt(1.0 / 0.707**2 - 1.0)) * 2.0 / 0.75
 # what: ours, in the order of the rows, and how closely
 YOERGER = {
     "figure 8, static test: ct": ([0.019, 1000.0 * 0.0527 * (0.22 * 0.101) ** 2], 1e-9),
@@ -65,10 +68,10 @@ YOERGER = {
     "motor of 1/3 hp": ([torque(CT) * 10.0 * math.sqrt(10.0 * BETA / ALPHA) / 745.7], 1e-6),
     "figure 6, smallest step": ([torque(CT)], 1e-6),
     "time constant at 1 V": (
-        [lag_of(2), lag_of(1), 1.0 / (0.49 * math.sqrt(VOLT)), 1.0 / 0.49], 1e-3),
+        [lag_of(2), lag_of(1), 1.0 / (0.49 * math.sqrt(VOLT)), 1.0 / 0.49, 0.712], 1e-3),
     "pole cancellation: 0.49": (
         [2.0 * ALPHA / math.sqrt(CT), 2.0 * math.sqrt(ALPHA * BETA)], 1e-9),
-    "lead network: zero": ([2.0 * math.sqrt(ALPHA * BETA)], 1e-9),
+    "lead network: zero": ([abs(DOMINANT) ** 2 / 6.5], 1e-9),
     "figure 12: largest break frequency": ([TOP], 1e-9),
     # simulated: an integrator of eighth order at 1e-9, below, within its last printed digit
     "limit cycle predicted, command": ([formula(GAMMA**2), formula(GAMMA * ALPHA), 15.67], 1e-3),
@@ -80,11 +83,9 @@ SIRAMDASU = {
     "lambda of yaw": ([1.25 / 1.13], 1e-9),
     "n for 0.8 m/s": ([(D11 * 0.8) ** (1.0 / C)], 1e-9),
     "steady speed of the tests": ([98.0**C / D11], 1e-4),
-    "section 5.2, before the turn": ([98.0**C / D11], 1e-4),
     "sign of L, equations (3), (8)": ([-1.0], 1e-4),
     "sign of (m22 - m11) u v, (16)": ([-1.0], 1e-4),
     "d22/A by equation (14)": ([-D22], 1e-4),
-    "figure 11: paths apart within 20 s": ([0.302], 0.01),  # linear in the error: see below
 }  # fmt: skip
 TABLE = np.array(DEPTH_SENSOR)
 SLOPES, OFFSETS = np.polyfit(TABLE[:, 0], TABLE[:, 1:], 1)
@@ -110,7 +111,8 @@ ARAS = {
 EXPECTED = {"Yoerger 1990": YOERGER, "Siramdasu 2013": SIRAMDASU, "Aras 2013": ARAS}
 MEASURED = {  # from records that are not printed
     "Yoerger 1990": {f"dynamic test: {name}" for name in ("alpha", "beta", "ct")},
-    "Siramdasu 2013": {"C", "d11/A", "m11/A", "m22/A", "d22/A", "d33/A", "I33/A"},
+    "Siramdasu 2013": {"C", "d11/A", "m11/A", "m22/A", "d22/A", "d33/A", "I33/A",
+                       "section 5.2, before the turn", "figure 11: paths apart within 20 s"},
     "Aras 2013": {f"G(s), {part}, {power}" for part in ("numerator", "denominator")
                   for power in ("s", "1")},
 }  # fmt: skip
@@ -127,7 +129,7 @@ def test_every_row_is_what_closed_forms_say(rows, source):
 
 
 def test_the_rows_that_follow_and_those_that_do_not(rows):
-    """A figure agrees where some way leads to it within 5 %; the others are the papers' own."""
+    """No way leads to these within 5 %: the papers' own."""
     away = {
         (source.split()[0], what)
         for source in EXPECTED
@@ -136,11 +138,11 @@ def test_the_rows_that_follow_and_those_that_do_not(rows):
     assert away == {
         *(("Yoerger", what) for what in (
             "figure 8, static test: ct", "figure 9, static test: beta/alpha", "efficiency",
-            "motor of 1/3 hp", "time constant at 1 V", "figure 12: largest break frequency")),
+            "motor of 1/3 hp", "time constant at 1 V", "lead network: zero",
+            "figure 12: largest break frequency")),
         *(("Siramdasu", what) for what in (
-            "lambda of yaw", "steady speed of the tests", "section 5.2, before the turn",
-            "sign of L, equations (3), (8)", "sign of (m22 - m11) u v, (16)",
-            "d22/A by equation (14)", "figure 11: paths apart within 20 s")),
+            "lambda of yaw", "steady speed of the tests", "sign of L, equations (3), (8)",
+            "sign of (m22 - m11) u v, (16)", "d22/A by equation (14)")),
         *(("Aras", what) for what in (
             "eq. 9, offset", "deepest by the datasheet", "encoder's speed",
             "the same in km/h", "set point reached, gain 1", "command at rest, set point 13 V")),
@@ -200,10 +202,11 @@ def test_the_remarks_name_what_follows(rows):
 
 def test_an_outcome_says_by_how_much():
     one = [Printed("a", 2.0, ours, "m") for ours in (2.08, 1.5, None)]
+    same = [Printed("d", 2.0, ours, "m") for ours in (2.08, 1.92)]
     assert [row.outcome for row in one] == ["reproduced, +4 %", "not, -25 %", "cannot be checked"]
     other = [Printed("b", 1.0, 0.5, "m"), Printed("c", 1.0, None, "m")]
-    by = counts([*one, *other])
-    assert list(by.values()) == [["a"], ["b"], ["c"]]  # the best way to a figure counts
+    by = counts([*one, *other, *same])
+    assert list(by.values()) == [["d"], ["a"], ["b"], ["c"]]
 
 
 def test_one_table_shows_all_papers(rows):
@@ -219,9 +222,10 @@ def test_one_table_shows_all_papers(rows):
 @pytest.mark.slow
 def test_the_example_prints_the_table_and_what_departs(tmp_path):
     text = run("papers_printed", tmp_path)
-    assert f"eq. 9, offset: ours is {np.mean(OFFSETS) / -0.0973:.3g} of the printed value" in text
+    ratio = np.mean(OFFSETS) / -0.0973
+    assert f"eq. 9, offset, not reproduced: ours is {ratio:.3g} of the printed value" in text
     assert re.search(
-        r"Yoerger 1990: 17 figures, \d+ reproduced, 6 not reproduced, 3 cannot be", text
+        r"Yoerger 1990: 17 figures, 4 reproduced, 3 reproduced by some ways only, 7 not", text
     )
-    assert "  lambda of yaw: ours is 0.709 of the printed value" in text
-    assert "  figure 12: largest break frequency: ours is 1.67 of the printed value" in text
+    assert "  lambda of yaw, not reproduced: ours is 0.709 of the printed value" in text
+    assert "command, reproduced by some ways only: ours is 1.23 or 1.04 or 0.998 of" in text
