@@ -26,6 +26,7 @@ from diffthrust.effects._drive import SwappedThrusters as SwappedThrusters
 from diffthrust.effects._environment import WaterCurrent as WaterCurrent
 from diffthrust.effects._environment import Wind as Wind
 from diffthrust.effects._formula import Formula as Formula
+from diffthrust.effects._hull import Buoyancy as Buoyancy
 from diffthrust.effects._hull import QuadraticSurgeDrag as QuadraticSurgeDrag
 from diffthrust.effects._hull import QuadraticSwayDrag as QuadraticSwayDrag
 from diffthrust.effects._hull import QuadraticYawDrag as QuadraticYawDrag

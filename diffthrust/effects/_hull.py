@@ -11,6 +11,34 @@ from diffthrust.models._base.signals import Signal, Signals
 
 
 @registered
+class Buoyancy(Effect):
+    """Buoyancy and weight do not balance: a constant force along a vertical axis.
+
+    Acts on the net force [N]: force + excess, with ``excess`` the buoyancy less the weight where
+    the axis counts upwards, the weight less the buoyancy where it counts down. Null: excess = 0.
+    Beside a measured thrust it is the same as the zero of that sensor: record the thrust at rest
+    out of the water. Source: Fossen 2011, section 4.1 (W - B in heave).
+
+    Example:
+        >>> effect = dft.effects.Buoyancy(excess=6)
+        >>> model = dft.AxisVehicle() + effect
+        >>> model.parameters["buoyancy.excess"].range_text()
+        '(-inf, inf) N'
+    """
+
+    name = "buoyancy"
+    in_words = "buoyancy and weight leave {excess} along the axis"
+    port = "force"
+    excess: float = parameter(
+        5.0, "N", null=0.0, size=10.0, probes=relative_to("thrust", -0.05, 0.05)
+    )
+
+    def __call__(self, value: Signal, s: Signals) -> Signal:
+        """The force with what buoyancy and weight leave."""
+        return value + self.excess
+
+
+@registered
 class QuadraticSurgeDrag(Effect):
     """The resistance ahead grows faster than the speed.
 

@@ -95,13 +95,15 @@ def _held_against(model: Model, runs: Sequence[Run]) -> Iterator[str]:
     speeds = np.concatenate([_speed(run, speed) for run in runs])
     if not speeds.size or abs(speeds.mean()) > NOWHERE * speeds.std():
         return
+    mend = f'model + dft.effects.Formula("{port}", "push", push="N")'
+    mend = 'model + "buoyancy"' if port == "force" else mend
     for name, unit in model.inputs.items():
         force = np.concatenate([run.log.inputs[name] for run in runs])
         if unit == "N" and abs(force.mean()) > PUSHED * force.std():
             yield (
                 f" {name} is {number(float(force.mean()), 3)} N on average, and {speed} none: "
                 "something constant (buoyancy, weight, a slope, a tare) may hold against it; add "
-                f'it by model + dft.effects.Formula("{port}", "push", push="N").'
+                f"it by {mend}."
             )
 
 

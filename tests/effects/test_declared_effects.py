@@ -14,6 +14,7 @@ axial_flow.loss = 0.1 N s^2/(m rad); 0 -; null 0; size 0.3; probes 0.002 0.02 0.
 axial_flow.mass = 20.0 kg; 0 -; log; probes 0.2 1 of propeller
 axial_flow.linear_drag = 1.0 N s/m; 0 -; log; fixed
 axial_flow.quadratic_drag = 10.0 N s^2/m^2; 0 -; log; fixed
+buoyancy.excess = 5.0 N; - -; null 0; size 10; probes -0.05 0.05 of thrust
 cavitation.shortfall = 0.2; 0 1; null 0; size 0.3; probes 0.2 0.6
 cavitation.onset = 40.0 {speed}; 0 -; log; probes 0.4 0.7 of speed
 command_deadband.half_width = 0.05 {command}; 0 -; null 0; size 0.2; probes 0.05 0.2 of command

@@ -121,6 +121,7 @@ LAWS = [  # effect, its parameters, its port, what leaves it where `VALUE` arriv
     ("differential_gain", {"gain": 0.3}, "right_force", 0.7 * VALUE),
     ("swapped_thrusters", {"share": 0.3}, "left_force", 0.7 * VALUE + 0.3 * S["right_force"]),
     ("swapped_thrusters", {"share": 0.3}, "right_force", 0.7 * VALUE + 0.3 * S["left_force"]),
+    ("buoyancy", {"excess": -2.3}, "force", VALUE - 2.3),
     ("quadratic_surge_drag", {"drag": 1.7}, "surge_force", VALUE - 1.7 * np.sign(U) * U**2),
     ("quadratic_sway_drag", {"drag": 1.7}, "sway_force",
      VALUE - 1.7 * np.sign(DRIFT) * DRIFT**2),

@@ -1,11 +1,14 @@
 """The effects of a vessel: nothing at the null, finite everywhere, found in the reference."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from marks import slow_but
 from reference import inputs, noise, vessel
+from scipy.integrate import solve_ivp
 from trajectories import Grid, trajectory
 
 import diffthrust as dft
@@ -281,3 +284,42 @@ def test_the_water_s_speed_counts_not_the_speed_over_ground():
         np.testing.assert_allclose(out["north"], 0.3 * time, atol=1e-12)
         np.testing.assert_allclose(out["east"], -0.4 * time, atol=1e-12)
         np.testing.assert_allclose(out["heading"], 0.0, atol=1e-12)
+
+
+def heave(seed, excess, mass=120.0, drag=60.0):
+    """A heave axis with buoyancy, by DOP853 with the equation written out."""
+    rng = np.random.default_rng(seed)
+    time, level = np.arange(0.0, 30.0, 0.1), rng.uniform(-25.0, 25.0, 10)
+
+    def rates(t, state):
+        push = level[min(int(t / 3.0 + 1e-9), 9)] + excess
+        return [state[1], (push - drag * state[1] * abs(state[1])) / mass]
+
+    state, rows = [0.0, 0.0], []
+    for t in time:
+        rows.append(state)
+        state = solve_ivp(rates, (t, t + 0.1), state, "DOP853", rtol=1e-9).y[:, -1]
+    position, velocity = np.array(rows).T + 0.005 * rng.standard_normal((2, time.size))
+    thrust = level[(time / 3.0 + 1e-9).astype(int)]
+    return dft.Log(time, {"thrust": thrust}, {"position": position, "velocity": velocity},
+                   {"thrust": "N", "position": "m", "velocity": "m/s"}, hold="zero",
+                   name=f"dive {seed}")  # fmt: skip
+
+
+def test_the_buoyancy_of_a_heave_axis_is_found():
+    fit = dft.fit(dft.AxisVehicle() + "buoyancy", [heave(0, 6.0), heave(1, 6.0)], starts=1)
+    for name, truth in {"buoyancy.excess": 6.0, "mass": 120.0, "drag": 60.0}.items():
+        found = fit.parameters[name]
+        assert abs(found.value - truth) < 4.0 * found.std_error
+        assert found.std_error < 0.005 * truth
+
+
+@pytest.mark.slow
+def test_a_buoyancy_and_the_zero_of_a_thrust_sensor_are_rivals():
+    """6 N of buoyancy were told as a thrust sensor's zero, and nothing else."""
+    logs = [heave(seed, 6.0) for seed in range(3)]
+    names = ["buoyancy", "thrust_sensor_offset"]
+    diag = dft.diagnose(dft.AxisVehicle(), logs[:2], holdout=logs[2], candidates=names,
+                        experiment=False)  # fmt: skip
+    assert sorted(diag.groups[0]) == names  # in either order: they are the same
+    assert re.search("It could as well be a (thrust sensor offset|buoyancy).", diag.summary)
