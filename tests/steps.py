@@ -21,6 +21,7 @@ from diffthrust.diagnosis._candidates import (  # private: without a search
     places_of,
     with_candidates,
 )
+from diffthrust.diagnosis._changed_size import ChangedSize, changed_size  # private: in seconds
 from diffthrust.diagnosis._channel_use import (  # private: without a search
     models_fed_by,
     unused_channels,
@@ -248,6 +249,7 @@ __all__ = [
     "SETTINGS",
     "BeforeAfter",
     "CandidateFitter",
+    "ChangedSize",
     "ChannelError",
     "ChannelHeadroom",
     "Clock",
@@ -288,6 +290,7 @@ __all__ = [
     "candidates_of",
     "caution_words",
     "change_between",
+    "changed_size",
     "channel_of",
     "chosen",
     "compiled_fitter",

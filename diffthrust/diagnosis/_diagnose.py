@@ -11,6 +11,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.diagnosis._admission import remaining_share
 from diffthrust.diagnosis._candidates import Candidates, asks_for_all
+from diffthrust.diagnosis._changed_size import changed_size
 from diffthrust.diagnosis._channel_use import unused_channels, unused_notes
 from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
@@ -145,7 +146,8 @@ def diagnose(
     search = with_equivalents(context, state, baseline)
     say("what no known effect explains", SOUGHT)
     outcome = add_law(context, assessed(context, search), baseline)
-    outcome = add_headroom(context, add_state_terms(context, outcome))
+    outcome = add_change(context, add_state_terms(context, outcome))
+    outcome = add_headroom(context, outcome)
     search, selection, assessment, laws = outcome
     kept = {n: why for n, why in selection.refused.items() if not undone_by(n, mends)}
     selection = replace(selection, refused=kept)
@@ -340,7 +342,7 @@ def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
     """The outcome with what could be explained, and what recurs, where the verdict rests on it."""
     assessment = outcome.assessment
     far = verdict_evidence(outcome.selection, assessment).far
-    is_placed = outcome.laws or assessment.remaining is not None
+    is_placed = outcome.laws or assessment.remaining or assessment.changed
     if not far or is_placed or assessment.trained is None:
         return outcome
     training, judged = assessment.apart or (assessment.trained[1], assessment.after)
@@ -349,6 +351,18 @@ def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
     runs = (*training.runs, *(judged.runs if context.unseen else ()))
     recurring = recurring_shares(context.given, runs)
     return outcome._replace(assessment=replace(assessment, room=room, recurring=recurring))
+
+
+def add_change(context: SearchContext, outcome: Outcome) -> Outcome:
+    """The outcome with a size that changes in time, where nothing else says what is left."""
+    _, selection, assessment, laws = outcome
+    if laws or assessment.remaining or assessment.apart or assessment.trained is None:
+        return outcome
+    unseen = assessment.after.runs if context.unseen else ()  # else it holds training logs
+    with context.clock("remaining"):
+        training = assessment.trained[1].runs
+        changed = changed_size(selection.fit, selection.added, training, unseen)
+    return outcome._replace(assessment=replace(assessment, changed=changed))
 
 
 def missing_before_and_after(

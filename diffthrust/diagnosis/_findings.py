@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
+from diffthrust.diagnosis._changed_size import ChangedSize
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.diagnosis._learned import LearnedLaw
@@ -206,6 +207,7 @@ class Assessment(Brief):
         apart: where something is open and odd logs carry much of the error, the last stage without
             these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against
             the other training logs, and against the other logs that count.
+        changed: where nothing else is left, a size of an added effect that changes in time.
         room: how much any flexible model could explain of the errors on which the verdict rests;
             worked out where whole runs err far above the noise and nothing in ``remaining`` says
             why.
@@ -220,6 +222,7 @@ class Assessment(Brief):
     remaining: Remaining | None
     odd_logs: tuple[OddLog, ...] = ()
     apart: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
+    changed: ChangedSize | None = None
     room: Headroom | None = field(default=None, repr=False)
     recurring: Mapping[str, Worth] = field(default_factory=dict)
 
@@ -352,7 +355,7 @@ def verdict_evidence(selection: Selection, assessment: Assessment) -> VerdictEvi
             name: max(share.low for share in (channels.get(name), recurring.get(name)) if share)
             for name in {*channels, *recurring}
         },
-        structure=assessment.remaining is not None,
+        structure=assessment.remaining is not None or assessment.changed is not None,
         contradicted=bool(judged.hints),
         added=bool(selection.best),
         freed=bool(selection.held),

@@ -185,6 +185,7 @@ class Diagnosis(Result, Findings):
             }
             if remaining
             else None,
+            "changed": self.changed.to_json() if self.changed else None,
             "learned": [law.to_json() for law in self.laws],
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
             "held": {name: asdict(value) for name, value in self.held.items()},

@@ -14,7 +14,7 @@ from reference import equations
 from .about_effects import SURE
 from .about_errors import SIMULATED, amplitudes
 from .page import Page
-from .parsing import NUMBER, claim, error_of, in_words, is_said
+from .parsing import NUMBER, WORTH, claim, error_of, in_words, is_said, worth_is
 
 MORE = r"(?P<more>, and (?P<count>\w+) more, see below)?"
 COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
@@ -224,6 +224,28 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"it is off by {per * run:.3g}"
     if not run > FAR * diag.one_step[channel]:
         yield f"one step errs by {per * diag.one_step[channel]:.3g}, whole runs by {per * run:.3g}"
+
+
+@claim(rf"(?:Left: t|T)he (?P<name>[^\n]+?) changes at (?P<instant>{NUMBER}) s"
+       rf"(?: after the start of a log)?"
+       rf"(?:[,:] (?P<before>{NUMBER})(?: ->| before,) (?P<after>{NUMBER})[^\n.]*)?\."
+       rf"(?: By the slopes of the fit that removes (?P<share>{WORTH}) of the squared error over "
+       r"whole runs of (?P<logs>[^.]+)\.)?")  # fmt: skip
+def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    changed = diag.changed
+    if changed is None:
+        yield "nothing changes"
+        return
+    per = diag.fit.parameters[changed.parameter].per
+    pairs = ((m["instant"], changed.instant), (m["before"], per * changed.before.value),
+             (m["after"], per * changed.after.value))  # fmt: skip
+    for number, value in pairs:
+        if number and not is_said(number, value):
+            yield f"{number} is {value:.4g}"
+    if in_words(changed.parameter.rpartition(".")[2]) not in m["name"].replace("-", " "):
+        yield f"{changed.parameter} changes"
+    if m["share"] and not worth_is(m["share"], changed.worth):
+        yield f"it removes {changed.worth}"
 
 
 # -- how sure, and what to do ----------------------------------------------------------------------

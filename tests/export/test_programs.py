@@ -55,6 +55,7 @@ GROUPS = (
                    "propeller_walk", "propeller_inflow", "reverse_propeller_asymmetry")),
     ("propeller", ("rudder_rate_limit", "sway_yaw_coupling", "quadratic_sway_drag", "wind")),
     ("twin", ("differential_gain", "quadratic_surge_drag", "quadratic_yaw_drag", "wind")),
+    ("axis", ("buoyancy",)),
     ("twin", ("swapped_thrusters", "force_exponent", "water_current")),
 )  # fmt: skip
 

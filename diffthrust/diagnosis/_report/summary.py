@@ -17,6 +17,7 @@ from diffthrust.diagnosis._report.effect_words import effect_words
 from diffthrust.diagnosis._report.learned import law_wordings, place_of, reach_words, valid_words
 from diffthrust.diagnosis._report.text import (
     an_effect,
+    changed_parameter,
     errors_of,
     judged_errors,
     leading,
@@ -269,6 +270,10 @@ def _left(diag: Findings) -> Part:
     """What is left besides what was found: structure, or errors that grow over whole runs."""
     if diag.verdict == "undecided" or not (diag.best or diag.held or diag.laws):
         return ()
+    if changed := diag.changed:
+        words, unit = f"Left: {changed_parameter(changed)}", changed.after.shown[2]
+        start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
+        return _part((5, f"{words}, {start} -> {end} {unit}".rstrip()), (6, words))
     if diag.verdict == "unexplained" and not diag.laws:
         return _part((5, _unknown_words(diag, "Left")), (6, "Left: something unknown"))
     name = _grown(diag)

@@ -16,6 +16,7 @@ from diffthrust._support.words import (
     with_error,
 )
 from diffthrust.diagnosis._candidates import place_words
+from diffthrust.diagnosis._changed_size import ChangedSize
 from diffthrust.diagnosis._explained_share import SureShare, Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
@@ -376,6 +377,8 @@ def other_model_words(diag: Findings) -> list[str]:
 def remaining_words(diag: Findings) -> str:
     """What no known effect explains: where it enters and on what it depends."""
     remaining = diag.remaining
+    if diag.changed:
+        return _changed_words(diag, diag.changed)
     if remaining is None:
         if diag.laws:
             return "Structure remains that no known effect explains: whole runs show it."
@@ -392,6 +395,23 @@ def remaining_words(diag: Findings) -> str:
         f"{still} that no known effect explains: {enters} "
         f"{place_words(diag.model, remaining.port)} and depends on {remaining.depends_on}, which "
         f"explains {percent(remaining.share)} of the squared one-step errors there."
+    )
+
+
+def changed_parameter(changed: ChangedSize) -> str:
+    """What changes in time, in words."""
+    effect, _, name = changed.parameter.rpartition(".")
+    return f"the {humanize(name)} of {an_effect(effect)} changes at {number(changed.instant, 2)} s"
+
+
+def _changed_words(diag: Findings, changed: ChangedSize) -> str:
+    """That an added effect changes in time: when, by how much, and what that removes."""
+    unit = changed.after.shown[2]
+    low, high = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
+    return (
+        f"{capitalised(changed_parameter(changed))} after the start of a log: {low} before, "
+        f"{_amount(high, unit)} after. By the slopes of the fit that removes {changed.worth} of "
+        f"the squared error over whole runs of {errors_of(diag)[0]}."
     )
 
 

@@ -1,0 +1,83 @@
+"""Sizes of found effects that change in time, against a least squares of each part."""
+
+from dataclasses import replace
+
+import claims
+import made_diagnosis as made
+import numpy as np
+import pytest
+from reference import inputs, noise
+from steps import ChangedSize, Worth, changed_size
+
+import diffthrust as dft
+
+TIME, CHANGE = inputs.grid(30.0, 0.1), 15.0
+MODEL = dft.Thruster() + dft.effects.InflowThrustLoss()
+
+
+def bench(seed, before, after, force=0.0):
+    """An inflow that takes more from an instant on, and a random force of 10 s on the thrust."""
+    rng = np.random.default_rng(seed)
+    command = np.repeat(rng.uniform(-1.5, 1.5, TIME.size // 20 + 1), 20)[: TIME.size]
+    inflow = 0.6 + 0.5 * np.sin(2.0 * np.pi * TIME / 17.0 + seed)
+    log = dft.Log(TIME, {"command": command, "inflow": inflow},
+                  units={"command": "V", "inflow": "m/s"})  # fmt: skip
+    speed = dft.simulate(dft.Thruster(alpha=0.037, beta=42.0), log)["speed"]
+    loss = np.where(TIME < CHANGE, before, after)
+    thrust = 0.022 * speed * np.abs(speed) - loss * np.abs(speed) * inflow
+    thrust += noise.ornstein_uhlenbeck(rng, TIME, force, 10.0)
+    thrust += 0.4 * rng.standard_normal(TIME.size)
+    measured = {"speed": speed + 0.2 * rng.standard_normal(TIME.size), "thrust": thrust}
+    units = {"command": "V", "inflow": "m/s", "speed": "rad/s", "thrust": "N"}
+    return dft.Log(TIME, log.inputs, measured, units, name=f"bench {seed}"), speed
+
+
+def sought(seed, *args, unseen=True):
+    train, (last, _) = [bench(seed + k, *args)[0] for k in range(2)], bench(seed + 2, *args)
+    fit = dft.fit(MODEL, train, holdout=last, starts=1)
+    held = dft.compare(fit, last).runs if unseen else ()
+    return changed_size(fit, ["inflow_thrust_loss"], dft.compare(fit, train).runs, held)
+
+
+def test_a_loss_that_grows_is_told_with_its_instant_and_both_sizes():
+    found = sought(0, 0.12, 0.30)
+    rows, thrust = [], []
+    for seed in (0, 1):
+        log, speed = bench(seed, 0.12, 0.30)
+        taken = np.abs(speed) * log.inputs["inflow"]
+        rows.append([speed * np.abs(speed), *(-taken * part for part in parts())])
+        thrust.append(log.measured["thrust"])
+    truth = np.linalg.lstsq(np.concatenate(rows, axis=1).T, np.concatenate(thrust), rcond=None)[0]
+    assert found.parameter == "inflow_thrust_loss.loss"
+    assert found.instant == pytest.approx(CHANGE, abs=0.3)
+    assert [found.before.value, found.after.value] == pytest.approx(truth[1:], rel=0.02)
+    assert found.worth.share > 0.9
+    assert found.to_json()["after"] == found.after.value
+
+
+def parts():
+    return TIME < CHANGE, TIME >= CHANGE
+
+
+@pytest.mark.parametrize("force", [0.0, 1.5])
+def test_what_does_not_change_is_not_said_to(force):
+    """0 of 300 sets, with forces of 2 and 10 s and with other effects missing besides."""
+    assert not any(sought(10 * seed, 0.12, 0.12, force) for seed in range(1, 4))
+
+
+def test_without_unseen_logs_nothing_is_said():
+    assert sought(0, 0.12, 0.30, unseen=False) is None
+
+
+def test_the_summary_says_when_and_by_how_much():
+    diag = made.found()
+    width = diag.fit.parameters["command_deadband.half_width"]
+    sizes = (replace(width, value=size, std_error=None) for size in (0.3, 0.5))
+    changed = ChangedSize("command_deadband.half_width", 12.3, *sizes, Worth(0.6, 0.5, 0.7))
+    diag = replace(diag, changed=changed, verdict="unexplained")
+    assert "Left: the half-width of a command dead band changes at 12 s" in diag.summary
+    assert "at 12 s after the start of a log: 0.30 before, 0.50 V after." in diag.details
+    assert "removes 60 % (50 % to 70 %) of the squared error over whole runs of" in diag.details
+    assert claims.contradictions(diag) == []
+    later = replace(diag, changed=replace(changed, instant=20.0))
+    assert claims.contradictions(later, text=diag.details)
