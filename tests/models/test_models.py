@@ -23,6 +23,7 @@ SIGNED = {
     "linear_sensor.slope",
     "command_offset.offset",
     "differential_gain.gain",
+    "buoyancy.excess",
     "propeller_walk.fraction",
     "reverse_drive_asymmetry.change",
     "reverse_load_asymmetry.change",
