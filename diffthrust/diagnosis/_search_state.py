@@ -31,6 +31,7 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._arguments import FitOptions
 from diffthrust.estimation._fit import FitRuns, fit_records
+from diffthrust.estimation._horizons import schedule, to_whole_runs
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.effect import Effect
@@ -82,8 +83,8 @@ class Refit:
         unseen: unseen logs.
         options: of `fit`.
         clock: times it.
-        settled: options that the first fit has determined: integrator steps and, if it needed no
-            short segments first, their absence.
+        settled: options that the first fit has determined: integrator steps and, if it ended in
+            whole runs, that the others end there, too.
     """
 
     train: Sequence[Record]
@@ -111,7 +112,8 @@ class Refit:
             progress: is called with the progress of the fit.
             starts: the number of starts, if not the default.
             records: training and unseen records to use in place of all.
-            segments: allow short segments first, even if the first fit did not need them.
+            segments: let logs that are left out choose between segments and whole runs, even if the
+                first fit ended in whole runs.
             substeps: integrator steps per sample, without a check whether finer ones are needed.
             horizons: of these segments, for a model that has none of its own.
         """
@@ -299,8 +301,10 @@ def start_search(
         fitted = refit(fit, progress=progress)
         guess = fitted.fit.guess
     first = fitted.fit
-    settled = {"substeps": first.substeps}
-    refit = replace(refit, settled=settled | ({"horizon": None} if first.horizon is None else {}))
+    settled: dict[str, Any] = {"substeps": first.substeps}
+    if first.horizon is None:
+        settled["horizon"] = to_whole_runs(schedule(first.model, train, "auto"))
+    refit = replace(refit, settled=settled)
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
     levels = levels_when_asked(first.model, train)
     effects = [effect.scaled(levels) for effect in effects]

@@ -19,7 +19,7 @@ from diffthrust.diagnosis._criteria import OverRuns
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, TriedEffect
 from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
-from diffthrust.diagnosis._pairs import with_pair
+from diffthrust.diagnosis._pairs import with_proven
 from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
@@ -142,7 +142,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     """Retry the effects that lower the errors over whole runs, from their values there.
 
     The first that also lowers the one-step errors is added; the others are possible. Where none is
-    added, pairs are tried.
+    added, pairs and singles that whole unseen runs prove are.
     """
     if not simulation_is_poor(context, state, state.stages[-1]):
         return replace(state, possible={})
@@ -151,15 +151,17 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
         base, singles = _singles(context, state)
         lowering = _lowering(context, base, singles)
     state = replace(state, possible={name: worth for name, (worth, _) in lowering.items()})
-    for name, (worth, simulated) in lowering.items():
-        proven = bool(context.unseen) and worth.low > SETTINGS.whole_runs.proving_share
+    least = SETTINGS.whole_runs.proving_share
+    proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
+    for name, (_, simulated) in lowering.items():
+        proven = bool(context.unseen) and name in proving
         if outcome := _admitted(context, state, name, simulated, proven):
             return outcome
         if proven and state.detectable:
             alone = _without_detectable(context, state)
             if outcome := _admitted(context, alone, name, simulated, proven):
                 return outcome
-    return with_pair(context, state, base, singles)
+    return with_proven(context, state, base, singles, proving)
 
 
 def _admitted(

@@ -1,4 +1,4 @@
-"""Two effects that lower the errors of whole runs only together."""
+"""Effects that whole unseen runs prove: two that lower their errors only together, or one."""
 
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -67,7 +67,7 @@ class Context:
 def searched(monkeypatch):
     """The search after pairs, where whole runs err by so much with each set of effects."""
 
-    def after(sizes, unseen=("C",)):
+    def after(sizes, unseen=("C",), lowering=()):
         fitted = []
 
         def refitted(context, state):
@@ -82,7 +82,9 @@ def searched(monkeypatch):
         given = SearchState(
             SimpleNamespace(trial=Trial(())), (stage(1.0, unseen=bool(unseen)),), {}
         )
-        return pairs_module.with_pair(Context(unseen), given, Trial(()), {}), fitted
+        singles = {name: Trial((name,)) for name in lowering}
+        asked = Context(unseen), given, Trial(()), singles, lowering
+        return pairs_module.with_proven(*asked), fitted
 
     return after
 
@@ -108,7 +110,6 @@ def test_two_that_help_alone_as_well_have_a_stage_and_a_share_each(searched):
     "sizes",
     [
         {("a", "b"): 0.97, ("a",): 1.0, ("b",): 1.0},  # removes too little of unseen errors
-        {("a", "b"): 0.3, ("a",): 0.302, ("b",): 1.0},  # the second does nothing beside the first
         {("a", "b"): np.inf, ("a",): 1.0, ("b",): 1.0},  # its runs fail
     ],
 )
@@ -116,6 +117,20 @@ def test_a_pair_that_is_not_proven_changes_nothing(searched, sizes):
     state, _ = searched(sizes)
     assert [stage.effects for stage in state.stages] == [()]
     assert state.current.trial.effects == ()
+
+
+def test_where_one_of_two_does_as_well_alone_it_is_added_alone(searched):
+    state, _ = searched({("a", "b"): 0.3, ("a",): 0.302, ("b",): 1.0})
+    assert [stage.effects for stage in state.stages] == [(), ("a",)]
+    assert state.current.trial.effects == ("a",)
+
+
+def test_where_no_pair_is_proven_the_best_single_is_added_if_it_is(searched):
+    proven, _ = searched({("a", "b"): 0.97, ("a",): 0.5}, lowering=("a", "b"))
+    assert [stage.effects for stage in proven.stages] == [(), ("a",)]
+    refuted, fitted = searched({("a",): 0.97, ("b",): 0.5}, lowering=("a", "b"))
+    assert [stage.effects for stage in refuted.stages] == [()]
+    assert fitted == [("a",)]
 
 
 def test_without_unseen_logs_no_pair_is_fitted(searched):

@@ -330,6 +330,7 @@ def periodic_force(seed: int) -> UserSet:
     hidden = (
         Hidden(
             f"a torque at {frequency:.3f} Hz",
+            frozenset({"periodic_force"}),
             ports=frozenset({"shaft", "drive", "load"}),
             signals=(r"periodic|Hz|time, repeating",),
             parameters={"frequency": frequency},
