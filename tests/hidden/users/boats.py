@@ -137,6 +137,7 @@ def boat(seed: int, speeds: bool = False) -> UserSet:
         files,
         says=says,
         blanked=_thinned,
+        rate=10.0,  # a boat that turns in seconds: at 50 Hz the same, in five times the time
     )
 
 

@@ -53,6 +53,8 @@ class UserSet:
         close: the unseen error with what was found may be so many times that of the true
             structure, fitted; ``None`` where only names count.
         ruled: channels that are ruled by something in no equation.
+        rate: samples a second to which the user brings the logs before a diagnosis; as they are
+            where ``None``.
     """
 
     kind: str
@@ -73,6 +75,14 @@ class UserSet:
     blanked: Callable[[wr.Run], wr.Run] = lambda run: run
     per_log: bool = False
     ruled: frozenset[str] = frozenset()
+    rate: float | None = None
+
+    def diagnosed(self) -> tuple[list[dft.Log], list[dft.Log]]:
+        """The training and the unseen logs as the user gives them to a diagnosis."""
+        logs = self.train, self.unseen
+        if self.rate is None:
+            return tuple([*some] for some in logs)
+        return tuple([log.resampled(self.rate) for log in some] for some in logs)
 
     def runs(self) -> tuple[list[wr.Run], list[wr.Run]]:
         """The logs as plain arrays."""

@@ -65,7 +65,8 @@ def diagnosed(made: UserSet, true_error: float) -> Row:
 
     begun = time.perf_counter()
     try:
-        diag = dft.diagnose(made.model, made.train, holdout=made.unseen, experiment=False)
+        train, unseen = made.diagnosed()
+        diag = dft.diagnose(made.model, train, holdout=unseen, experiment=False)
     except Exception:
         why = traceback.format_exc(limit=-4)
         spent = round(time.perf_counter() - begun, 1)
