@@ -74,7 +74,7 @@ def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 def _reach(law: Any, unit: str) -> float:
-    """How far a law goes but for a hundredth of samples at either end: in its unit, or in per cent.
+    """How far a law goes at the samples of the logs: in its unit, or in per cent.
 
     By the splines of its curve; where the closed form is multiplied by something else, by its
     expression as it is printed.
@@ -89,7 +89,7 @@ def _reach(law: Any, unit: str) -> float:
         values = np.broadcast_to(eval(law.form.formula.expression, names), law.samples.shape)
     else:
         values = np.array([float(law.curve.at_signal(x)) for x in law.samples]) + ("%" in unit)
-    low, middle, high = np.quantile(values, [0.01, 0.5, 0.99])
+    low, middle, high = np.quantile(values, [0.0, 0.5, 1.0])
     if "%" in unit:
         return 100.0 * (1.0 - low / middle if "less" in unit else high / middle - 1.0)
     return max(abs(low), abs(high))
@@ -268,6 +268,9 @@ def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     if any(channel in run.log.inputs for run in diag.before.runs):
         yield f"{channel} is in the logs"
+    at_once = diag.one_step
+    if at_once and all(error_of(diag.judged, n)[0] <= 1.25 * size for n, size in at_once.items()):
+        yield "whole runs err as little as one-step predictions"
     if not any(channel in why for why in diag.untestable.values()):
         yield f"untestable: {diag.untestable}"
     if not any(in_words(name) in m["effect"] for name in diag.added):

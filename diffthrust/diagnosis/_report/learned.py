@@ -20,8 +20,6 @@ from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 
-_ENDS = (1.0, 99.0)
-"""Display: percentiles of what a law does over the samples of the logs."""
 _LONGEST_PLACE = 6
 """Display: words of the description of a port that are still read in a sentence; its name else."""
 
@@ -98,13 +96,14 @@ def valid_words(law: LearnedLaw) -> str:
 def reach_words(law: LearnedLaw) -> str:
     """How much it does in these logs at most: what it adds, or by how much it scales.
 
-    Between the first and the last per cent of the samples, so that no lone one counts. A factor is
+    Up to the ends of the range in which it is valid: a stall that takes a third of the thrust at
+    -40 rad/s took "up to 20 %" between the first and the last per cent of the samples. A factor is
     related to its median: what it is most of the time a parameter of the model has taken up.
     """
     times, values = _values_of(law)
     if not values.size or times not in ("", ARRIVING):
         return ""
-    low, middle, high = np.percentile(values, (_ENDS[0], 50.0, _ENDS[1]))
+    low, middle, high = np.min(values), np.median(values), np.max(values)
     if times == "":
         return f"up to {number(max(abs(low), abs(high)), 2)} {law.port_unit}".rstrip()
     less, more = ((1.0 + end) / (1.0 + middle) - 1.0 for end in (low, high))

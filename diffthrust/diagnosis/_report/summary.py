@@ -66,6 +66,7 @@ def summary(diag: Findings) -> str:
         _bounds(diag),
         _held(diag),
         _missing(diag),
+        _unmeasured(diag),
         *_laws(diag),
         _error(diag),
         _rivals(diag),
@@ -233,12 +234,21 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
     return max((n for n in first.channels if n in last.channels), key=fall)
 
 
-def _rivals(diag: Findings) -> Part:
-    """What these logs cannot tell from an added effect."""
+def _unmeasured(diag: Findings) -> Part:
+    """Channels that no log has, and that could be what was found."""
     sentences = [
         f"Unmeasured {channel} could look like {an_effect(name)}"
         for name, channel in unmeasured_rivals(diag).items()
     ]
+    if not sentences:
+        return ()
+    first = sentences[0] + _more(len(sentences) - 1)
+    return _part((4, ". ".join(sentences)), (8, first))
+
+
+def _rivals(diag: Findings) -> Part:
+    """What these logs cannot tell from an added effect."""
+    sentences = []
     for name, words in rival_words(diag).items():
         instead = (
             "It could as well be"

@@ -129,8 +129,13 @@ def unmeasured_rivals(diag: Findings) -> dict[str, str]:
     """For each added effect the first channel that no log has, and that could look like it.
 
     The channel that another effect at the same port needs: under an inflow that nobody measured a
-    thruster seemed to push less in reverse. Not for an effect that remembers, such as a lag.
+    thruster seemed to push less in reverse. Not for an effect that remembers, such as a lag, and
+    not where whole runs err as little as one-step predictions: on a bench in still water an
+    asymmetry explains all there is, which a channel that nobody measures would not.
     """
+    floor, errors = SETTINGS.unknown_term.noise_floor, judged_errors(diag)[1].channels
+    if all(e.rmse <= floor * diag.one_step.get(name, 0.0) for name, e in errors.items()):
+        return {}
     rivals = {}
     for effect in diag.best:
         untested = (EFFECTS[name] for name in diag.untestable if name in EFFECTS)
