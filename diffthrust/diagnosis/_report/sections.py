@@ -144,7 +144,7 @@ def _answer(diag: Findings) -> Section:
     return Section(
         "",
         Outcome("Verdict", Styled(verdict_words(diag), style), summary(diag)),
-        OnPage(Bullets(Styled(words, "doubtful") for words in unfinished_words(diag))),
+        Bullets(Styled(words, "doubtful") for words in unfinished_words(diag)),
         OnPage("To copy into a spec file:"),
         OnPage(spec_lines(diag.improved)),
         Picture(partial(figures.stages_figure, diag), _stages_caption(diag)),
@@ -185,7 +185,7 @@ def _stages(diag: Findings) -> Section:
 def _headroom(diag: Findings) -> Section:
     if diag.headroom is None:
         return Section("")
-    first, last = diag.headroom
+    last = diag.headroom[1]
     return Section(
         "Room for improvement",
         *_explained(
@@ -195,14 +195,9 @@ def _headroom(diag: Findings) -> Section:
             "it has not seen is structure, whatever its form: a physical effect can remove about "
             "as much.",
         ),
-        Bullets(
-            (
-                first.summary,
-                *[f"At the last stage: {last.summary}"] * (len(diag.stages) > 1),
-                *["One-step errors show structure nevertheless: see what remains."]
-                * (diag.remaining is not None and not last.worth),
-            )
-        ),
+        "One-step errors show structure nevertheless: see what remains."
+        if diag.remaining is not None and not last.worth
+        else "",
     )
 
 
@@ -435,8 +430,8 @@ def unfinished_words(diag: Findings) -> list[str]:
 
 
 def caution_words(diag: Findings) -> list[str]:
-    """What weakens the outcome: fits that did not converge, and their notes."""
-    sentences = unfinished_words(diag)
+    """What weakens the outcome, besides fits that did not converge, which the answer names."""
+    sentences = []
     if diag.stages[-1].holdout is None:
         sentences.append(
             "No log was kept unseen: the errors are those of the logs that the models were fitted "
