@@ -61,7 +61,7 @@ def parts():
 
 @pytest.mark.parametrize("force", [0.0, 1.5])
 def test_what_does_not_change_is_not_said_to(force):
-    """0 of 300 sets, with forces of 2 and 10 s and with other effects missing besides."""
+    """0 of 360 sets, with forces of 2 and 10 s or with other effects missing besides."""
     assert not any(sought(10 * seed, 0.12, 0.12, force) for seed in range(1, 4))
 
 
