@@ -205,11 +205,11 @@ def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:
     return state
 
 
-def refitted_stage(context: SearchContext, state: SearchState) -> FittedStage:
+def refitted_stage(context: SearchContext, state: SearchState, starts: int = 0) -> FittedStage:
     """The current model without the effects that are only detectable, fitted to whole runs.
 
     The fit starts from the values of the trial, and from the last stage with the new effects at
-    their nulls. Where it ends worse than that stage all the same, which is nested in it, it has not
+    their nulls; ``starts`` are the trial's and random ones, if not the default number. Where it ends worse than that stage all the same, which is nested in it, it has not
     reached its optimum, and is made again from several starts.
     """
     last, values = state.stages[-1], state.current.trial.values
@@ -222,7 +222,7 @@ def refitted_stage(context: SearchContext, state: SearchState) -> FittedStage:
         start |= {f"{name}.{n}": p.value for n, p in null.items() if math.isfinite(p.value)}
     free = {n for n, p in model.parameters.items() if not p.fixed}
     guess = {n: v for n, v in start.items() if n in free}
-    fitted = FittedStage(names, *context.refit(model, [guess]))
+    fitted = FittedStage(names, *context.refit(model, [guess], starts=starts))
     ended_early = not math.isfinite(fitted.train.nrmse) or missed(last, fitted)
     if ended_early and {*last.effects} <= {*names}:
         guesses = [guess, {n: v for n, v in context.guess.items() if n in free}]

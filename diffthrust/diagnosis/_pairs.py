@@ -211,9 +211,12 @@ def _removed(without: FittedStage, stage: FittedStage) -> Worth:
 
 
 def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> FittedStage:
-    """The model of a trial, fitted to whole runs from its values and from those of the stage."""
+    """The model of a trial, fitted to whole runs from its values and from those of the stage.
+
+    From no random start: the trial comes from many, and a boat's random starts took half the time.
+    """
     current = CurrentModel(context.fitter, trial)
-    return refitted_stage(context, replace(state, current=current))
+    return refitted_stage(context, replace(state, current=current), starts=1)
 
 
 # -- adding it -------------------------------------------------------------------------------------

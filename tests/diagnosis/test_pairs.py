@@ -70,7 +70,7 @@ def searched(monkeypatch):
     def after(sizes, unseen=("C",), lowering=()):
         fitted = []
 
-        def refitted(context, state):
+        def refitted(context, state, starts):
             effects = state.current.trial.effects
             fitted.append(effects)
             return stage(sizes.get(effects, 1.0), *effects)
