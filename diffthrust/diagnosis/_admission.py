@@ -209,8 +209,9 @@ def refitted_stage(context: SearchContext, state: SearchState, starts: int = 0) 
     """The current model without the effects that are only detectable, fitted to whole runs.
 
     The fit starts from the values of the trial, and from the last stage with the new effects at
-    their nulls; ``starts`` are the trial's and random ones, if not the default number. Where it ends worse than that stage all the same, which is nested in it, it has not
-    reached its optimum, and is made again from several starts.
+    their nulls; ``starts`` are the trial's and random ones, if not the default number. Where it
+    ends worse than that stage all the same, which is nested in it, it has not reached its optimum,
+    and is made again from several starts.
     """
     last, values = state.stages[-1], state.current.trial.values
     names = _of_stage(state)

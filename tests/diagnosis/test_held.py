@@ -47,6 +47,7 @@ def diagnosed(arm, seed, candidates=("quadratic_yaw_drag", "lever_arm")):
     return dft.diagnose(model, train, holdout=unseen, candidates=candidates, experiment=False)
 
 
+@pytest.mark.slow
 def test_a_lever_arm_held_at_a_wrong_value_is_named_and_freed():
     diag = diagnosed(0.50, seed=3)
     assert diag.added == ()

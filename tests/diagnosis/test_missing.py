@@ -242,6 +242,7 @@ def run_of(seed):
     return dft.Log(time, {"force": force(time)}, measured, name=f"screw {seed}")
 
 
+@pytest.mark.slow
 def test_a_ripple_of_a_screw_is_learned_by_its_pitch():
     train, unseen = run_of(1), run_of(2)
     diag = dft.diagnose(Screw(), train, holdout=unseen, candidates=[], experiment=False)

@@ -149,7 +149,7 @@ def diagnosed(ct, unseen, seed):
     return dft.diagnose(fit, train, holdout=held, candidates="linear_damping", experiment=False)
 
 
-@pytest.mark.parametrize("place", [1, 5])
+@pytest.mark.parametrize("place", [pytest.param(1, marks=pytest.mark.slow), 5])
 def test_a_verdict_rests_on_the_other_logs_where_an_odd_one_makes_whole_runs_poor(place):
     ct = np.ones(6)
     ct[place] = 2.0
@@ -226,6 +226,7 @@ def test_a_fit_that_ended_badly_accuses_no_log():
         assert upheld(context, last, (odd,))[0] == expected
 
 
+@pytest.mark.slow
 def test_of_a_lone_training_log_nothing_is_left_to_fit_without_it():
     diag = diagnosed([2.0, 1.0, 1.0], unseen=2, seed=7)
     assert diag.apart is None
