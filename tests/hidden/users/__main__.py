@@ -41,11 +41,10 @@ def line(row: Row) -> str:
         return text
     text += f", errors {row['before']['nrmse']:.3f} -> {row['after']['nrmse']:.3f}"
     text += f", added {row['added']}"
-    for key in ("missed", "false", "unsaid", "wrongly", "off", "astray"):
+    for key in ("missed", "false", "unsaid", "wrongly", "off"):
         text += f", {key} {list(row[key])}" if row[key] else ""
     text += f", LEADING {row['leading']}" if row["leading"] else ""
-    text += f", {row['ratio']:.2f} times the true structure's error"
-    return text
+    return text + f", {row['ratio']:.2f} times the true structure's error"
 
 
 def main(words: Sequence[str] | None = None) -> list[Row]:
