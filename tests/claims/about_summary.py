@@ -25,12 +25,13 @@ FAR = 3.0
 # -- what is missing -------------------------------------------------------------------------------
 
 
-@claim(r"(?P<label>Missing|Left): something unknown(?P<place> .+? that depends on (?P<on>[^\n]+?))?"
+@claim(r"(?P<label>Missing|Unexplained): something unknown"
+       r"(?P<place> .+? that depends on (?P<on>[^\n]+?))?"
        r"(?P<repeats>; the error of (?P<channels>.+?) repeats from run to run)?\.")  # fmt: skip
 def _unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "unexplained" or diag.laws:
         yield f"verdict {diag.verdict}, {len(diag.laws)} laws"
-    if (m["label"] == "Left") != bool(diag.added or diag.held):
+    if (m["label"] == "Unexplained") != bool(diag.added or diag.held):
         yield f"added {diag.added}, held {[*diag.held]}"
     signal = diag.remaining.signal if m["on"] else None
     if signal and signal.rate and in_words(signal.name) not in m["on"]:
@@ -132,7 +133,8 @@ def _wording(effect: Any, fit: Any) -> str:
     return "".join(pieces)
 
 
-@claim(r"Nothing is missing(?:: (?:none of (?P<count>\d+) effects|no effect) helps)?\.")
+@claim(r"Nothing is missing(?: that these logs show: "
+       r"(?:none of (?P<count>\d+) effects|no effect) helps)?\.")  # fmt: skip
 def _nothing(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "adequate":
         yield f"verdict {diag.verdict}"
@@ -211,7 +213,7 @@ def _levels(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{channel}: {number} is {per * error_of(comparison, channel)[0]:.4g}"
 
 
-@claim(rf"Left: (?P<channel>[a-zA-Z ]+?)(?: off by (?P<size>{NUMBER})[^,\n]*)?, cause unknown; "
+@claim(rf"Unexplained: (?P<channel>[a-zA-Z ]+?)(?: off by (?P<size>{NUMBER})[^;\n]*)?; "
        r"repeat one run\.")  # fmt: skip
 def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
@@ -226,7 +228,7 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"one step errs by {per * diag.one_step[channel]:.3g}, whole runs by {per * run:.3g}"
 
 
-@claim(rf"(?:Left: t|T)he (?P<name>[^\n]+?) changes at (?P<instant>{NUMBER}) s"
+@claim(rf"(?:Unexplained: t|T)he (?P<name>[^\n]+?) changes at (?P<instant>{NUMBER}) s"
        rf"(?: after the start of a log)?"
        rf"(?:[,:] (?P<before>{NUMBER})(?: ->| before,) (?P<after>{NUMBER})[^\n.]*)?\."
        rf"(?: By the slopes of the fit that removes (?P<share>{WORTH}) of the squared error over "
@@ -262,7 +264,7 @@ def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"groups: {diag.groups}"
 
 
-@claim(r"Unmeasured (?P<channel>[a-z ]+?) could look like "
+@claim(r"Measure the (?P<channel>[a-z ]+?): it could look like "
        rf"(?P<effect>[^\n.]+?){MORE}\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
@@ -283,7 +285,7 @@ def _some_rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"groups: {diag.groups}"
 
 
-@claim(rf"Possible: (?P<list>[^\n]+?){MORE}\.")
+@claim(rf"Possibly also: (?P<list>[^\n]+?){MORE}\.")
 def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for words in re.split(r", | or ", m["list"]):
         if words not in map(in_words, diag.possible):
@@ -306,7 +308,7 @@ def _copied_name(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"held: {[*diag.held]}"
 
 
-@claim(r"Copy: the lines in the report\.")
+@claim(r"Copy: the lines under 'To copy into a spec file'\.")
 def _copied_end(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if "To copy into a spec file" not in diag.report():
         yield "there are none"

@@ -75,7 +75,7 @@ def test_the_summary_says_when_and_by_how_much():
     sizes = (replace(width, value=size, std_error=None) for size in (0.3, 0.5))
     changed = ChangedSize("command_deadband.half_width", 12.3, *sizes, Worth(0.6, 0.5, 0.7))
     diag = replace(diag, changed=changed, verdict="unexplained")
-    assert "Left: the half-width of a command dead band changes at 12 s" in diag.summary
+    assert "Unexplained: the half-width of a command dead band changes at 12 s" in diag.summary
     assert "at 12 s after the start of a log: 0.30 before, 0.50 V after." in diag.details
     assert "removes 60 % (50 % to 70 %) of the squared error over whole runs of" in diag.details
     assert claims.contradictions(diag) == []

@@ -43,13 +43,13 @@ def test_it_is_short_and_every_line_is_so(made_up):
         (made.found, ["Found: commands within ±0.398 V do nothing.",
                       "Unseen thrust error 3.4 -> 0.41 N.",
                       'Copy: effects = ["command_deadband"]']),
-        (made.unexplained, ["Missing: something unknown at the port 'drive' that depends on "
+        (made.unexplained, ["Missing: something unknown in the drive that depends on "
                             "command.", "Unseen error: thrust 3.4 N, speed 5.6 rad/s."]),
         (made.undecided, ["These logs cannot tell a disturbance from missing physics.",
                           "Unseen error: thrust 3.4 N, speed 5.6 rad/s.",
-                          "Possible: command dead band.",
+                          "Possibly also: command dead band.",
                           "Next: repeat one run with the same inputs; what recurs is physics."]),
-        (made.adequate, ["Nothing is missing: no effect helps.",
+        (made.adequate, ["Nothing is missing that these logs show: no effect helps.",
                          "Training error: thrust 0.42 N, speed 0.29 rad/s."]),
     ],
 )  # fmt: skip
@@ -69,7 +69,7 @@ def test_it_reads_as_an_answer(made_up, lines):
         (made.found, "Found", "Perhaps", "is worth"),
         (made.diagnosis, "a thrust sensor lag", "an inflow", "groups:"),
         (made.unexplained, "depends on command", "depends on speed", "it depends on command"),
-        (made.undecided, "Possible: command dead band", "Possible: wind", "possible:"),
+        (made.undecided, "Possibly also: command dead band", "Possibly also: wind", "possible:"),
         (made.adequate, "speed 0.29", "speed 0.39", "0.39 is"),
         (made.found, "Found: ", "Alas. Found: ", "nobody checks"),
     ],
@@ -222,7 +222,7 @@ def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like(
         stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
         untestable={"inflow_thrust_loss": reason, "inflow_load_relief": reason},
     )  # fmt: skip
-    words = "Unmeasured inflow could look like a reverse thrust asymmetry."
+    words = "Measure the inflow: it could look like a reverse thrust asymmetry."
     assert words in told.summary.splitlines()[1:3]  # beside what was found
     still = replace(told, one_step={n: e.rmse for n, e in told.after.errors.channels.items()})
     assert "Unmeasured" not in still.summary  # nothing is left that an inflow would leave
@@ -272,7 +272,7 @@ def test_a_law_is_told_in_one_form_and_by_what_it_does():
     )  # fmt: skip
     diag = replace(made.unexplained(), laws=(law,))
     first, second, *_ = diag.summary.splitlines()
-    assert first.startswith("Found at the port 'drive': a term that is a curve of speed, up to 3.0")
+    assert first.startswith("Found in the drive: a term that is a curve of speed, up to 3.0")
     assert second == "Unseen thrust error 3.4 -> 0.41 N."
     assert claims.contradictions(diag, text=diag.summary) == []
 

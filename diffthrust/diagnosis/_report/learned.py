@@ -29,13 +29,13 @@ def place_of(model: Model, port: str) -> str:
 
     Example:
         >>> place_of(dft.Thruster(), "propeller"), place_of(dft.Thruster(), "load")
-        ('in the thrust of the propeller', "at the port 'load'")
+        ('in the thrust of the propeller', 'in the load')
     """
     if port not in model.ports:
         return f"in {place_words(model, port).partition(' (')[0]}"
     description, _ = words_and_unit(model, port)
     short = len(description.split()) <= _LONGEST_PLACE
-    return f"in the {description}" if short else f"at the port '{port}'"
+    return f"in the {description if short else humanize(port)}"
 
 
 def learned_words(diag: Findings) -> list[str]:

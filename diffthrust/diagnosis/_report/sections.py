@@ -35,7 +35,7 @@ from diffthrust.diagnosis._report import figures, tables
 from diffthrust.diagnosis._report.details import details
 from diffthrust.diagnosis._report.doubts import doubt_bullets
 from diffthrust.diagnosis._report.learned import learned_words
-from diffthrust.diagnosis._report.summary import summary
+from diffthrust.diagnosis._report.summary import TO_COPY, summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
     beyond_bound,
@@ -145,7 +145,7 @@ def _answer(diag: Findings) -> Section:
         "",
         Outcome("Verdict", Styled(verdict_words(diag), style), summary(diag)),
         Bullets(Styled(words, "doubtful") for words in unfinished_words(diag)),
-        OnPage("To copy into a spec file:"),
+        OnPage(f"{TO_COPY}:"),
         OnPage(spec_lines(diag.improved)),
         Picture(partial(figures.stages_figure, diag), _stages_caption(diag)),
     )
@@ -444,7 +444,7 @@ def _closing(diag: Findings) -> list[str]:
     """The last lines: date, versions, hashes, and the model with all that was found, to copy."""
     return [
         *(diag.origin.sentences if diag.origin else ()),
-        "To copy into a spec file, and into Python:",
+        f"{TO_COPY}, and into Python:",
         spec_lines(diag.improved),
         python_lines(diag.improved),
     ]

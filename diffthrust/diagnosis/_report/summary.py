@@ -30,6 +30,8 @@ from diffthrust.estimation._model_lines import effects_line
 from diffthrust.estimation._status import Status
 from diffthrust.simulation._errors import Errors
 
+TO_COPY = "To copy into a spec file"
+"""Heading of the lines that make the model with all that was found."""
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 _SUSPECT = {
     "sign": "the sign of {} looks wrong",
@@ -186,7 +188,9 @@ def _adequate(diag: Findings) -> Part:
         )
     count = len({c.effect for c in diag.ranking} | {*diag.silent})
     tried = f"none of {count} effects helps" if count > 1 else "no effect helps"
-    return _part((4, f"Nothing is missing: {tried}"), (12, "Nothing is missing"))
+    return _part(
+        (4, f"Nothing is missing that these logs show: {tried}"), (12, "Nothing is missing")
+    )
 
 
 def _laws(diag: Findings) -> list[Part]:
@@ -237,7 +241,7 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
 def _unmeasured(diag: Findings) -> Part:
     """Channels that no log has, and that could be what was found."""
     sentences = [
-        f"Unmeasured {channel} could look like {an_effect(name)}"
+        f"Measure the {channel}: it could look like {an_effect(name)}"
         for name, channel in unmeasured_rivals(diag).items()
     ]
     if not sentences:
@@ -269,7 +273,8 @@ def _possible(diag: Findings) -> Part:
         return ()
     others = _more(len(possible) - 1)
     return _part(
-        (3, f"Possible: {joined(possible, 'or')}"), (4, f"Possible: {possible[0]}{others}")
+        (3, f"Possibly also: {joined(possible, 'or')}"),
+        (4, f"Possibly also: {possible[0]}{others}"),
     )
 
 
@@ -281,17 +286,19 @@ def _left(diag: Findings) -> Part:
     if diag.verdict == "undecided" or not (diag.best or diag.held or diag.laws):
         return ()
     if changed := diag.changed:
-        words, unit = f"Left: {changed_parameter(changed)}", changed.after.shown[2]
+        words, unit = f"Unexplained: {changed_parameter(changed)}", changed.after.shown[2]
         start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
         return _part((5, f"{words}, {start} -> {end} {unit}".rstrip()), (6, words))
     if diag.verdict == "unexplained" and not diag.laws:
-        return _part((5, _unknown_words(diag, "Left")), (6, "Left: something unknown"))
+        return _part(
+            (5, _unknown_words(diag, "Unexplained")), (6, "Unexplained: something unknown")
+        )
     name = _grown(diag)
     if not name:
         return ()
-    size, what = _size(*_last_errors(diag).channels[name].shown), f"Left: {humanize(name)}"
-    why = ", cause unknown; repeat one run"
-    return _part((5, f"{what} off by {size}{why}"), (6, f"{what}{why}"))
+    size = _size(*_last_errors(diag).channels[name].shown)
+    what, then = f"Unexplained: {humanize(name)}", "; repeat one run"
+    return _part((5, f"{what} off by {size}{then}"), (6, f"{what}{then}"))
 
 
 def _last_errors(diag: Findings) -> Errors:
@@ -338,10 +345,10 @@ def _next(diag: Findings) -> Part:
     if mends := diag.helpful_mends:
         return _part((10, f"Copy: {mends[0].reading.line.partition(', or ')[0].rstrip('.')}"))
     if diag.laws:
-        return _part((9, "Copy: the lines in the report"))
+        return _part((9, f"Copy: the lines under '{TO_COPY}'"))
     if diag.best:
         line = f"Copy: {effects_line(diag.fit.model.effects)}"
-        return _part((10, "Copy: the lines in the report" if figures_in(line) else line))
+        return _part((10, f"Copy: the lines under '{TO_COPY}'" if figures_in(line) else line))
     if diag.held:
         return _part((9, f"Copy: {next(iter(diag.held))} = {{ fixed = false }}"))
     if diag.verdict == "undecided":
