@@ -132,7 +132,8 @@ class Refit:
                 if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in caught):
                     return _with_its_steps(fitted)
                 if math.isfinite(fitted.fit.train.nrmse):  # finer steps have a nearby optimum
-                    model, options = fitted.fit.model, {**options, "starts": 1, "guesses": ()}
+                    nearby = {"starts": 1, "guesses": (), "horizon": fitted.fit.horizon}
+                    model, options = fitted.fit.model, options | nearby
             return _with_its_steps(fit_records(model, *records, FitOptions(**options), progress))
 
 
