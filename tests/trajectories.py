@@ -59,6 +59,7 @@ from diffthrust.simulation._runs import (  # private: as a fit
     are_tables,
     pooled_errors,
     runs_over,
+    with_steps,
 )
 from diffthrust.simulation._starts import (  # private: each alone
     felt,
@@ -120,6 +121,7 @@ __all__ = [
     "unknown_starts",
     "unwrapped",
     "with_push",
+    "with_steps",
     "within",
     "wrapped",
 ]

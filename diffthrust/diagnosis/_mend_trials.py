@@ -8,6 +8,7 @@ from itertools import islice
 
 import numpy as np
 
+from diffthrust.diagnosis._criteria import missed
 from diffthrust.diagnosis._explained_share import BeforeAfter, explained_share
 from diffthrust.diagnosis._mended import MeasuredMend
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext
@@ -96,7 +97,9 @@ def _as_they_are(context: SearchContext, first: FittedStage) -> FittedStage:
         return first
     fitted = context.refit(first.fit.model, guesses=[context.guess], starts=_STARTS, segments=True)
     again = FittedStage((), *fitted)
-    return min(first, again, key=lambda stage: stage.train.nrmse)
+    # of the same optimum the second fit tells how many starts reach it
+    failed = not math.isfinite(again.train.nrmse)
+    return first if failed or missed(first, again) else again
 
 
 def _is_reached(fit: Fit) -> bool:

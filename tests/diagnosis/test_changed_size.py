@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from reference import inputs, noise
 from steps import ChangedSize, Worth, changed_size
+from trajectories import with_steps
 
 import diffthrust as dft
 
@@ -32,11 +33,13 @@ def bench(seed, before, after, force=0.0):
     return dft.Log(TIME, log.inputs, measured, units, name=f"bench {seed}"), speed
 
 
-def sought(seed, *args, unseen=True):
+def sought(seed, *args, unseen=True, substeps=(1, 1)):
     train, (last, _) = [bench(seed + k, *args)[0] for k in range(2)], bench(seed + 2, *args)
     fit = dft.fit(MODEL, train, holdout=last, starts=1)
     held = dft.compare(fit, last).runs if unseen else ()
-    return changed_size(fit, ["inflow_thrust_loss"], dft.compare(fit, train).runs, held)
+    runs = [run for log, steps in zip(train, substeps, strict=True)
+            for run in with_steps(fit.model, dft.compare(fit, log).runs, steps)]  # fmt: skip
+    return changed_size(fit, ["inflow_thrust_loss"], runs, held)
 
 
 def test_a_loss_that_grows_is_told_with_its_instant_and_both_sizes():
@@ -63,6 +66,13 @@ def parts():
 def test_what_does_not_change_is_not_said_to(force):
     """0 of 360 sets, with forces of 2 and 10 s or with other effects missing besides."""
     assert not any(sought(10 * seed, 0.12, 0.12, force) for seed in range(1, 4))
+
+
+def test_logs_may_need_different_numbers_of_integrator_steps():
+    found, mixed = (sought(0, 0.12, 0.30, substeps=steps) for steps in ((1, 1), (1, 4)))
+    assert mixed.instant == pytest.approx(found.instant, abs=0.02)
+    for size, other in ((mixed.before, found.before), (mixed.after, found.after)):
+        assert size.value == pytest.approx(other.value, rel=1e-3)
 
 
 def test_without_unseen_logs_nothing_is_said():

@@ -19,7 +19,7 @@ def ended(size, agreeing, starts=4):
     checks = SimpleNamespace(starts=starts, starts_agreeing=agreeing)
     trace = SimpleNamespace(measured=MEASURED, residual=size * ERROR)
     run = SimpleNamespace(channels={"thrust": trace})
-    errors = SimpleNamespace(nrmse=size, channels={"thrust": None})
+    errors = SimpleNamespace(nrmse=size, channels={"thrust": SimpleNamespace(rmse=size)})
     parameters = {"ct": SimpleNamespace(value=size, fixed=False)}
     fit = SimpleNamespace(
         checks=checks, doubts=(DOUBT,), train=errors, model=None, parameters=parameters
@@ -64,6 +64,11 @@ def test_what_more_starts_do_to_the_logs_as_they_are_is_no_merit_of_a_mend(measu
     mends, asked = measured(ended(1.0, 1, 1), ended(0.6, 2), ended(0.5, 2), ended(0.5, 2))
     assert [mend.before.nrmse for mend in mends] == pytest.approx([0.6 * ERROR.std()] * 2)
     assert [mended for _, mended in asked] == [False, True, True]
+
+
+def test_where_more_starts_end_in_the_same_optimum_they_tell_how_many_reach_it(measured):
+    mends, _ = measured(ended(1.0, 1, 1), ended(1.0 + 1e-9, 3), ended(0.5, 2), ended(0.4, 2))
+    assert [mend.worth.share for mend in mends] == pytest.approx([0.75, 0.84])
 
 
 def test_nothing_is_told_of_a_doubt_whose_fits_do_not_agree(measured):
