@@ -113,9 +113,10 @@ def fit(
             one before; ``None`` means whole runs. "auto" uses whole runs, except for models with a
             ``horizon`` of their own (vessels) and logs of more than twice that length: these are
             fitted on segments of a tenth, a third and all of that length (the shorter, the fewer
-            false minima), on segments of three times that length, and on whole runs, where all
-            starts are made once more. Of the last three the one is taken that errs least over whole
-            runs of logs that are left out.
+            false minima), and on whole runs, where all starts are made once more unless there are
+            ``guesses``. If these raise the noise of a channel by more than a tenth, segments of
+            three times that length are tried as well, and of the last three the one is taken that
+            errs least over whole runs of logs that are left out.
         likelihood: "simulation" or "innovations". The latter goes through whole runs, without a
             ``horizon``; a noise level that a log gives is the sensor's alone, and that of the
             prediction is estimated.

@@ -185,10 +185,11 @@ class Ended(NamedTuple):
 def by_left_out(
     ended: Ended, starts: int, rng: np.random.Generator
 ) -> tuple[Ended, tuple[str, ...]]:
-    """The horizon at which whole runs of logs that were left out come out best, with a note.
+    """Whole runs where errors do not accumulate; else the horizon that left-out logs choose.
 
     Where random forces act or an effect is missing, errors accumulate, and either may be better:
     over whole runs a fit bends the parameters to what it lacks, over segments it sees no drift.
+    Then a note tells what was chosen and why.
     """
     if not np.isfinite(ended.search.best.quadratic.cost):
         return ended, ()
