@@ -110,6 +110,8 @@ def _slopes(fit: Fit, names: Sequence[str], runs: Sequence[Run]) -> list[_Slopes
     rows = []
     for k, run in enumerate(runs):
         for channel, trace in run.channels.items():
+            if channel not in fit.train.channels:  # unseen logs may measure more
+                continue
             scale = fit.train.channels[channel].rmse or 1.0
             slopes = [(more[k].channels[channel].modelled - trace.modelled) / by
                       for more, by in moved]  # fmt: skip

@@ -75,6 +75,17 @@ def test_logs_may_need_different_numbers_of_integrator_steps():
         assert size.value == pytest.approx(other.value, rel=1e-3)
 
 
+def test_a_channel_that_only_unseen_logs_measure_has_no_say():
+    logs = [bench(seed, 0.12, 0.30)[0] for seed in range(3)]
+    units = {"command": "V", "inflow": "m/s", "thrust": "N"}
+    train = [dft.Log(TIME, log.inputs, {"thrust": log.measured["thrust"]}, units)
+             for log in logs[:2]]  # fmt: skip
+    fit = dft.fit(MODEL, train, holdout=logs[2], starts=1)
+    runs = dft.compare(fit, train).runs, dft.compare(fit, logs[2]).runs
+    found = changed_size(fit, ["inflow_thrust_loss"], *runs)
+    assert found.instant == pytest.approx(CHANGE, abs=0.3)
+
+
 def test_without_unseen_logs_nothing_is_said():
     assert sought(0, 0.12, 0.30, unseen=False) is None
 
