@@ -100,5 +100,7 @@ def test_the_summary_says_when_and_by_how_much():
     assert "at 12 s after the start of a log: 0.30 before, 0.50 V after." in diag.details
     assert "removes 60 % (50 % to 70 %) of the squared error over whole runs of" in diag.details
     assert claims.contradictions(diag) == []
+    with pytest.raises(dft.InputError, match="the size of an added effect changes in time"):
+        diag.plot_learned()
     later = replace(diag, changed=replace(changed, instant=20.0))
     assert claims.contradictions(later, text=diag.details)
