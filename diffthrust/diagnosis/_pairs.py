@@ -86,7 +86,8 @@ def with_proven(
             if proven := _proven_pair(context, state, trial, singles):
                 return _added(context, state, proven)
         for name in lowering[:1]:
-            if stage := _proven_stage(context, state, singles[name]):
+            stage = _refitted(context, state, singles[name])
+            if _is_proven_alone(state.stages[-1], stage):
                 return _added(context, state, Proven((name,), (stage,)))
     return state
 
@@ -170,8 +171,8 @@ def _proven_pair(
     """A pair that whole unseen runs prove, each beside the other too, or one of it alone."""
     simulation, last = simulation_fitter(context.fitter), state.stages[-1]
     trial = simulation.further(trial)
-    stage = _proven_stage(context, state, trial)
-    if stage is None:
+    stage = _refitted(context, state, trial)
+    if no_better(last, stage) or not _removed(last, stage).low > SETTINGS.whole_runs.proving_share:
         return None
     first, second = trial.effects[-2:]
     alone = []
@@ -182,23 +183,19 @@ def _proven_pair(
         single = min(ends, key=lambda end: end.expected)
         alone.append(_refitted(context, state, single))
         if not _removed(alone[-1], stage).sure:
-            return Proven((kept,), (alone[-1],)) if _is_proven(last, alone[-1]) else None
+            proven = _is_proven_alone(last, alone[-1])
+            return Proven((kept,), (alone[-1],)) if proven else None
     if all(_removed(last, single).sure for single in alone):
         return Proven((first, second), (min(alone, key=lambda s: s.train.nrmse), stage))
     return Proven((first, second), (stage,))
 
 
-def _proven_stage(
-    context: SearchContext, state: SearchState, trial: TrialFit
-) -> FittedStage | None:
-    """The stage of a trial, if whole unseen runs prove it."""
-    stage = _refitted(context, state, trial)
-    return stage if _is_proven(state.stages[-1], stage) else None
-
-
-def _is_proven(last: FittedStage, stage: FittedStage) -> bool:
-    least = SETTINGS.whole_runs.proving_share
-    return not no_better(last, stage) and _removed(last, stage).low > least
+def _is_proven_alone(last: FittedStage, stage: FittedStage) -> bool:
+    """Whether whole runs alone prove one effect: by far more than chance finds among many."""
+    unseen = errors_between(last.unseen_runs, stage.unseen_runs)
+    everywhere = [*errors_between(last.runs, stage.runs), *unseen]
+    surely = min(explained_share(unseen).low, explained_share(everywhere).low)
+    return not no_better(last, stage) and surely > SETTINGS.pairs.least_single_share
 
 
 def _removed(without: FittedStage, stage: FittedStage) -> Worth:

@@ -221,18 +221,15 @@ def _followed(ended: Ended, horizon: float | None) -> Ended:
 
 
 def _over_whole_runs(ended: Ended, starts: int, rng: np.random.Generator) -> Ended:
-    """The search carried on to whole runs, and begun there anew where nothing better was guessed.
+    """The search carried on to whole runs, and begun there anew.
 
     Where much is missing, the way through segments may lead into another valley. BlueBoat with its
     forces exchanged, a basic vessel: from segments of 20 s to an NRMSE of 0.76 in training and 1.08
     on unseen runs, from whole runs at once to 0.68 and 0.76. On the Esso Osaka it is the other way.
-    A guess is begun with on whole runs, too: random starts beside those of a diagnosis, which are
-    fits to whole runs, took most of its time for a boat in a current.
     """
     entire = _followed(ended, None)
-    if entire.search.guesses:
-        return entire
-    anew = search(entire.problem, starts, rng, guesses=[entire.search.best.z])
+    known = entire.search.best.z
+    anew = search(entire.problem, starts, rng, guesses=[known, *entire.search.guesses])
     return entire._replace(search=anew) if _improves(anew, entire.search) else entire
 
 

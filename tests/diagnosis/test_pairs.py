@@ -110,6 +110,7 @@ def test_two_that_help_alone_as_well_have_a_stage_and_a_share_each(searched):
     "sizes",
     [
         {("a", "b"): 0.97, ("a",): 1.0, ("b",): 1.0},  # removes too little of unseen errors
+        {("a", "b"): 0.8, ("a",): 0.802, ("b",): 1.0},  # nor enough alone
         {("a", "b"): np.inf, ("a",): 1.0, ("b",): 1.0},  # its runs fail
     ],
 )
@@ -126,9 +127,9 @@ def test_where_one_of_two_does_as_well_alone_it_is_added_alone(searched):
 
 
 def test_where_no_pair_is_proven_the_best_single_is_added_if_it_is(searched):
-    proven, _ = searched({("a", "b"): 0.97, ("a",): 0.5}, lowering=("a", "b"))
+    proven, _ = searched({("a", "b"): 0.97, ("a",): 0.6}, lowering=("a", "b"))
     assert [stage.effects for stage in proven.stages] == [(), ("a",)]
-    refuted, fitted = searched({("a",): 0.97, ("b",): 0.5}, lowering=("a", "b"))
+    refuted, fitted = searched({("a",): 0.8, ("b",): 0.5}, lowering=("a", "b"))
     assert [stage.effects for stage in refuted.stages] == [()]
     assert fitted == [("a",)]
 

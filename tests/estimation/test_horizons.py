@@ -74,17 +74,14 @@ def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizo
         assert chosen < 1.03 * better, seed
 
 
-@pytest.mark.parametrize(
-    ("deeper", "guesses", "taken"),
-    [(5.0, (), "anew"), (0.5, (), "followed"), (5.0, ("a fit to whole runs",), "followed")],
-)
+@pytest.mark.parametrize(("deeper", "taken"), [(5.0, "anew"), (0.5, "followed")])
 def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_valley(
-    monkeypatch, deeper, guesses, taken
+    monkeypatch, deeper, taken
 ):
     def search_of(cost, z):
         quadratic = SimpleNamespace(cost=cost)
         best = SimpleNamespace(quadratic=quadratic, z=np.array([z]))
-        return SimpleNamespace(best=best, guesses=guesses)
+        return SimpleNamespace(best=best, guesses=("a user's guess",))
 
     followed, anew = search_of(10.0, 1.0), search_of(10.0 - deeper, 2.0)
     begun = []
@@ -101,7 +98,7 @@ def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_v
     )
     end = horizons_module._over_whole_runs(None, 4, None)
     assert end.search is {"anew": anew, "followed": followed}[taken]
-    assert begun == ([] if guesses else [("whole runs", 4, [followed.best.z])])
+    assert begun == [("whole runs", 4, [followed.best.z, "a user's guess"])]
 
 
 def test_a_way_to_whole_runs_ends_there_once():
