@@ -70,6 +70,16 @@ def _thruster_records(full: float) -> dict[str, dft.Log]:
     }
 
 
+def _axis_records() -> dict[str, dft.Log]:
+    time = 0.1 * np.arange(SAMPLES)
+    thrusts = {
+        "steps either way": _staircase(10, -1.0, 1.0, 60),
+        "a slow sine": np.sin(0.3 * time),
+        "ahead and stop": np.where(time % 30.0 < 15.0, 1.0, 0.0),
+    }
+    return {n: dft.Log(time, {"thrust": 30.0 * thrust}, name=n) for n, thrust in thrusts.items()}
+
+
 def _vessel_records(drive: str) -> dict[str, dft.Log]:
     time = 0.1 * np.arange(SAMPLES)
     wind = {"wind_speed": 4 + np.sin(0.2 * time), "wind_direction": np.full(SAMPLES, 0.7)}
@@ -124,6 +134,13 @@ def benches() -> tuple[Bench, ...]:
             ),
             _vessel_records("twin"),
             vessel_noise,
+        ),
+        Bench(
+            "axis of a vehicle",
+            "dft.AxisVehicle()",
+            dft.AxisVehicle(),
+            _axis_records(),
+            {"position": 0.02, "velocity": 0.01},
         ),
     )
 

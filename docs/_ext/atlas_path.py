@@ -65,10 +65,21 @@ TWIN = {"left_force": (0, 0), "right_force": (0, 1), "propulsion": (2, 0), **HUL
 TWIN_ARROWS = ["left_force propulsion", "right_force propulsion", "propulsion surge_force"]
 TWIN_ARROWS += ["right_force yaw_moment"]
 
+AXIS = {
+    "thrust": (0, 0),
+    "force": (1, 0),
+    "∫": (2, 0),
+    "velocity": (3, 0),
+    "position": (4, 0),
+    "hull": (1.5, 1),
+}
+AXIS_ARROWS = ["thrust force", "force ∫", "∫ velocity", "velocity position", "∫ hull", "hull force"]
+
 PATHS: dict[str, tuple[dict[str, Place], list[str]]] = {
     "dft.Thruster()": (THRUSTER, THRUSTER_ARROWS),
     "dft.SpeedLoopThruster()": (SPEED_LOOP, SPEED_LOOP_ARROWS),
     "dft.Vessel()": (VESSEL, [*VESSEL_ARROWS, *HULL_ARROWS]),
+    "dft.AxisVehicle()": (AXIS, AXIS_ARROWS),
     'dft.Vessel(drive="twin")': (TWIN, [*TWIN_ARROWS, *HULL_ARROWS]),
 }
 """Where each port, input and output of a model is drawn, and the arrows between them."""

@@ -77,7 +77,8 @@ def test_it_prints_and_writes(spec, handed, tmp_path):
     assert data == json.loads(json.dumps(made.found().to_json()))
     assert list(data) == [
         "schema", "verdict", "doubts", "added", "detectable", "detectable_groups", "worth",
-        "possible", "groups", "stages", "ranking", "remaining", "learned", "odd_logs", "held",
+        "possible", "groups", "stages", "ranking", "remaining", "changed", "learned",
+        "odd_logs", "held",
         "untestable", "other_models", "unused", "recurring",
             "headroom",
     ]  # fmt: skip

@@ -31,11 +31,11 @@ def test_a_thrust_that_holds_against_a_constant_is_hinted_at_with_a_mend():
     assert fit.train.nrmse > 0.8
     (doubt,) = [doubt for doubt in fit.doubts if doubt.kind == "silent"]
     assert "N on average, and velocity none: something constant (buoyancy" in doubt.mend
-    mend = 'model + dft.effects.Formula("force", "push", push="N")'
+    mend = 'model + "buoyancy"'
     assert mend in doubt.mend
     mended = dft.fit(eval(mend, {"dft": dft, "model": dft.AxisVehicle()}), log, starts=1)
     assert mended.train.nrmse < 0.1
-    assert mended.parameters["formula.push"].value == pytest.approx(-BUOYANCY, abs=1.0)
+    assert mended.parameters["buoyancy.excess"].value == pytest.approx(-BUOYANCY, abs=1.0)
 
 
 def test_one_that_pushes_where_the_vehicle_goes_is_not():
