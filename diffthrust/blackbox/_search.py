@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,43 @@ class SearchEnd:
         return self.flat < FLAT
 
 
+def settles(polynomial: np.ndarray, beyond: float = 0.0) -> bool:
+    """Whether all zeros lie inside the unit circle, or no farther beyond it than so much."""
+    return bool(np.all(np.abs(np.roots(polynomial)) < 1.0 + beyond))
+
+
+def _polished(
+    residual: Callable[[np.ndarray], np.ndarray],
+    gradient: Callable[[np.ndarray], np.ndarray],
+    end: Any,
+) -> tuple[float, np.ndarray]:
+    """Where BFGS leads from the end of a Gauss-Newton search: half the squares, and coefficients.
+
+    Gauss-Newton lacks the curvature of the determinant: near the unit circle, where that is all
+    there is, it creeps.
+    """
+    from scipy.optimize import minimize  # takes a while
+
+    count = end.fun.size
+    size = np.linalg.norm(end.jac, axis=0)
+    size[size == 0] = 1.0
+    _, values, turned = np.linalg.svd(end.jac / size, full_matrices=False)
+    values = np.maximum(values, 1e-6 * values.max()) * np.sqrt(count / (2.0 * end.cost))
+    whitened = turned.T / values / size[:, None]
+
+    def unlikely(step: np.ndarray) -> tuple[float, np.ndarray]:
+        r = residual(end.x + whitened @ step)
+        if not np.isfinite(r).all():
+            return np.inf, np.zeros_like(step)
+        slope = whitened.T @ (gradient(end.x + whitened @ step).T @ r)
+        return float(0.5 * count * np.log(r @ r)), count * slope / (r @ r)
+
+    best = minimize(unlikely, np.zeros(end.x.size), jac=True, method="BFGS",
+                    options={"gtol": 1e-5})  # fmt: skip
+    theta = end.x + whitened @ best.x
+    return 0.5 * float(np.sum(residual(theta) ** 2)), theta
+
+
 def search_coefficients(
     records: Sequence[SampledLog], shape: Shape, starts: Sequence[np.ndarray]
 ) -> SearchEnd:
@@ -64,7 +102,7 @@ def search_coefficients(
 
     Starts whose residuals are not finite are left out; at least one must have finite ones.
     """
-    from scipy.optimize import least_squares, minimize  # takes a while
+    from scipy.optimize import least_squares  # takes a while
 
     # SciPy asks for residuals and Jacobian of one point in two calls: the last point is kept
     kept: list[tuple[np.ndarray, list[Stretch]]] = []
@@ -78,8 +116,8 @@ def search_coefficients(
                     np.linalg.LinAlgError,
                     FloatingPointError,
                 ):  # an unstable filter overflowed
-                    none = np.zeros((1, shape.size))
-                    now = [Stretch(np.full(1, np.inf), 1, none, 0, 0.0, none[0])]
+                    flat = np.zeros((1, shape.size))
+                    now = [Stretch(np.full(1, np.inf), 1, flat, 0, 0.0, flat[0])]
             kept[:] = [(theta.copy(), now)]
         return kept[0][1]
 
@@ -87,10 +125,11 @@ def search_coefficients(
         a, _, c = shape.split(theta)
         settled = settles(c, beyond) if shape.nc else not bounded or settles(a)
         joined = joint(parts(theta))[0] if settled else np.full(count, np.inf)
-        return joined if np.isfinite(joined).all() else np.full(count, np.inf)
+        # in units of the output: the tolerances mean the same for newtons and for rpm
+        return joined / scale if np.isfinite(joined).all() else np.full(count, np.inf)
 
     def gradient(theta: np.ndarray) -> np.ndarray:
-        return joint(parts(theta))[1]
+        return joint(parts(theta))[1] / scale
 
     counts = [int(r.complete[shape.first :].sum()) for r in records]
     if not shape.tied:
@@ -100,19 +139,14 @@ def search_coefficients(
     # itself, and a search that may step across it ends there instead of creeping up to it
     beyond = _BEYOND / max(len(record.u) for record in records)
 
-    def settles(polynomial: np.ndarray, beyond: float = 0.0) -> bool:
-        return bool(np.all(np.abs(np.roots(polynomial)) < 1.0 + beyond))
-
     def end_of(start: np.ndarray, bounded: bool = False) -> tuple[float, np.ndarray]:
         with np.errstate(over="ignore", invalid="ignore"):
             if not np.isfinite(residual(start, bounded)).all():
                 return np.inf, start
-            # residuals in units of the output, so that the tolerances mean the same for newtons and
-            # for rpm
             end = least_squares(
-                lambda theta: residual(theta, bounded) / scale,
+                lambda theta: residual(theta, bounded),
                 start,
-                jac=lambda theta: gradient(theta) / scale,  # pyright: ignore
+                jac=gradient,  # pyright: ignore
                 x_scale="jac",
                 xtol=1e-10,
                 ftol=1e-12,
@@ -121,28 +155,7 @@ def search_coefficients(
             )
         if not shape.nc or not end.cost > 0:
             return float(end.cost), end.x
-        return polished(end.x, end.jac, end.cost)
-
-    def polished(theta: np.ndarray, slopes: np.ndarray, cost: float) -> tuple[float, np.ndarray]:
-        # Gauss-Newton lacks the curvature of the determinant: near the circle, where that is all
-        # there is, it creeps
-        size = np.linalg.norm(slopes, axis=0)
-        size[size == 0] = 1.0
-        _, values, turned = np.linalg.svd(slopes / size, full_matrices=False)
-        values = np.maximum(values, 1e-6 * values.max()) * np.sqrt(count / (2.0 * cost))
-        whitened = turned.T / values / size[:, None]
-
-        def unlikely(step: np.ndarray) -> tuple[float, np.ndarray]:
-            r = residual(theta + whitened @ step) / scale
-            if not np.isfinite(r).all():
-                return np.inf, np.zeros_like(step)
-            slope = whitened.T @ (gradient(theta + whitened @ step).T @ r) / scale
-            return float(0.5 * count * np.log(r @ r)), count * slope / (r @ r)
-
-        end = minimize(unlikely, np.zeros(theta.size), jac=True, method="BFGS",
-                       options={"gtol": 1e-5})  # fmt: skip
-        theta = theta + whitened @ end.x
-        return 0.5 * float(np.sum((residual(theta) / scale) ** 2)), theta
+        return _polished(residual, gradient, end)
 
     ends = [end_of(start) for start in starts]
     best, theta = min(ends, key=lambda end: end[0])

@@ -192,9 +192,9 @@ def _proven_pair(
 
 def _is_proven_alone(last: FittedStage, stage: FittedStage) -> bool:
     """Whether whole runs alone prove one effect: by far more than chance finds among many."""
+    trained = errors_between(last.runs, stage.runs)
     unseen = errors_between(last.unseen_runs, stage.unseen_runs)
-    everywhere = [*errors_between(last.runs, stage.runs), *unseen]
-    surely = min(explained_share(unseen).low, explained_share(everywhere).low)
+    surely = min(_removed(last, stage).low, explained_share([*trained, *unseen]).low)
     return not no_better(last, stage) and surely > SETTINGS.pairs.least_single_share
 
 

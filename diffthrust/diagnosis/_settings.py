@@ -179,7 +179,7 @@ class Pairs:
     Origin: as many as the trials compile into one program. Lower: the second of a pair is not among
     them. Higher: a second program, minutes for a vessel."""
     most_fitted: int = 3
-    """The number of pairs that are fitted from several starts, those of least cost first.
+    """The number of pairs that are fitted to the end, those of least cost first.
     Origin: chosen; each takes a fit of whole runs, half a minute for a boat. Lower: the pair that a
     few steps put second is not fitted. Higher: minutes where no pair helps."""
     least_single_share: float = 0.5
