@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from diffthrust.cli._cache import cache_command
 from diffthrust.cli._campaign import campaign_command
 from diffthrust.cli._check import check_command
 from diffthrust.cli._compare import compare_command
@@ -84,6 +85,7 @@ for _command in (
     new_effect_command,
     demo_command,
     effects_command,
+    cache_command,
 ):
     _name = _command.__name__.removesuffix("_command").replace("_", "-")
     app.command(_name)(_command)

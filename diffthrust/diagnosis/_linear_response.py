@@ -267,7 +267,7 @@ def _response_to(
     return np.concatenate(out, axis=1)[:, :count]
 
 
-@jax.jit
+@program(0)
 def _propagated(
     transition: Any, output: Any, now: Any, later: Any, direct: Any, series: Any, over: Any
 ) -> Any:

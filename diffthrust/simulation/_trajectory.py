@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, field
 from numbers import Number
 from typing import Any, Protocol
 
@@ -205,15 +205,12 @@ def starting_point(model: Model, first: Signals, start: Mapping[str, Any]) -> di
     return {**states, **{name: start.get(name, x) for name, x in port.initial.items()}}
 
 
+@dataclass(frozen=True)
 class Key:
     """A model as a static argument of compiled code: equal where the structure is equal."""
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.structure = model.structure
+    model: Model = field(compare=False)
+    structure: tuple[Hashable, ...] = field(init=False)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Key) and self.structure == other.structure
-
-    def __hash__(self) -> int:
-        return hash(self.structure)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "structure", self.model.structure)

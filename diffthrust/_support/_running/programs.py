@@ -7,13 +7,16 @@ allows 65 530, and beyond them the process ends with a segmentation fault.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache, wraps
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 
 from diffthrust._support._running.cache import enable_compilation_cache
+from diffthrust._support._running.digest import NoDigest, digest, environment
+from diffthrust._support._running.stored import program_store
 
 KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""
@@ -24,6 +27,7 @@ KEPT = 48
 enable_compilation_cache()
 
 
+@dataclass(eq=False)
 class Programs:
     """The programs of a function, one for its first arguments and the shapes of the others.
 
@@ -32,18 +36,21 @@ class Programs:
         static: how many arguments fix the code.
 
     Attributes:
-        traces: how often it was traced, and so compiled.
+        traces: how often it was traced.
     """
 
-    def __init__(self, function: Callable[..., Any], static: int) -> None:
-        wraps(function)(self)
-        self.function, self.static, self.traces = function, static, 0
+    function: Callable[..., Any]
+    static: int
+    traces: int = field(default=0, init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        wraps(self.function)(self)
 
     def __call__(self, *arguments: Any) -> Any:
         """The function's result; the last arguments are numbers."""
         static, numbers = arguments[: self.static], arguments[self.static :]
         leaves, tree = jax.tree.flatten(numbers)
-        return _kept(self, static, tree, tuple(map(_shape, leaves)))(*numbers)
+        return _kept(self, static, tree, tuple(map(_shape, leaves)))(*leaves)
 
 
 def program(static: int) -> Callable[[Callable[..., Any]], Programs]:
@@ -53,17 +60,45 @@ def program(static: int) -> Callable[[Callable[..., Any]], Programs]:
 
 @lru_cache(maxsize=KEPT)
 def _kept(
-    program: Programs, static: tuple[Hashable, ...], tree: Any, shapes: tuple[Hashable, ...]
+    program: Programs, static: tuple[Hashable, ...], tree: Any, shapes: tuple[_Shape, ...]
 ) -> Callable[..., Any]:
-    @wraps(program.function)
-    def traced(*numbers: Any) -> Any:
+    def traced(*leaves: Any) -> Any:
         program.traces += 1
-        return program.function(*static, *numbers)
+        return program.function(*static, *jax.tree.unflatten(tree, leaves))
 
     # A new function for each program: dropping it from the cache frees what JAX compiled for it,
     # which a shared jitted function would keep for all shapes.
-    return jax.jit(traced)
+    return _stored(traced, (program.function, static, tree), shapes) or jax.jit(traced)
 
 
-def _shape(leaf: Any) -> Hashable:
-    return getattr(leaf, "shape", ()), getattr(leaf, "dtype", type(leaf))
+def _stored(
+    traced: Callable[..., Any], code: tuple[Any, ...], shapes: Sequence[_Shape]
+) -> Callable[..., Any] | None:
+    """The program as it is on disk, stored if it was not; none where there is no way to do so."""
+    store = program_store()
+    if store is None or any(shape.devices > 1 for shape in shapes):
+        return None
+    try:
+        key = digest(environment(), code, shapes)
+    except NoDigest:
+        return None
+    return store.load(key) or store.save(key, traced, [shape.like() for shape in shapes])
+
+
+class _Shape(NamedTuple):
+    """What of a leaf fixes the code: its shape, its type, and over how many devices it lies."""
+
+    shape: tuple[int, ...]
+    dtype: Any
+    devices: int = 1
+
+    def like(self) -> Any:
+        if isinstance(self.dtype, type) and issubclass(self.dtype, (bool, int, float, complex)):
+            return self.dtype()  # a Python number, which adapts to the type of what it meets
+        return jax.ShapeDtypeStruct(self.shape, self.dtype)
+
+
+def _shape(leaf: Any) -> _Shape:
+    sharding = getattr(leaf, "sharding", None)
+    devices = 1 if sharding is None else sharding.num_devices
+    return _Shape(getattr(leaf, "shape", ()), getattr(leaf, "dtype", type(leaf)), devices)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import inspect
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, TypeVar
 
 import jax
@@ -148,21 +148,22 @@ def registered(cls: C) -> C:
     return cls
 
 
+@dataclass(frozen=True)
 class _Described:
     """A component as static data of a pytree: equal where all but the numbers is equal."""
 
-    def __init__(self, component: Component) -> None:
-        self.component = component
-        self.names = tuple(component._parameters)
-        described = [replace(p, value=0.0) for p in component._parameters.values()]
+    component: Component = field(compare=False)
+    names: tuple[str, ...] = field(init=False)
+    parameters: tuple[Parameter, ...] = field(init=False)
+    structure: tuple[Hashable, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        parameters = self.component._parameters
+        object.__setattr__(self, "names", tuple(parameters))
         # numbers are leaves and left out: models that differ in values share one compiled program
-        self.key = (component.structure, self.names, tuple(described))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Described) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+        described = tuple(replace(p, value=0.0) for p in parameters.values())
+        object.__setattr__(self, "parameters", described)
+        object.__setattr__(self, "structure", self.component.structure)
 
 
 def _flatten(component: Component) -> tuple[tuple[Any, ...], _Described]:

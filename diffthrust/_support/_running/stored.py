@@ -1,0 +1,181 @@
+"""Traced programs on disk, as StableHLO, so that no process traces what another has traced.
+
+Tracing and lowering a diagnosis took some 20 s of processor time in every process, also where the
+compiled code came from JAX's cache. A stored program is read, compiled (or found in that cache),
+and gives the same to the last bit: where programs are stored, one that is new is read back before
+it runs the first time.
+
+A file holds a line of JSON (the named tuples among the results, a checksum) and what
+``jax.export`` serialises. A file that is torn, or of an older form, counts as absent.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+from jax import export
+
+_FORM = "diffthrust program 1"
+LARGEST = 1_000_000_000
+"""Bytes of all files; a diagnosis writes some 10 MB. What was used longest ago goes first."""
+_PROGRAM, _COMPILED, _WRITING = ".program", "-cache", ".writing-"
+"""In the names of files: of traced programs, of what JAX has compiled, of what is being written."""
+
+
+class CachedFiles(NamedTuple):
+    """Files of the cache: how many, and how many bytes."""
+
+    number: int
+    size: int
+
+
+class ProgramStore:
+    """Traced programs, in a folder within that of JAX's compilation cache.
+
+    Args:
+        folder: of JAX's cache.
+        largest: bytes that the files of both may take.
+    """
+
+    def __init__(self, folder: Path, largest: float = LARGEST) -> None:
+        self.folder, self.largest = folder, largest
+        self._programs = folder / "programs"
+        self._unchecked = largest  # bytes written since the size was looked at last
+
+    def load(self, key: str) -> Callable[..., Any] | None:
+        """The program of a key as a function of arrays; none where it is not there."""
+        path = self._programs / f"{key}{_PROGRAM}"
+        try:
+            head, _, body = path.read_bytes().partition(b"\n")
+            about = json.loads(head)
+            if about["form"] != _FORM or hashlib.sha256(body).hexdigest() != about["sum"]:
+                return None
+            _register([_named(name) for name in about["classes"]])
+            exported = export.deserialize(bytearray(body))
+        except (OSError, ValueError, KeyError, TypeError, ImportError, AttributeError):
+            return None
+        with suppress(OSError):  # read last now
+            os.utime(path)
+        return jax.jit(exported.call)
+
+    def save(
+        self, key: str, function: Callable[..., Any], arguments: Sequence[Any]
+    ) -> Callable[..., Any] | None:
+        """Store a function for arguments of some shapes, and give the program that is stored.
+
+        Returns:
+            None where it cannot be stored: it calls back into Python, its result is made of other
+            than tuples, lists and dictionaries, or the disk is full.
+        """
+        try:
+            exported = export.export(jax.jit(function))(*arguments)
+            classes = _classes(exported.out_tree)
+            _register(classes)
+            body = bytes(exported.serialize())
+            names = [f"{cls.__module__}:{cls.__qualname__}" for cls in classes]
+            about = {"form": _FORM, "classes": names, "sum": hashlib.sha256(body).hexdigest()}
+            self._programs.mkdir(parents=True, exist_ok=True)
+            _replace(self._programs / f"{key}{_PROGRAM}", json.dumps(about).encode() + b"\n" + body)
+        except (OSError, ValueError, NotImplementedError):
+            return None
+        self._unchecked += len(body)
+        if self._unchecked > self.largest / 10:
+            self._unchecked = 0
+            self.shrink(self.largest)
+        return jax.jit(exported.call)
+
+    def contents(self) -> dict[str, CachedFiles]:
+        """Traced programs and compiled code on disk."""
+        sizes = [(path.name.endswith(_PROGRAM), size) for path, _, size in self._files()]
+        kinds = {"traced programs": True, "compiled code": False}
+        return {
+            name: CachedFiles(len(own), sum(own))
+            for name, traced in kinds.items()
+            for own in [[size for is_traced, size in sizes if is_traced is traced]]
+        }
+
+    def shrink(self, largest: float = 0) -> None:
+        """Delete the files that were used longest ago until the others take no more than this."""
+        files = self._files()
+        size = sum(size for _, _, size in files)
+        for path, _, own in files:
+            if size <= largest:
+                return
+            with suppress(OSError):
+                path.unlink()
+            size -= own
+
+    def _files(self) -> list[tuple[Path, float, int]]:
+        """Path, time of the last use, and size of each file, those used longest ago first."""
+        files = []
+        ours = [*self._programs.glob(f"*{_PROGRAM}"), *self._programs.glob(f"{_WRITING}*")]
+        for path in (*ours, *self.folder.glob(f"*{_COMPILED}")):
+            with suppress(OSError):  # another process may have deleted it
+                about = path.stat()
+                files.append((path, max(about.st_atime, about.st_mtime), about.st_size))
+        return sorted(files, key=lambda file: file[1])
+
+
+def program_store() -> ProgramStore | None:
+    """The store beside JAX's cache of compiled code; none where that is off."""
+    folder = jax.config.values["jax_compilation_cache_dir"]
+    if not folder or "://" in folder:  # not in a bucket
+        return None
+    return _store_in(folder)
+
+
+@cache
+def _store_in(folder: str) -> ProgramStore:
+    return ProgramStore(Path(folder))
+
+
+def _replace(path: Path, content: bytes) -> None:
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_WRITING)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.replace(name, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(name)
+        raise
+
+
+def _classes(tree: Any) -> list[type]:
+    """The named tuples in a structure, each once."""
+    node = tree.node_data()
+    own = [node[0]] if node and issubclass(node[0], tuple) and node[0] is not tuple else []
+    return list(dict.fromkeys([*own, *(c for child in tree.children() for c in _classes(child))]))
+
+
+_registered: set[type] = set()
+
+
+def _register(classes: Sequence[type]) -> None:
+    for cls in classes:
+        if cls not in _registered:
+            name = f"{cls.__module__}:{cls.__qualname__}"
+            export.register_namedtuple_serialization(cls, serialized_name=name)
+            _registered.add(cls)
+
+
+def _named(name: str) -> type:
+    """A named tuple of the package; a file must not make anything else be imported."""
+    module, _, qualname = name.partition(":")
+    if module.split(".")[0] != __name__.split(".")[0]:
+        raise ValueError(f"{name} is not of the package")
+    found: Any = sys.modules.get(module) or import_module(module)
+    for part in qualname.split("."):
+        found = getattr(found, part)
+    return found

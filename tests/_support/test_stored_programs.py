@@ -1,0 +1,256 @@
+"""Traced programs on disk: read back to the last bit, and never the wrong one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from places import ROOT
+from processes import programs
+
+from diffthrust._support._running import digest as digests
+from diffthrust._support._running.digest import NoDigest, digest, environment
+from diffthrust._support._running.stored import ProgramStore
+
+SCRIPT = """
+import sys
+import numpy as np
+import diffthrust as dft
+from diffthrust._support._running import programs
+
+class Sled(dft.Model):
+    name = "sled"
+    inputs = {"force": "N"}
+    states = {"speed": "m/s"}
+    outputs = states
+    ports = {"drag": "force against the motion [N]"}
+    mass: float = dft.parameter(10.0, "kg", bounds=(0.1, None), fixed=True)
+    drag: float = dft.parameter(5.0, "N s/m", bounds=(0, None))
+
+    def equations(self, s, port):
+        drag = port("drag", DRAG * self.drag * s.speed)
+        return {"speed": (s.force - drag) / self.mass}, {"speed": s.speed}
+
+made = programs.Programs.__call__
+seen = set()
+def counted(self, *arguments):
+    seen.add(self)
+    return made(self, *arguments)
+programs.Programs.__call__ = counted
+time = np.arange(400) * 0.05
+force = 10.0 * np.sign(np.sin(time))
+true = dft.simulate(Sled(drag=8.0), dft.Log(time, {"force": force}, {"speed": 0 * time}))
+log = dft.Log(time, {"force": force}, {"speed": true["speed"]})
+fit = dft.fit(Sled(), [log])
+drag = fit.parameters["drag"]
+print(sum(p.traces for p in seen), drag.value.hex(), drag.std_error.hex())
+"""
+
+
+def run(script: str, folder: Path, path: Path) -> list[str]:
+    path.write_text(script)
+    env = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
+    env |= {"PYTHONPATH": str(ROOT), "DIFFTHRUST_CACHE": str(folder)}
+    made = subprocess.run(
+        [sys.executable, str(path)], check=True, env=env, timeout=300, capture_output=True
+    )
+    return made.stdout.decode().split()
+
+
+def test_a_users_own_model_is_traced_once_until_its_source_changes(tmp_path: Path) -> None:
+    cache, path = tmp_path / "cache", tmp_path / "sled.py"
+    first = run("DRAG = 1.0\n" + SCRIPT, cache, path)
+    assert int(first[0]) > 0
+    again = run("DRAG = 1.0\n" + SCRIPT, cache, path)
+    assert again == ["0", *first[1:]]  # to the last bit
+    other = run("DRAG = 2.0\n" + SCRIPT, cache, path)
+    assert int(other[0]) > 0
+    assert float.fromhex(other[1]) == pytest.approx(float.fromhex(first[1]) / 2.0, rel=1e-6)
+
+
+def test_two_processes_that_write_at_once(tmp_path: Path) -> None:
+    source = "DRAG = 1.0\n" + SCRIPT
+    path = tmp_path / "sled.py"
+    path.write_text(source)
+    env = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
+    env |= {"PYTHONPATH": str(ROOT), "DIFFTHRUST_CACHE": str(tmp_path / "cache")}
+    both = [
+        subprocess.Popen([sys.executable, str(path)], env=env, stdout=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    told = [process.communicate(timeout=300)[0].decode().split()[1:] for process in both]
+    assert told[0] == told[1]
+    assert run(source, tmp_path / "cache", path) == ["0", *told[0]]
+    assert not list((tmp_path / "cache").rglob(".writing-*"))
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch) -> ProgramStore:
+    made = ProgramStore(tmp_path)
+    monkeypatch.setattr(programs, "program_store", lambda: made)
+    return made
+
+
+class Pair(NamedTuple):
+    low: jax.Array
+    high: jax.Array
+
+
+def squares(exponent, numbers):
+    return {"sum": jnp.sum(numbers["x"] ** exponent), "all": [numbers["x"] * numbers["by"]]}
+
+
+def fresh(function=squares):
+    """Programs as another process would have them: nothing is kept in memory."""
+    programs._kept.cache_clear()
+    return programs.Programs(function, 1)
+
+
+def only(store: ProgramStore) -> Path:
+    (path,) = store.folder.rglob("*.program")
+    return path
+
+
+def test_what_is_read_back_is_the_same(store):
+    numbers = {"x": np.linspace(0.1, 3.0, 17), "by": 0.3}
+    first = fresh()
+    result = first(3, numbers)
+    second = fresh()
+    again = second(3, numbers)
+    assert (first.traces, second.traces) == (1, 0)
+    assert float(result["sum"]) == float(again["sum"])
+    np.testing.assert_array_equal(result["all"][0], again["all"][0])
+    third = fresh()
+    assert float(third(2, numbers)["sum"]) == pytest.approx(float(np.sum(numbers["x"] ** 2)))
+    assert third.traces == 1  # another exponent is another program
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: content[: len(content) // 2],
+        lambda content: b"",
+        lambda content: content[:-1] + bytes([content[-1] ^ 1]),
+        lambda content: content.replace(b'"classes": []', b'"classes": ["os:stat_result"]'),
+        lambda content: content.replace(b'"classes": []', b'"classes": 3'),
+        lambda content: b"[1]\n" + content,
+    ],
+)
+def test_a_damaged_file_counts_as_absent_and_is_replaced(store, damage):
+    numbers = {"x": np.ones(3), "by": 2.0}
+    fresh()(2, numbers)
+    sound = only(store).read_bytes()
+    only(store).write_bytes(damage(sound))
+    again = fresh()
+    assert float(again(2, numbers)["sum"]) == 3.0
+    assert again.traces == 1
+    assert only(store).read_bytes() != damage(sound)
+    last = fresh()
+    last(2, numbers)
+    assert last.traces == 0
+
+
+def test_another_version_of_jax_is_another_program(store, monkeypatch):
+    numbers = {"x": np.ones(3), "by": 2.0}
+    fresh()(2, numbers)
+    versions = dict.fromkeys(digests._COMPILING, "99.0")
+    monkeypatch.setattr(digests, "version", versions.__getitem__)
+    environment.cache_clear()
+    try:
+        other = fresh()
+        other(2, numbers)
+    finally:
+        environment.cache_clear()
+    assert other.traces == 1
+    assert len(list(store.folder.rglob("*.program"))) == 2
+
+
+def test_what_calls_back_into_python_stays_in_memory(store):
+    def told(exponent, x):
+        return jax.pure_callback(lambda x: x**exponent, jax.ShapeDtypeStruct((), x.dtype), x)
+
+    assert float(fresh(told)(2, np.float64(3.0))) == 9.0
+    assert not list(store.folder.rglob("*.program"))
+
+
+def test_a_result_of_another_package_stays_in_memory(store):
+    def pair(exponent, x):
+        return Pair(x, x**exponent)
+
+    for _ in range(2):
+        made = fresh(pair)
+        assert float(made(2, np.float64(3.0)).high) == 9.0
+        assert made.traces == 1
+
+
+def test_a_full_disk_is_no_failure(store, monkeypatch):
+    store.folder.joinpath("programs").write_text("a file where the folder should be")
+    made = fresh()
+    assert float(made(2, {"x": np.ones(3), "by": 2.0})["sum"]) == 3.0
+    assert made.traces == 1
+
+
+def test_those_used_longest_ago_go_first(tmp_path):
+    store = ProgramStore(tmp_path)
+    (tmp_path / "programs").mkdir()
+    for age, name in enumerate(("new.program", "middle.program", "old.program")):
+        path = tmp_path / "programs" / name
+        path.write_bytes(b"x" * 100)
+        os.utime(path, (1e9 - age, 1e9 - age))
+    (tmp_path / "notes.txt").write_text("not ours")
+    store.shrink(250)
+    kept = sorted(path.name for path in (tmp_path / "programs").iterdir())
+    assert kept == ["middle.program", "new.program"]
+    assert store.contents()["traced programs"].size == 200
+    store.shrink()
+    assert not list((tmp_path / "programs").iterdir())
+    assert (tmp_path / "notes.txt").exists()
+
+
+def power(exponent):
+    return lambda x: x**exponent
+
+
+def twice(x):
+    return 2.0 * x
+
+
+def with_helper(x):
+    return helper(x) + 1.0
+
+
+def helper(x):
+    return x
+
+
+class Box:
+    __slots__ = ("item",)
+
+
+def test_what_a_user_defines_goes_in_by_its_code(monkeypatch):
+    assert digest(power(2)) == digest(power(2)) != digest(power(3))
+    assert digest(partial(twice, 1)) != digest(partial(twice, 2))
+    before = digest(with_helper)
+    monkeypatch.setitem(globals(), "helper", twice)
+    assert digest(with_helper) != before
+    assert digest(np.arange(3.0)) != digest(np.arange(3)) != digest(np.arange(4))
+    assert digest({"a": 1, "b": 2}) != digest({"b": 2, "a": 1})  # sums follow the order
+    assert digest(frozenset("ab")) == digest(frozenset("ba"))
+    assert digest(1) != digest(1.0) != digest(True) != digest("1")
+    assert digest(("a", "b")) != digest(("ab",)) != digest((("a",), "b"))
+
+
+def test_what_cannot_be_followed_has_no_digest():
+    loop = []
+    loop.append(loop)
+    for thing in (Box(), object(), np.array([Box()], dtype=object), loop):
+        with pytest.raises(NoDigest):
+            digest(thing)
