@@ -47,7 +47,7 @@ def counted(self, *arguments):
 programs.Programs.__call__ = counted
 time = np.arange(400) * 0.05
 force = 10.0 * np.sign(np.sin(time))
-true = dft.simulate(Sled(drag=8.0), dft.Log(time, {"force": force}, {"speed": 0 * time}))
+true = dft.simulate(Sled(drag=8.0 / DRAG), dft.Log(time, {"force": force}, {"speed": 0 * time}))
 log = dft.Log(time, {"force": force}, {"speed": true["speed"]})
 fit = dft.fit(Sled(), [log])
 drag = fit.parameters["drag"]
