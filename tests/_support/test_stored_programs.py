@@ -14,11 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from places import ROOT
-from processes import programs
-
-from diffthrust._support._running import digest as digests
-from diffthrust._support._running.digest import NoDigest, digest, environment
-from diffthrust._support._running.stored import ProgramStore
+from processes import NoDigest, ProgramStore, digest, digests, environment, programs
 
 SCRIPT = """
 import sys
