@@ -5,6 +5,7 @@ import os
 from functools import lru_cache
 
 import jax
+import pytest
 from processes import programs
 
 import diffthrust  # noqa: F401  (switches double precision on)
@@ -20,3 +21,9 @@ programs._kept = lru_cache(maxsize=200)(programs._kept.__wrapped__)
 
 # tracing makes many small things that live on: looking through them at each 700 takes a sixth of it
 gc.set_threshold(100_000, 50, 50)
+
+
+@pytest.fixture
+def nothing_stored(monkeypatch):
+    """No traced program lies on disk: what is counted as traced was so in this test."""
+    monkeypatch.setattr(programs, "program_store", lambda: None)

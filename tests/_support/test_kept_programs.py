@@ -13,9 +13,8 @@ MAPS = Path("/proc/self/maps")
 
 
 @pytest.fixture(autouse=True)
-def _as_users_have_it(monkeypatch):
-    """As many are kept as in a user's process; the other tests keep more. None lies on disk."""
-    monkeypatch.setattr(programs, "program_store", lambda: None)
+def _as_users_have_it(monkeypatch, nothing_stored):
+    """As many are kept as in a user's process; the other tests keep more."""
     usual = lru_cache(maxsize=KEPT)(programs._kept.__wrapped__)
     monkeypatch.setattr(programs, "_kept", usual)
 

@@ -103,7 +103,7 @@ def test_a_member_that_fails_costs_the_others_nothing(logs, fits):
             assert estimate.value == pytest.approx(fits[i].parameters[name].value, rel=1e-8)
 
 
-def test_logs_of_many_lengths_share_one_program(logs):
+def test_logs_of_many_lengths_share_one_program(logs, nothing_stored):
     before = run_stacked.traces
     dft.many.fit(MODEL, logs[:8], starts=1, substeps=1, width=5)
     once = run_stacked.traces - before
@@ -143,7 +143,7 @@ def test_maps_of_many_models_are_those_of_each(fits):
     [{"method": "emcee", "draws": 200, "warmup": 100}, {"method": "nuts", "draws": 60}],
     ids=["emcee", "nuts"],
 )
-def test_posteriors_are_those_of_one_at_a_time(logs, fits, options):
+def test_posteriors_are_those_of_one_at_a_time(logs, fits, options, nothing_stored):
     shared = run_stacked.traces
     found = dft.many.sample(fits[:6], logs[:6], width=32, **options)  # chains of several at once
     assert not found.failed

@@ -21,6 +21,8 @@ from diffthrust._support._running.stored import program_store
 KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""
 
+_SETTINGS = "jax_enable_x64", "jax_default_matmul_precision"
+"""Of JAX, that change what is traced."""
 
 # Before anything compiles: JAX looks once whether there is a cache. A first diagnosis of a process
 # is half compilation, in a script as on the command line.
@@ -79,7 +81,8 @@ def _stored(
     if store is None or any(shape.devices > 1 for shape in shapes):
         return None
     try:
-        key = digest(environment(), code, shapes)
+        settings = [jax.config.values[name] for name in _SETTINGS]
+        key = digest(environment(), settings, code, shapes)
     except NoDigest:
         return None
     return store.load(key) or store.save(key, traced, [shape.like() for shape in shapes])
