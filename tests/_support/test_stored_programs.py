@@ -16,6 +16,8 @@ import pytest
 from places import ROOT
 from processes import NoDigest, ProgramStore, digest, digests, environment, programs
 
+import diffthrust as dft
+
 SCRIPT = """
 import sys
 import numpy as np
@@ -242,6 +244,17 @@ def test_what_a_user_defines_goes_in_by_its_code(monkeypatch):
     assert digest(frozenset("ab")) == digest(frozenset("ba"))
     assert digest(1) != digest(1.0) != digest(True) != digest("1")
     assert digest(("a", "b")) != digest(("ab",)) != digest((("a",), "b"))
+
+
+def test_a_name_that_leads_elsewhere_does_not_stand_for_the_code():
+    """A class that a function of the package makes, for each port another, and two lambdas."""
+    made = [type("Push", (dft.Effect,), {"name": "p", "port": port}) for port in ("a", "a", "b")]
+    for cls in made:
+        cls.__module__ = "diffthrust.models"
+    assert digest(made[0]) == digest(made[1]) != digest(made[2])
+    names = {"__name__": "diffthrust.models"}
+    first, second = (eval(text, names) for text in ("lambda x: x + 1", "lambda x: x + 2"))
+    assert digest(first) != digest(second)
 
 
 def test_what_cannot_be_followed_has_no_digest():

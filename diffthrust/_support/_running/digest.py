@@ -141,7 +141,7 @@ class _Digest:
 
     def _class(self, cls: type) -> None:
         self._mark("class", cls.__module__, cls.__qualname__)
-        if _fixed(cls.__module__):
+        if _fixed(cls.__module__) and _is_named(cls, cls.__module__):
             return
         for base in cls.__bases__:
             self._add(base)
@@ -151,11 +151,12 @@ class _Digest:
                 self._add(member)
 
     def _function(self, function: Any) -> None:
-        module = function.__module__ or ""
+        module = function.__globals__.get("__name__", "")  # a wrapper bears another's __module__
         self._mark("function", module, function.__qualname__)
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
-        if not _fixed(module):
+        if not (_fixed(module) and _is_named(function, module)):
             self._code(function.__code__)
+        if not _fixed(module):
             for name in sorted(_names(function.__code__)):
                 if name in function.__globals__:
                     self._mark("global", name)
@@ -191,6 +192,14 @@ def _names(code: CodeType) -> set[str]:
     """Names that a function and those within it look up; attributes are among them, harmlessly."""
     inner = (_names(c) for c in code.co_consts if isinstance(c, CodeType))
     return set(code.co_names).union(*inner)
+
+
+def _is_named(thing: Any, module: str) -> bool:
+    """Whether its name leads to it: two lambdas, or classes made by a function, share a name."""
+    found = sys.modules.get(module)
+    for part in thing.__qualname__.split("."):
+        found = getattr(found, part, None)
+    return found is thing
 
 
 def _fixed(module: str) -> bool:
