@@ -64,6 +64,7 @@ def program(static: int) -> Callable[[Callable[..., Any]], Programs]:
 def _kept(
     program: Programs, static: tuple[Hashable, ...], tree: Any, shapes: tuple[_Shape, ...]
 ) -> Callable[..., Any]:
+    @wraps(program.function)
     def traced(*leaves: Any) -> Any:
         program.traces += 1
         return program.function(*static, *jax.tree.unflatten(tree, leaves))

@@ -67,7 +67,7 @@ class ProgramStore:
             return None
         with suppress(OSError):  # read last now
             os.utime(path)
-        return jax.jit(exported.call)
+        return _compiled(exported)
 
     def save(
         self, key: str, function: Callable[..., Any], arguments: Sequence[Any]
@@ -93,7 +93,7 @@ class ProgramStore:
         if self._unchecked > self.largest / 10:
             self._unchecked = 0
             self.shrink(self.largest)
-        return jax.jit(exported.call)
+        return _compiled(exported)
 
     def contents(self) -> dict[str, CachedFiles]:
         """Traced programs and compiled code on disk."""
@@ -125,6 +125,14 @@ class ProgramStore:
                 about = path.stat()
                 files.append((path, max(about.st_atime, about.st_mtime), about.st_size))
         return sorted(files, key=lambda file: file[1])
+
+
+def _compiled(exported: export.Exported) -> Callable[..., Any]:
+    def run(*leaves: Any) -> Any:
+        return exported.call(*leaves)
+
+    run.__name__ = exported.fun_name  # by which profiles and JAX's cache list it
+    return jax.jit(run)
 
 
 def program_store() -> ProgramStore | None:
