@@ -242,7 +242,7 @@ def test_the_control_point_follows_the_path_and_the_centre_of_gravity_cuts_the_c
     assert run.plot().axes[0].get_legend_handles_labels()[1] == ["path", "control point", "start"]
 
 
-def test_compiling_is_told_apart_from_solving():
+def test_compiling_is_told_apart_from_solving(nothing_stored):
     run = tracked(duration=3.0, horizon=7)  # of a length that nothing else has compiled
     took = run.solve_time
     assert took.compiling > 10.0 * took.largest
