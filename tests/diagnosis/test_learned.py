@@ -101,13 +101,14 @@ LAWS = {
 def judged(law, times=""):
     """What samples of a law with noise say of the shapes over their signal, by plain least squares.
 
-    The noise is a hundredth of the law; the model is taken to have nothing of its own.
+    The noise is a hundredth of the law's scatter, which a constant does not have: without noise
+    rounding would choose the form. The model is taken to have nothing of its own.
     """
     rng = np.random.default_rng(11)
     samples = rng.uniform(-40.0, 40.0, 4000)
     fine = Curve("load", "speed", -40.0, 40.0, pieces=29)
     values = law(samples)
-    noise = 0.01 * np.std(values) + 1e-6
+    noise = 0.01 * max(np.std(values), 0.01 * np.max(np.abs(values)))
     rows = fine.basis(samples) / noise
     errors = -(values / noise + rng.standard_normal(samples.size))
     gradient = (rows * errors).sum(axis=1)
