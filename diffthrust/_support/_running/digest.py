@@ -119,6 +119,8 @@ class _Digest:
             self._all("property", (thing.fget, thing.fset, thing.fdel))
         elif isinstance(thing, jax.tree_util.PyTreeDef):
             self._tree(thing)
+        elif isinstance(getattr(thing, "__wrapped__", None), FunctionType):  # `Programs`
+            self._all("wrapper", (type(thing), thing.__wrapped__))
         elif is_dataclass(thing):
             values = [getattr(thing, f.name) for f in fields(thing) if f.compare]
             self._all("dataclass", (type(thing), *values))

@@ -8,7 +8,6 @@ allows 65 530, and beyond them the process ends with a segmentation fault.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache, wraps
 from typing import Any, NamedTuple
 
@@ -29,7 +28,6 @@ _SETTINGS = "jax_enable_x64", "jax_default_matmul_precision"
 enable_compilation_cache()
 
 
-@dataclass(eq=False)
 class Programs:
     """The programs of a function, one for its first arguments and the shapes of the others.
 
@@ -41,12 +39,9 @@ class Programs:
         traces: how often it was traced.
     """
 
-    function: Callable[..., Any]
-    static: int
-    traces: int = field(default=0, init=False, compare=False)
-
-    def __post_init__(self) -> None:
-        wraps(self.function)(self)
+    def __init__(self, function: Callable[..., Any], static: int) -> None:
+        wraps(function)(self)
+        self.function, self.static, self.traces = function, static, 0
 
     def __call__(self, *arguments: Any) -> Any:
         """The function's result; the last arguments are numbers."""
