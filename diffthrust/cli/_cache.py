@@ -10,9 +10,9 @@ from diffthrust.cli._session import session, show
 
 
 def cache_command(
-    clear: Annotated[bool, typer.Option("--clear", help="Delete what is kept.")] = False,
+    clear: Annotated[bool, typer.Option("--clear", help="Delete the traced programs.")] = False,
 ) -> None:
-    """Show what is kept between runs so that nothing is traced and compiled twice, or clear it.
+    """Show what is kept between runs so that nothing is traced twice, or clear it.
 
     The environment variable DIFFTHRUST_CACHE names another folder; "off" switches it off.
     """
@@ -23,11 +23,16 @@ def cache_command(
         if store is None:
             text = "Nothing is kept: DIFFTHRUST_CACHE is off, or the folder cannot be written to."
         else:
-            lines = [f"{store.folder}, at most {store.largest / 1e6:.0f} MB"]
-            for name, files in store.contents().items():
-                lines.append(f"  {name:16s} {files.number:5d} files {files.size / 1e6:8.1f} MB")
+            sizes = [size for _, _, size in store.files()]
+            lines = [
+                f"{store.folder}: {len(sizes)} traced programs, {sum(sizes) / 1e6:.1f} MB of at "
+                f"most {store.largest / 1e6:.0f} MB."
+            ]
             if clear:
                 store.shrink()
-                lines.append("All of it is deleted; the next run traces and compiles anew.")
+                lines.append(
+                    "The programs are deleted. What JAX has compiled stays: the folder may serve "
+                    "other projects; delete it by hand where it does not."
+                )
             text = "\n".join(lines)
     show(text)

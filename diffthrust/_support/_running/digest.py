@@ -1,10 +1,10 @@
 """A digest of what fixes compiled code, the same in every process.
 
 A program on disk is found by it, so two things of equal digest must compile to equal code. What the
-package defines is fixed by its sources, and goes in by name; so do Python's own modules and
-installed ones. What a user defines goes in as code: the instructions and constants of a function,
-and whatever it reaches, its closure, the globals that it names, methods, base classes. What cannot
-be followed so far has no digest, and its programs stay in memory.
+package defines is fixed by its sources, and goes in by name; so do Python's own modules, and those
+packages that compile. What a user defines goes in as code: the instructions and constants of a
+function, and whatever it reaches, its closure, the globals that it names, methods, base classes.
+What cannot be followed so far has no digest, and its programs stay in memory.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ def digest(*things: Any) -> str:
         return _Digest().of(things)
     except RecursionError as error:  # a list that holds itself
         raise NoDigest("what refers to itself") from error
+    except ValueError as error:  # a closure over a name that has no value yet
+        raise NoDigest(str(error)) from error
 
 
 @cache
@@ -57,7 +59,7 @@ def environment() -> str:
 
 
 class _Digest:
-    """One walk; objects that were met before go in by their order, so that cycles end."""
+    """One walk; classes, functions and modules met before go in by their order: cycles end."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()

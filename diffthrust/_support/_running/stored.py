@@ -2,8 +2,7 @@
 
 Tracing and lowering a diagnosis took some 20 s of processor time in every process, also where the
 compiled code came from JAX's cache. A stored program is read, compiled (or found in that cache),
-and gives the same to the last bit: where programs are stored, one that is new is read back before
-it runs the first time.
+and gives the same to the last bit: where programs are stored, a new one runs as it is stored.
 
 A file holds a line of JSON (the named tuples among the results, a checksum) and what
 ``jax.export`` serialises. A file that is torn, or of an older form, counts as absent.
@@ -15,37 +14,34 @@ import hashlib
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 from jax import export
 
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import write_whole
+
 _FORM = "diffthrust program 1"
-LARGEST = 1_000_000_000
-"""Bytes of all files; a diagnosis writes some 10 MB. What was used longest ago goes first."""
-_PROGRAM, _COMPILED, _WRITING = ".program", "-cache", ".writing-"
-"""In the names of files: of traced programs, of what JAX has compiled, of what is being written."""
-
-
-class CachedFiles(NamedTuple):
-    """Files of the cache: how many, and how many bytes."""
-
-    number: int
-    size: int
+LARGEST = 200_000_000
+"""Bytes of all traced programs; a diagnosis stores some 5 MB. Those read longest ago go first."""
+_PROGRAM = ".program"
 
 
 class ProgramStore:
     """Traced programs, in a folder within that of JAX's compilation cache.
 
+    What JAX has compiled stays in the folder around it, and is never deleted here: where a user
+    has chosen that folder, it may hold the code of other projects.
+
     Args:
         folder: of JAX's cache.
-        largest: bytes that the files of both may take.
+        largest: bytes that the traced programs may take.
     """
 
     def __init__(self, folder: Path, largest: float = LARGEST) -> None:
@@ -55,7 +51,7 @@ class ProgramStore:
 
     def load(self, key: str) -> Callable[..., Any] | None:
         """The program of a key as a function of arrays; none where it is not there."""
-        path = self._programs / f"{key}{_PROGRAM}"
+        path = self._path(key)
         try:
             head, _, body = path.read_bytes().partition(b"\n")
             about = json.loads(head)
@@ -71,43 +67,35 @@ class ProgramStore:
 
     def save(
         self, key: str, function: Callable[..., Any], arguments: Sequence[Any]
-    ) -> Callable[..., Any] | None:
+    ) -> Callable[..., Any]:
         """Store a function for arguments of some shapes, and give the program that is stored.
 
         Returns:
-            None where it cannot be stored: it calls back into Python, its result is made of other
-            than tuples, lists and dictionaries, or the disk is full.
+            The function as it is, compiled, where it cannot be stored: it calls back into Python,
+            its result is made of other than tuples, lists and dictionaries, or the disk is full.
         """
+        jitted = jax.jit(function)
+        jitted.trace(*arguments)  # errors of a model come from here, as without a store
         try:
-            exported = export.export(jax.jit(function))(*arguments)
-            classes = _classes(exported.out_tree)
-            _register(classes)
-            body = bytes(exported.serialize())
-            names = [f"{cls.__module__}:{cls.__qualname__}" for cls in classes]
-            about = {"form": _FORM, "classes": names, "sum": hashlib.sha256(body).hexdigest()}
+            exported = export.export(jitted)(*arguments)
+            content = _content(exported)
+        # so jax.export refuses callbacks, operations that it cannot promise to read again, and
+        # results of classes that it does not know
+        except (ValueError, NotImplementedError):
+            return jitted
+        # no room, or another thread stores the same at this moment: the program runs all the same
+        with suppress(InputError, OSError):
             self._programs.mkdir(parents=True, exist_ok=True)
-            _replace(self._programs / f"{key}{_PROGRAM}", json.dumps(about).encode() + b"\n" + body)
-        except (OSError, ValueError, NotImplementedError):
-            return None
-        self._unchecked += len(body)
+            write_whole(self._path(key), content)
+            self._unchecked += len(content)
         if self._unchecked > self.largest / 10:
             self._unchecked = 0
             self.shrink(self.largest)
         return _compiled(exported)
 
-    def contents(self) -> dict[str, CachedFiles]:
-        """Traced programs and compiled code on disk."""
-        sizes = [(path.name.endswith(_PROGRAM), size) for path, _, size in self._files()]
-        kinds = {"traced programs": True, "compiled code": False}
-        return {
-            name: CachedFiles(len(own), sum(own))
-            for name, traced in kinds.items()
-            for own in [[size for is_traced, size in sizes if is_traced is traced]]
-        }
-
     def shrink(self, largest: float = 0) -> None:
         """Delete the files that were used longest ago until the others take no more than this."""
-        files = self._files()
+        files = self.files()
         size = sum(size for _, _, size in files)
         for path, _, own in files:
             if size <= largest:
@@ -116,15 +104,26 @@ class ProgramStore:
                 path.unlink()
             size -= own
 
-    def _files(self) -> list[tuple[Path, float, int]]:
+    def files(self) -> list[tuple[Path, float, int]]:
         """Path, time of the last use, and size of each file, those used longest ago first."""
         files = []
-        ours = [*self._programs.glob(f"*{_PROGRAM}"), *self._programs.glob(f"{_WRITING}*")]
-        for path in (*ours, *self.folder.glob(f"*{_COMPILED}")):
+        for path in self._programs.glob(f"*{_PROGRAM}*"):  # with what an ended process left there
             with suppress(OSError):  # another process may have deleted it
                 about = path.stat()
-                files.append((path, max(about.st_atime, about.st_mtime), about.st_size))
+                files.append((path, about.st_mtime, about.st_size))
         return sorted(files, key=lambda file: file[1])
+
+    def _path(self, key: str) -> Path:
+        return self._programs / f"{key}{_PROGRAM}"
+
+
+def _content(exported: export.Exported) -> bytes:
+    classes = _classes(exported.out_tree)
+    _register(classes)
+    body = bytes(exported.serialize())
+    names = [f"{cls.__module__}:{cls.__qualname__}" for cls in classes]
+    about = {"form": _FORM, "classes": names, "sum": hashlib.sha256(body).hexdigest()}
+    return json.dumps(about).encode() + b"\n" + body
 
 
 def _compiled(exported: export.Exported) -> Callable[..., Any]:
@@ -146,18 +145,6 @@ def program_store() -> ProgramStore | None:
 @cache
 def _store_in(folder: str) -> ProgramStore:
     return ProgramStore(Path(folder))
-
-
-def _replace(path: Path, content: bytes) -> None:
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_WRITING)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.replace(name, path)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(name)
-        raise
 
 
 def _classes(tree: Any) -> list[type]:
