@@ -138,7 +138,7 @@ def unrefuted(
     fitter = context.fitter
     kept = [n for n in stage.effects if n != name]
     nearest = list(rivals)[: SETTINGS.equivalence.most_compared]
-    simulation_fitter(fitter).ready((*stage.effects, *nearest))  # one program for all of them
+    simulation_fitter(fitter).ready(stage.effects, nearest)  # one program for all of them
     fitted, without = fitted_to_runs(fitter, stage), fitted_to_runs(fitter, stage, kept)
     effect = change_between(fitter, without, fitted)
     if not matters(effect.worth, effect.everywhere):

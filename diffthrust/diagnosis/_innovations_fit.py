@@ -2,8 +2,10 @@
 
 A program is compiled for the model with several effects (`CandidateFitter.ready`), which do nothing
 at their null values. The choice of estimated parameters is data, not code (`Problem.focus`): one
-compilation serves hundreds of trials. Later programs include the effects of earlier ones, so that
-few are needed. A trial holds its values, the clip of its errors, and its program.
+compilation serves hundreds of trials. Over short logs one program has all candidates, and serves a
+whole search. Over long ones, where they would cost more at each pass than they save, later programs
+include the effects of earlier ones, so that few are needed. A trial holds its values, the clip of
+its errors, and its program.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from jaxtyping import Float
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._candidates import of_effect, places_of
 from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._arguments import NOISE_MODELS
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._laws import StudentT
@@ -52,11 +55,19 @@ _ENOUGH = 0.05
 _LONG = 40
 """Numerics: the largest number of steps of a complete fit: a search that needs more creeps along a
 flat ridge."""
+_SHORT = 5000
+"""Numerics: with so many measurements at most, all candidates are compiled together: on the maps of
+a T200 (1 600) a program with all takes as long to compile as one with eight, and replaces ten. On
+the logs of a bench (9 000) it saves a seventh of a first diagnosis, and every later one takes a
+quarter longer."""
 _TOGETHER = 8
-"""Numerics: number of effects compiled together, unless more are tried at once: compiling a program
-takes longer than all of its passes."""
+"""Numerics: number of effects compiled together over longer logs, unless more are tried at once:
+compiling a program takes longer than all of its passes."""
+_ADDED = 2
+"""Numerics: a program has room for so many of the effects that are tried, beside those present."""
 _MOST_PRESENT = 5
-"""Numerics: a program has room for the parameters of this many of its largest effects at once."""
+"""Numerics: a program has room for the parameters of this many of its largest effects at once; one
+with all candidates for those of as many as a search may add."""
 _ROOM = 4
 """Numerics: parameters of effects that are estimated together with all of the model's and the
 observer's. With more, first the observer's memories are fixed at their values, then its gains."""
@@ -111,7 +122,7 @@ class TrialFit:
         initial_states: the initial states of the logs, concatenated.
         clip: the clip of its errors.
         program: the compiled program.
-        minimal_problem: builds the same problem without any absent effects.
+        response_problem: builds the problem by whose linear response additions are judged.
     """
 
     effects: tuple[str, ...]
@@ -123,7 +134,7 @@ class TrialFit:
     initial_states: Float[np.ndarray, " starts"] | None
     clip: ResidualClip
     program: Compiled = field(repr=False)
-    minimal_problem: Callable[[], Problem] = field(repr=False)
+    response_problem: Callable[[], Problem] = field(repr=False)
 
     @property
     def expected(self) -> float:
@@ -167,7 +178,7 @@ class TrialFit:
     @cached_property
     def response(self) -> LinearResponse:
         """The linear response of the errors to additions to the model."""
-        return LinearResponse(self._focused(self.minimal_problem()))
+        return LinearResponse(self._focused(self.response_problem()))
 
 
 class Programs:
@@ -225,7 +236,9 @@ class Programs:
                 "Give longer logs, or fix parameters.",
             )
         self._lock = RLock()
-        self._compiled = [self._program(())]
+        together = list(self.candidates) if self.samples <= _SHORT else []
+        self.joint = bool(together)
+        self._compiled = [self._program(together)]
 
     @cached_property
     def simulation(self) -> Programs:
@@ -245,24 +258,32 @@ class Programs:
             simulating=True,
         )
 
-    def ready(self, effects: Collection[str], later: Sequence[str] = ()) -> Compiled:
-        """The program for trials of these effects, compiled if there is none yet.
+    def ready(
+        self, effects: Collection[str], tried: Sequence[str] = (), later: Sequence[str] = ()
+    ) -> Compiled:
+        """The program for trials of some effects, compiled if there is none yet.
 
         As far as there is room, it also includes the effects of the last program, and then those
-        that may be tried ``later``, the most likely first.
+        that may be tried later.
+
+        Args:
+            effects: that are present in all trials.
+            tried: of which one or two are present besides.
+            later: that may be tried in their turn, the most likely first.
         """
         with self._lock:
-            needed = sum(map(self._size, effects))
+            names = {*effects, *tried}
+            needed = self._size(*effects) + self._size(*tried, most=_ADDED)
             for program in reversed(self._compiled):
                 wide = program.problem.layout.shared >= len(self.free) + needed
-                if wide and program.effects >= {*effects}:
+                if wide and program.effects >= names:
                     return program
             last = sorted(self._compiled[-1].effects)
-            wanted = dict.fromkeys((*effects, *last, *later))
-            wanted = [n for n in wanted if n in self.candidates][: max(_TOGETHER, len(effects))]
-            # any of these effects may be tried, with all its parameters, beside those of a trial
-            most = max(needed, sum(sorted(map(self._size, wanted))[-_MOST_PRESENT:]))
-            self._compiled.append(self._program(wanted, len(self.free) + most))
+            wanted = dict.fromkeys((*effects, *tried, *last, *later))
+            wanted = [n for n in wanted if n in self.candidates]
+            if not self.joint:
+                wanted = wanted[: max(_TOGETHER, len(names))]
+            self._compiled.append(self._program(wanted, needed))
             return self._compiled[-1]
 
     def problem(
@@ -283,16 +304,29 @@ class Programs:
         width = max(self.width - _ROOM + min(free, _ROOM), least)
         return self._arranged(model, records, width=width)
 
-    def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
+    def response_problem(
+        self, program: Compiled, effects: Collection[str], numbers: int
+    ) -> Problem:
+        """The problem of a program; over long logs one without the effects that are absent."""
+        return program.problem if self.joint else self.problem(effects, self.records, numbers)
+
+    def _program(self, effects: Collection[str], needed: int = 0) -> Compiled:
+        # any of these effects may be tried, with all its parameters, beside those of a trial
+        present = SETTINGS.admission.most_effects if self.joint else _MOST_PRESENT
+        least = len(self.free) + max(needed, self._size(*effects, most=present))
         problem = self.problem(effects, self.records, least)
         unseen = self.problem(effects, self.unseen, least) if self.unseen else None
         return Compiled(frozenset((*effects, *self.constants)), problem, unseen)
 
-    def _size(self, name: str) -> int:
-        """The number of estimated parameters of a candidate."""
-        if name in self.constants:
-            return 1
-        return sum(not p.fixed for p in self.candidates[name]._parameters.values())
+    def _size(self, *names: str, most: int | None = None) -> int:
+        """The number of estimated parameters of candidates, or of the largest few of them."""
+        sizes = [
+            1
+            if name in self.constants
+            else sum(not p.fixed for p in self.candidates[name]._parameters.values())
+            for name in names
+        ]
+        return sum(sorted(sizes, reverse=True)[:most])
 
 
 class CandidateFitter:
@@ -344,10 +378,10 @@ class CandidateFitter:
         problem = clip.on(program.problem.focus(names, values, initial_states))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
-        minimal_problem = partial(self.programs.problem, effects, self.records, len(names))
+        response_problem = partial(self.programs.response_problem, program, effects, len(names))
         fitted = partial(
             TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
-            minimal_problem=minimal_problem,
+            response_problem=response_problem,
         )  # fmt: skip
         if not np.isfinite(q.cost):
             return fitted(cost=np.inf, predicted_gain=0.0, initial_states=initial_states)

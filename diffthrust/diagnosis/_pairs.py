@@ -108,7 +108,7 @@ def _started(
     ]
     if not pairs:
         return []
-    simulation.ready((*base.effects, *names))  # one program for all of them
+    simulation.ready(base.effects, names)  # one program for all of them
     levels = levels_of(fitter, base)
     points = {name: probes(fitter.candidates[name], levels)[1][:_PROBES] for name in names}
 

@@ -97,7 +97,7 @@ def screened(
     constants = [name for name in names if name in fitter.constants]
     names = [*promised, *promising_constants(fitter, present, constants)]
     if names:
-        fitter.ready((*present.effects, *names), later)
+        fitter.ready(present.effects, names, later)
 
     def fitted(name: str) -> TrialFit | None:
         if name in fitter.constants:

@@ -51,14 +51,14 @@ def upheld(
     if len(kept) < len(records):
         context.say("without the odd logs", 1.0)
         others = FittedStage(
-            last.effects, *context.refit(last.fit.model, records=(kept, kept_unseen))
+            last.effects, *context.refit(last.fit.model, starts=1, records=(kept, kept_unseen))
         )
         if not _as_good(others, last, accused):
             return tuple(log for log in odd if not log.accused), None
         runs.append(runs_over(others.fit.model, (*records, *unseen)))
     if len(kept_unseen) < len(unseen):  # the fit has not seen these
         context.say("with the odd logs", 1.0)
-        runs.append(context.refit(last.fit.model, records=((*records, *unseen), ())).runs)
+        runs.append(context.refit(last.fit.model, starts=1, records=((*records, *unseen), ())).runs)
     before = (*last.trained.runs, *(last.judged.runs if unseen else ()))
     least = SETTINGS.outlier_logs.least_error_ratio
     cleared = {

@@ -220,7 +220,8 @@ def fit_records(
     # the first guess may need more steps than the optimum does
     optimum, notes = _pass(task, model, substeps or 1, (0.0, 0.9)), ()
     if not substeps and optimum.needed > optimum.substeps:
-        optimum = _pass(task, optimum.released, optimum.needed, (0.9, 1.0))
+        finer = _finer(task, optimum)
+        optimum = finer or _pass(task, optimum.released, optimum.needed, (0.9, 1.0))
         notes = (
             f"The integration step was too coarse at the optimum: refitted with {optimum.substeps} "
             "steps per sample.",
@@ -362,8 +363,35 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
         )
     if task.likelihood.corrects:
         search, final = refined(search, final)
-    search = polished(search, final)
-    model = final.model_at(search.best.z)
+    return _ended(task, polished(search, final), final, length, silent, notes)
+
+
+def _finer(task: _Task, optimum: _Optimum) -> _Optimum | None:
+    """The optimum followed to the steps that the model needs; none where it is another one there.
+
+    Finer steps move an optimum, and raise no hills: a search that begins anew would do all the work
+    again. But if the errors are larger with them, the coarse steps were what fitted.
+    """
+    layout = optimum.problem.layout
+    grids = tuple(replace(grid, substeps=optimum.needed) for grid in layout.grids)
+    problem = replace(optimum.problem, layout=replace(layout, grids=grids))
+    search = optimum.search.followed(problem)
+    if optimum.search.improves_on(search):
+        return None
+    parts = (optimum.horizon, optimum.silent, optimum.notes)
+    return _ended(task, polished(search, problem), problem, *parts)
+
+
+def _ended(
+    task: _Task,
+    search: Search,
+    final: Problem,
+    horizon: float | None,
+    silent: tuple[str, ...],
+    notes: tuple[str, ...],
+) -> _Optimum:
+    """The optimum with its runs, and the steps that they need."""
+    model, substeps = final.model_at(search.best.z), final.layout.grids[0].substeps
     states = tuple(final.initial_states(search.best.z))
     failed = not np.isfinite(search.best.quadratic.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
@@ -371,7 +399,7 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
     choice = step_choice(model, runs[k])
     runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
-    return _Optimum(search, final, length, silent, model, states, runs, substeps, needed, notes)
+    return _Optimum(search, final, horizon, silent, model, states, runs, substeps, needed, notes)
 
 
 def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]) -> dict[str, Any]:

@@ -97,8 +97,6 @@ _TIE = 0.01
 """Another horizon must be better by this share than the model's own where errors accumulate."""
 _LONGER = 3.0
 """The longer segments are so many times as long as a model's own horizon."""
-_NOTICED = 1.0
-"""Log-likelihood by which another valley must be deeper."""
 _FIRST = 0.6
 """Share of the work that the first of several horizons takes, with all its starts."""
 
@@ -230,13 +228,8 @@ def _over_whole_runs(ended: Ended, starts: int, rng: np.random.Generator) -> End
     entire = _followed(ended, None)
     known = entire.search.best.z
     anew = search(entire.problem, starts, rng, guesses=[known, *entire.search.guesses])
-    return entire._replace(search=anew) if _improves(anew, entire.search) else entire
-
-
-def _improves(anew: Search, followed: Search) -> bool:
-    """Whether a search ended in a better optimum; of the same one the first tells who agreed."""
-    costs = [float(each.best.quadratic.cost) for each in (anew, followed)]
-    return costs[0] < costs[1] - _NOTICED
+    # of the same optimum the first search tells who agreed
+    return entire._replace(search=anew) if anew.improves_on(entire.search) else entire
 
 
 def _words(horizon: float | None) -> str:

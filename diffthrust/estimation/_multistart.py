@@ -27,6 +27,9 @@ _ROUNDED = 0.1
 _BESIDE = 0.05
 """and so are they with a difference up to the first, if their coordinates are no further apart than
 the second, in standard errors: then it is of rounding, or of a kink."""
+_NOTICED = 1.0
+"""Log-likelihood by which another optimum must be better to be one: a parameter that is off by a
+standard error costs half of it."""
 _AGREED = 3
 """So many starts should end in the best optimum; with fewer, more are tried."""
 _LOOK_STEPS = 25
@@ -83,6 +86,10 @@ class Search:
         carried = [(_close(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
         carried += [(_close(problem, z), 1) for z in self.guesses]
         return replace(self, optima=_best_ended(problem, distinct(carried)))
+
+    def improves_on(self, other: Search) -> bool:
+        """Whether it ended in another optimum, which is better than that of the other search."""
+        return _cost(self.best) < _cost(other.best) - _NOTICED
 
     def rivals(self, problem: Problem) -> tuple[str, ...]:
         """Parameters in which an equally good optimum differs from the best by over an error."""
@@ -175,15 +182,23 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
 
     The last digits are most of the work. A curve learned on the EMPS axis: from within 10 of its
     log-likelihood each of eight starts went some 200 steps to the same optimum.
+
+    A start stays where it is if the pace of its last steps, kept to the end, would not bring it
+    down to the best known optimum. A basic boat on logs with a current and a weak thruster: 22 of
+    24 starts over whole runs crept for 300 steps through valleys that were no rivals, four fifths
+    of the time of the fit.
     """
     reached, steps = start, start.steps
     best = min(ended, key=_cost, default=None)
     while not reached.done and steps < MOST_STEPS:
         if best is not None and _leads(problem, reached, best):
             return best
-        reached = solve(problem, reached.z, budget=_LOOK_STEPS, tolerance=_CLOSE)
+        last, reached = reached, solve(problem, reached.z, budget=_LOOK_STEPS, tolerance=_CLOSE)
         steps += reached.steps
         if reached.steps < _LOOK_STEPS:  # at its optimum, or stuck beside a kink
+            break
+        pace, looks = _cost(last) - _cost(reached), max(0, MOST_STEPS - steps) / _LOOK_STEPS
+        if best is not None and _cost(reached) - looks * pace > _cost(best):
             break
     return reached
 

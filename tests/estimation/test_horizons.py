@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from compilations import compilations
 from gusty_runs import MISSING, gusty_runs, model_of
-from problems import Ended, build, folds, horizons_module, solve, without
+from problems import Ended, Search, Solved, build, folds, horizons_module, solve, without
 
 import diffthrust as dft
 
@@ -79,9 +79,8 @@ def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_v
     monkeypatch, deeper, taken
 ):
     def search_of(cost, z):
-        quadratic = SimpleNamespace(cost=cost)
-        best = SimpleNamespace(quadratic=quadratic, z=np.array([z]))
-        return SimpleNamespace(best=best, guesses=("a user's guess",))
+        best = Solved(np.array([z]), SimpleNamespace(cost=cost), done=True, steps=1)
+        return Search(((best, 1),), begun=1, guesses=("a user's guess",))
 
     followed, anew = search_of(10.0, 1.0), search_of(10.0 - deeper, 2.0)
     begun = []
