@@ -10,6 +10,7 @@ from diffthrust.estimation import (  # private: logs as a search has them
     _arguments,
     _arrange,
 )
+from diffthrust.estimation import _fit as fit_module  # private: when doubts are looked for
 from diffthrust.estimation import _horizons as horizons_module  # private: two valleys
 from diffthrust.estimation import _insensitive as insensitive_module
 from diffthrust.estimation import _likelihood as likelihood_module
@@ -107,6 +108,7 @@ __all__ = [
     "evaluate",
     "examine",
     "failed_over",
+    "fit_module",
     "folds",
     "gram",
     "horizons_module",

@@ -290,7 +290,7 @@ class Findings(Selection, Assessment):
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """What in the logs is probably not what its name, unit or clock says."""
-        return self.stages[0].fit.doubts
+        return tuple(self.stages[0].fit.doubts)
 
     @property
     def helpful_mends(self) -> tuple[MeasuredMend, ...]:

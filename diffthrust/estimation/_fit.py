@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from diffthrust._support.later import Later
 from diffthrust._support.progress import (
     Progress,
     ProgressOption,
@@ -49,7 +50,7 @@ from diffthrust.estimation._status import (
     judge,
     unstable_advice,
 )
-from diffthrust.estimation._unexplained import explained
+from diffthrust.estimation._unexplained import doubts_about, hint_at, little_explained
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
@@ -66,7 +67,6 @@ from diffthrust.simulation._runs import (
     step_choice,
 )
 from diffthrust.simulation._step_size import CoarseStepWarning
-from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._doubts import doubts as doubts_of
 
 
@@ -248,7 +248,7 @@ def fit_records(
         written={name: way for log in reversed(logs) for name, way in log.written.items()},
         logs=(*logs, *unseen),
         **words,
-        **_judged(optimum, notes, doubts_of((*logs, *unseen), model) if options.doubts else ()),
+        **_judged(optimum, notes, (*logs, *unseen) if options.doubts else ()),
         **_of_noise(optimum.problem, optimum.best),
     )
     fitted = with_runaways(fitted, optimum.runs, doubts=options.doubts)
@@ -402,8 +402,14 @@ def _ended(
     return _Optimum(search, final, horizon, silent, model, states, runs, substeps, needed, notes)
 
 
-def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]) -> dict[str, Any]:
-    """What a fit reports of its optimum; ``notes`` are on a refit, unseen runs and rails."""
+def _judged(optimum: _Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) -> dict[str, Any]:
+    """What a fit reports of its optimum.
+
+    Args:
+        optimum: where it ended.
+        notes: on a refit, unseen runs and rails.
+        doubted: the logs that are looked at whether they are sound.
+    """
     search, problem, best = optimum.search, optimum.problem, optimum.best
     local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
     if np.isfinite(cost) and local.gradient > GRADIENT_LIMIT:
@@ -414,13 +420,16 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
     figures = (local.gradient, local.rank, local.columns, local.condition)
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train, failed = pooled_errors(optimum.runs), failures(optimum.runs)
-    little = ""
+    hint, model, runs = "", optimum.model, optimum.runs
+    on_logs = Later(lambda: doubts_of(doubted, optimum.released))
+    doubts = on_logs
     if failed:
         status, message = failed_over(failed, message, np.isfinite(cost))
     else:
-        little, doubts = explained(train, doubts, optimum.model, optimum.runs)
+        little = little_explained(train)
         corrects = problem.layout.likelihood.corrects
-        little += unstable_advice(status, optimum.model, optimum.runs, corrects)
+        hint = hint_at(little) + unstable_advice(status, model, runs, corrects)
+        doubts = Later(lambda: doubts_about(little, on_logs, model, runs))
     vanished = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {
@@ -429,7 +438,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
         "covariance": local.covariance,
         "free": problem.own,
         "status": status,
-        "message": message + optimum.unmoved + little,
+        "message": message + optimum.unmoved + hint,
         "checks": Checks(*figures, search.begun, agreeing),
         "train": train,
         "log_likelihood": -cost,
@@ -447,7 +456,8 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubts: tuple[Doubt, ...]
             *of_logs,
         ),
         "correlation": correlated,
-        "doubts": doubts,
+        # most fits are looked at for their numbers: this takes longer than a small fit
+        "doubts": doubts if doubted else (),
     }
 
 

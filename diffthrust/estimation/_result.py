@@ -12,6 +12,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
+from diffthrust._support.later import Later
 from diffthrust._support.report import (
     Line,
     Outcome,
@@ -137,7 +138,8 @@ class Fit(Result):
             too small.
         doubts: what in the logs is probably not what its name, unit or clock says
             (`diffthrust.soundness.doubts`), channels of which the fit explains little, and
-            parameters that ran very far from where they began.
+            parameters that ran very far from where they began. It is looked for at the first look
+            at any of them.
         logs: the training logs, then the unseen ones, for `plot`; empty for a fit from a file or
             from another process.
 
@@ -180,7 +182,7 @@ class Fit(Result):
     hold: Mapping[str, str] = field(default_factory=dict, repr=False)
     written: Mapping[str, Written] = field(default_factory=dict, repr=False)
     correlation: tuple[str, ...] = field(default=(), repr=False)
-    doubts: tuple[Doubt, ...] = field(default=(), repr=False)
+    doubts: tuple[Doubt, ...] | Later[Doubt] = field(default=(), repr=False)
     logs: tuple[Log, ...] = field(default=(), repr=False, compare=False, metadata={"saved": False})
 
     def __getstate__(self) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust._support.correlation import lag_one
+from diffthrust._support.later import Later
 from diffthrust._support.words import joined, number
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.model import Model
@@ -53,9 +54,9 @@ def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
     far = [name for name, value in _suspects(fit, VERY_FAR)] if doubts else []
     if not far:
         return fit
-    added = [_doubt_on(name, fit) for name in far]
+    added, others = [_doubt_on(name, fit) for name in far], fit.doubts
     pointer = f" But {joined(far)} ran very far from the first guess: look at the doubts."
-    return replace(fit, message=fit.message + pointer, doubts=(*fit.doubts, *added))
+    return replace(fit, message=fit.message + pointer, doubts=Later(lambda: (*others, *added)))
 
 
 def _doubt_on(name: str, fit: Fit) -> Doubt:

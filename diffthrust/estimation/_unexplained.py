@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -18,37 +18,44 @@ _LITTLE = 20.0
 """A channel that is explained to less than so many per cent is not described by the model."""
 
 
-def explained(
-    errors: Errors, doubts: Sequence[Doubt], model: Model, runs: Sequence[Run]
-) -> tuple[str, tuple[Doubt, ...]]:
-    """What to add to a fit's message, and its doubts with those on channels it hardly explains.
+def little_explained(errors: Errors) -> dict[str, str]:
+    """Channels that a fit explains to less than `_LITTLE` per cent, and to how many."""
+    shares = {name: e.fit_percent for name, e in errors.channels.items()}
+    return {name: percent(max(s, 0.0) / 100) for name, s in shares.items() if s < _LITTLE}
+
+
+def hint_at(little: Mapping[str, str]) -> str:
+    """What to add to the message of a fit that explains little of some channels."""
+    words = joined([f"{share} of {name}" for name, share in little.items()])
+    return f" But it explains {words}: look at the doubts first." if little else ""
+
+
+def doubts_about(
+    little: Mapping[str, str], of_logs: Sequence[Doubt], model: Model, runs: Sequence[Run]
+) -> tuple[Doubt, ...]:
+    """The doubts of a fit: on its logs, and on channels that it hardly explains.
 
     Args:
-        errors: of the fit on its training logs.
-        doubts: on the logs themselves.
+        little: such channels.
+        of_logs: on the logs themselves.
         model: at the optimum.
         runs: over its training logs.
     """
-    doubts = (*_turning(model, runs), *late_readings(runs), *doubts)
-    little = {name: e.fit_percent for name, e in errors.channels.items() if e.fit_percent < _LITTLE}
-    if not little:
-        return "", doubts
-    words = [f"{percent(max(share, 0.0) / 100)} of {name}" for name, share in little.items()]
-    held = "".join(_held_against(model, runs))
+    doubts = (*_turning(model, runs), *late_readings(runs), *of_logs)
+    held = "".join(_held_against(model, runs)) if little else ""
     doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
     added = [
         Doubt(
             name,
             "silent",
-            f"the fit explains {percent(max(share, 0.0) / 100)} of {name}: it does not move as the "
-            "model's does.",
+            f"the fit explains {share} of {name}: it does not move as the model's does.",
             f"look at dft.compare(fit, logs).plot(), at the sign, unit and column of {name} and "
             f"of the inputs, and at what dft.diagnose(fit, logs) finds missing.{held}",
         )
         for name, share in little.items()
         if name not in doubted
     ]
-    return f" But it explains {joined(words)}: look at the doubts first.", (*doubts, *added)
+    return (*doubts, *added)
 
 
 def _turning(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:

@@ -25,8 +25,9 @@ that go with the slope as well, and last; a late reading says nothing of the nex
 _UNEXPLAINED = 0.5
 """Largest share of the signal's variance that the model may leave: its slopes are those of the
 signal only where it follows it."""
-_LONGEST = 20
-"""Numerics: samples of the longest constant delay, which is taken out before the scatter shows."""
+_LONGEST, _COARSE, _FINE = 20.0, 2.0, 0.5
+"""Numerics: samples of the longest constant delay, which is taken out before the scatter shows, and
+of the steps in which it is looked for: slope and bend of the signal stand for what is between."""
 _ROUNDS = 8
 """Numerics: reweightings of the regression; it settles in four."""
 
@@ -121,13 +122,10 @@ def lateness(logs: Sequence[Readings]) -> Lateness | None:
     """
     parts = [_read(log) for log in logs]
     rows, residual = _joined(parts)
-    if residual.size < _FEWEST or not np.var(residual) < _UNEXPLAINED * np.var(rows[:, 3]):
+    if residual.size < _FEWEST or not np.var(residual) < _UNEXPLAINED * np.var(rows[:, _MODELLED]):
         return None
-    step = float(np.median(np.concatenate([np.diff(log.time) for log in logs])))
-    delays = step * np.arange(0.0, _LONGEST + 0.1, 0.5)
-    shifted = [[_read(log.delayed(delay)) for log in logs] for delay in delays]
-    sizes = [float(np.sum(_projected(*_joined(parts))[1] ** 2)) for parts in shifted]
-    parts, delay = shifted[int(np.argmin(sizes))], float(delays[int(np.argmin(sizes))])
+    delay = _constant_delay(logs)
+    parts = [_read(log.delayed(delay)) for log in logs]
     coefficients, _ = _projected(*_joined(parts))
     errors = [values - filtered @ coefficients for filtered, values in parts]
     slopes = [filtered[:, 0] for filtered, _ in parts]
@@ -149,6 +147,28 @@ def lateness(logs: Sequence[Readings]) -> Lateness | None:
     )
 
 
+def _constant_delay(logs: Sequence[Readings]) -> float:
+    """The delay [s] of the model beside which least is left of the readings, in half samples."""
+    step = float(np.median(np.concatenate([np.diff(log.time) for log in logs])))
+    signals = [_signals(log) for log in logs]
+
+    def left(samples: float) -> float:
+        """The squares that the best small delay or filter beside this one leaves."""
+        products, size = np.zeros((len(signals[0]) + 1,) * 2), step * samples
+        for log, rows in zip(logs, signals, strict=True):
+            read = np.isfinite(log.measured) & np.isfinite(rows[0])
+            before = log.time[read] - size
+            late = np.stack([np.interp(before, log.time, row) for row in rows])
+            late = np.concatenate([late, (late[_MODELLED] - log.measured[read])[None]])
+            products += late @ late.T
+        rows, seen = products[:-1, :-1], products[:-1, -1]
+        return float(products[-1, -1] - seen @ np.linalg.lstsq(rows, seen, rcond=None)[0])
+
+    coarse = min(np.arange(0.0, _LONGEST + 0.1, _COARSE), key=left)
+    near = coarse + np.arange(-_COARSE + _FINE, _COARSE, _FINE)
+    return step * float(min(near[near >= 0], key=left))
+
+
 _Part = tuple[np.ndarray, np.ndarray]
 
 
@@ -167,12 +187,21 @@ def _read(log: Readings) -> _Part:
 
     An error is the model's value less the reading.
     """
+    signals, residual = _signals(log), log.modelled - log.measured
+    read = np.isfinite(residual) & np.isfinite(signals[0])
+    return signals.T[read], residual[read]
+
+
+_MODELLED = 3
+"""Which of the signals is the model's own."""
+
+
+def _signals(log: Readings) -> np.ndarray:
+    """What a small delay or a filter adds to a signal, it itself, and a constant, ``(5, n)``."""
     slope = np.gradient(log.modelled, log.time)
     bend = np.gradient(slope, log.time)
-    signals = (slope, bend, np.gradient(bend, log.time), log.modelled, np.ones_like(slope))
-    residual = log.modelled - log.measured
-    read = np.isfinite(residual) & np.isfinite(slope)
-    return np.stack(signals, axis=1)[read], residual[read]
+    third = np.gradient(bend, log.time)
+    return np.stack([slope, bend, third, log.modelled, np.ones_like(slope)])
 
 
 def _second(values: np.ndarray) -> np.ndarray:

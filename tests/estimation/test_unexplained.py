@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from problems import fit_module
 
 import diffthrust as dft
 
@@ -46,3 +47,16 @@ def test_one_that_pushes_where_the_vehicle_goes_is_not():
     fit = dft.fit(dft.AxisVehicle(), other, starts=1)
     assert any(doubt.kind == "silent" for doubt in fit.doubts)
     assert not any("something constant" in doubt.mend for doubt in fit.doubts)
+
+
+def test_nothing_is_doubted_before_somebody_looks(monkeypatch):
+    """Doubts take longer than a small fit, and most fits are asked for their numbers alone."""
+    looked = []
+    monkeypatch.setattr(fit_module, "doubts_of", lambda logs, model: looked.append(logs) or ())
+    log, model = dive(1, 0.0), dft.AxisVehicle()
+    fit = dft.fit(model, log, starts=1)
+    assert not looked
+    assert fit.doubts == ()
+    assert looked == [(log,)]
+    assert dft.fit(model, log, starts=1, doubts=False).doubts == ()
+    assert len(looked) == 1

@@ -1,0 +1,52 @@
+"""What is worked out at the first look: once, and equal to the same things worked out at once."""
+
+import pickle
+
+import pytest
+
+from diffthrust._support.later import Later
+from diffthrust._support.lossless import encoded
+
+
+def counted():
+    looks = []
+
+    def work():
+        looks.append(1)
+        return [1, 2]
+
+    return looks, Later(work)
+
+
+def test_it_is_worked_out_at_the_first_look_and_once():
+    looks, later = counted()
+    assert not looks
+    assert list(later) == [1, 2]
+    assert (len(later), later[-1], 2 in later, bool(later)) == (2, 2, True, True)
+    assert len(looks) == 1
+
+
+def test_it_is_what_a_tuple_would_be():
+    _, later = counted()
+    assert later == (1, 2) == tuple(later)
+    assert later not in ((1,), [1, 2])
+    assert later == counted()[1]
+    assert (hash(later), repr(later)) == (hash((1, 2)), "(1, 2)")
+    assert (0, *later) == (0, 1, 2)
+    assert not Later(tuple)
+
+
+def test_other_processes_and_files_get_the_items():
+    _, later = counted()
+    assert pickle.loads(pickle.dumps(later)) == (1, 2)
+    assert encoded(later, {}) == [1, 2]
+
+
+def test_work_that_fails_is_tried_again():
+    def work():
+        raise ValueError("no")
+
+    later = Later(work)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="no"):
+            len(later)
