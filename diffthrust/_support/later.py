@@ -26,30 +26,29 @@ class Later(Sequence[Item], Generic[Item]):
         self._work = work
 
     @cached_property
-    def items(self) -> tuple[Item, ...]:
-        """The items."""
+    def _items(self) -> tuple[Item, ...]:
         items = tuple(self._work())
         del self._work  # and what it holds
         return items
 
     def __len__(self) -> int:
-        return len(self.items)
+        return len(self._items)
 
     def __getitem__(self, index: Any) -> Any:
-        return self.items[index]
+        return self._items[index]
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Later | tuple) and self.items == tuple(other)
+        return isinstance(other, Later | tuple) and self._items == tuple(other)
 
     def __hash__(self) -> int:
-        return hash(self.items)
+        return hash(self._items)
 
     def __repr__(self) -> str:
-        return repr(self.items)
+        return repr(self._items)
 
     def as_plain(self) -> tuple[Item, ...]:
         """The items, to be saved."""
-        return self.items
+        return self._items
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return tuple, (self.items,)
+        return tuple, (self._items,)

@@ -196,6 +196,8 @@ def _dimension(unit: Any) -> str:
 
 def same_quantity(unit: str, target: str) -> bool:
     """Whether numbers in one unit can be converted to another."""
+    if unit == target and unit in _COMMON:  # without pint, as in `convert`
+        return True
     try:
         _check_same(unit, target, "")
     except InputError:

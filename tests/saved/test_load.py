@@ -17,6 +17,7 @@ import short_logs as short
 
 import diffthrust as dft
 from diffthrust import InputError, Normal, parameter
+from diffthrust._support.later import Later
 from diffthrust.effects import CommandDeadband, CommandSaturation, Formula
 from diffthrust.logs import PWM
 
@@ -71,6 +72,7 @@ def bits(value):
         return type(value), {name: bits(getattr(value, name)) for name in kept}
     if hasattr(value, "items"):
         return {key: bits(each) for key, each in value.items()}
+    value = tuple(value) if isinstance(value, Later) else value
     if isinstance(value, tuple | list) and not isinstance(value, Enum):
         return type(value), [bits(each) for each in value]
     return value
