@@ -3,7 +3,7 @@
 A program is compiled for the model with several effects (`CandidateFitter.ready`), which do nothing
 at their null values. The choice of estimated parameters is data, not code (`Problem.focus`): one
 compilation serves hundreds of trials. Over short logs one program has all candidates, and serves a
-whole search. Over long ones, where they would cost more at each pass than they save, later programs
+whole search. Over long ones many would cost more at each pass than they save: later programs then
 include the effects of earlier ones, so that few are needed. A trial holds its values, the clip of
 its errors, and its program.
 """
@@ -60,9 +60,12 @@ _SHORT = 5000
 a T200 (1 600) a program with all takes as long to compile as one with eight, and replaces ten. On
 the logs of a bench (9 000) it saves a seventh of a first diagnosis, and every later one takes a
 quarter longer."""
+_FEW = 12
+"""Numerics: so many candidates at most are compiled together over any logs: of a boat there are
+eleven, and a program with all takes a third longer to compile than one without any."""
 _TOGETHER = 8
-"""Numerics: number of effects compiled together over longer logs, unless more are tried at once:
-compiling a program takes longer than all of its passes."""
+"""Numerics: number of effects compiled together otherwise, unless more are tried at once: compiling
+a program takes longer than all of its passes."""
 _ADDED = 2
 """Numerics: a program has room for so many of the effects that are tried, beside those present."""
 _MOST_PRESENT = 5
@@ -236,9 +239,8 @@ class Programs:
                 "Give longer logs, or fix parameters.",
             )
         self._lock = RLock()
-        together = list(self.candidates) if self.samples <= _SHORT else []
-        self.joint = bool(together)
-        self._compiled = [self._program(together)]
+        self.joint = self.samples <= _SHORT or len(self.candidates) <= _FEW
+        self._compiled = [self._program(self.candidates if self.joint else ())]
 
     @cached_property
     def simulation(self) -> Programs:
