@@ -421,6 +421,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...])
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train, failed = pooled_errors(optimum.runs), failures(optimum.runs)
     hint, model, runs = "", optimum.model, optimum.runs
+    # later: most fits are asked for their numbers alone, and doubts take longer than a small fit
     on_logs = Later(lambda: doubts_of(doubted, optimum.released))
     doubts = on_logs
     if failed:
@@ -456,8 +457,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...])
             *of_logs,
         ),
         "correlation": correlated,
-        # most fits are looked at for their numbers: this takes longer than a small fit
-        "doubts": doubts if doubted else (),
+        "doubts": doubts,
     }
 
 

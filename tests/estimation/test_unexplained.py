@@ -58,5 +58,3 @@ def test_nothing_is_doubted_before_somebody_looks(monkeypatch):
     assert not looked
     assert fit.doubts == ()
     assert looked == [(log,)]
-    assert dft.fit(model, log, starts=1, doubts=False).doubts == ()
-    assert len(looked) == 1
