@@ -54,7 +54,7 @@ class QuadraticSurgeDrag(Effect):
     """
 
     name = "quadratic_surge_drag"
-    in_words = "drag grows with the square of surge"
+    in_words = "drag grows with the square of surge, {drag}"
     port = "surge_force"
     drag: float = parameter(
         1.0,
@@ -87,7 +87,7 @@ class QuadraticSwayDrag(Effect):
     """
 
     name = "quadratic_sway_drag"
-    in_words = "drag grows with the square of sway"
+    in_words = "drag grows with the square of sway, {drag}"
     port = "sway_force"
     drag: float = parameter(
         2.0,
@@ -120,7 +120,7 @@ class QuadraticYawDrag(Effect):
     """
 
     name = "quadratic_yaw_drag"
-    in_words = "drag grows with the square of yaw rate"
+    in_words = "drag grows with the square of yaw rate, {drag}"
     port = "yaw_moment"
     drag: float = parameter(
         0.5,
