@@ -4,8 +4,8 @@ import pickle
 
 import pytest
 
-from diffthrust._support.later import Later
-from diffthrust._support.lossless import encoded
+from diffthrust._support.later import Later  # private: nothing public makes one
+from diffthrust._support.lossless import encoded  # private: as files are written
 
 
 def counted():

@@ -17,7 +17,7 @@ import short_logs as short
 
 import diffthrust as dft
 from diffthrust import InputError, Normal, parameter
-from diffthrust._support.later import Later
+from diffthrust._support.later import Later  # private: doubts that nobody has looked at
 from diffthrust.effects import CommandDeadband, CommandSaturation, Formula
 from diffthrust.logs import PWM
 
