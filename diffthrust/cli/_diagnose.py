@@ -34,6 +34,9 @@ def diagnose_command(
     json: JsonPath = None,
     report: ReportPath = None,
     save: SavePath = None,
+    brief: Annotated[
+        bool, typer.Option("--brief", help="Print the answer alone, and propose no test.")
+    ] = False,
     trust: TrustOption = None,
 ) -> None:
     """Find what a model lacks: where it fails, which effect is missing, what is undecided."""
@@ -42,12 +45,14 @@ def diagnose_command(
 
         loaded, fit = fitted_spec(spec, trust or ())
         names = effect_names(candidates)
-        diagnosis = loaded.diagnose(progress=progress, candidates=names, fit=fit)
+        diagnosis = loaded.diagnose(
+            progress=progress, candidates=names, fit=fit, experiment=not brief
+        )
         if save:
             diagnosis.save(save)
         if json:
             write_json(json, diagnosis.to_json())
         if report:
             diagnosis.save(report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
-    show(diagnosis)
+    show(diagnosis.summary if brief else diagnosis)
     written(json, report, save)

@@ -150,11 +150,11 @@ def _asked_for(
             continue
         if isinstance(candidate, str):
             if candidate not in effects:
-                near = nearest(candidate, (*effects, *constants))
+                near = nearest(candidate, constants)
                 besides = f"; constants of the model are {listing(constants)}" if constants else ""
                 raise InputError(
-                    f"candidates: the effect {candidate!r} is not known"
-                    f"{f' ({near})' if near else ''}; {nearby(candidate, effects)}{besides}.",
+                    f"candidates: the effect {candidate!r} is not known; "
+                    f"{nearby(candidate, effects)}{besides}{f' ({near})' if near else ''}.",
                     "Correct the name ('diffthrust effects' lists all). An effect of your own is "
                     "given as an object, on the command line as my_effect.py:MyEffect; 'all' "
                     "stands for the catalogue.",

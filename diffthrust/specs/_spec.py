@@ -212,6 +212,7 @@ class Spec(Brief):
         progress: ProgressOption = None,
         candidates: Sequence[str] | None = None,
         fit: Fit | None = None,
+        experiment: bool = True,
     ) -> Diagnosis:
         """Fit with the options of ``[fit]``, then diagnose which physics is missing.
 
@@ -220,6 +221,7 @@ class Spec(Brief):
             progress: True for a bar, or a function of a message and the share done.
             candidates: effects to try, named as under ``effects``, and fixed constants of the
                 model, by name; ``None`` for all.
+            experiment: propose a test that would separate effects that these logs cannot.
 
         Raises:
             InputError: an effect is unknown, or the logs cannot be diagnosed.
@@ -248,6 +250,7 @@ class Spec(Brief):
             train,
             holdout=unseen or None,
             candidates=wanted,
+            experiment=experiment,
             progress=subtask(report, begun, 1.0),
         )
 

@@ -91,6 +91,14 @@ def test_it_prints_and_writes(spec, handed, tmp_path):
     assert handed["fit"].status.ok
 
 
+def test_brief_is_the_answer_alone(spec, handed):
+    result = run("diagnose", spec, "--brief")
+    assert result.stdout.split() == made.found().summary.split()
+    assert handed["experiment"] is False
+    run("diagnose", spec)
+    assert handed["experiment"] is True
+
+
 def test_the_effects_of_the_spec_belong_to_the_model(spec, handed):
     spec.write_text(SPEC.replace("effects = []", 'effects = ["command_deadband"]'))
     run("diagnose", spec)
