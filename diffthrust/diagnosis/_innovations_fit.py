@@ -3,7 +3,7 @@
 A program is compiled for the model with several effects (`CandidateFitter.ready`), which do nothing
 at their null values. The choice of estimated parameters is data, not code (`Problem.focus`): one
 compilation serves hundreds of trials. Over short logs one program has all candidates, and serves a
-whole search. Over long ones many would cost more at each pass than they save: later programs then
+whole search. Over long ones, where they would cost more at each pass than they save, later programs
 include the effects of earlier ones, so that few are needed. A trial holds its values, the clip of
 its errors, and its program.
 """
@@ -59,13 +59,10 @@ _SHORT = 5000
 """Numerics: with so many measurements at most, all candidates are compiled together: on the maps of
 a T200 (1 600) a program with all takes as long to compile as one with eight, and replaces ten. On
 the logs of a bench (9 000) it saves a seventh of a first diagnosis, and every later one takes a
-quarter longer."""
-_FEW = 12
-"""Numerics: so many candidates at most are compiled together over any logs: of a boat there are
-eleven, and a program with all takes a third longer to compile than one without any."""
+quarter longer; a boat (14 400, eleven candidates) takes longer in any case."""
 _TOGETHER = 8
-"""Numerics: number of effects compiled together otherwise, unless more are tried at once: compiling
-a program takes longer than all of its passes."""
+"""Numerics: number of effects compiled together over longer logs, unless more are tried at once:
+compiling a program takes longer than all of its passes."""
 _ADDED = 2
 """Numerics: a program has room for so many of the effects that are tried, beside those present."""
 _MOST_PRESENT = 5
@@ -239,7 +236,7 @@ class Programs:
                 "Give longer logs, or fix parameters.",
             )
         self._lock = RLock()
-        self.joint = self.samples <= _SHORT or len(self.candidates) <= _FEW
+        self.joint = self.samples <= _SHORT
         self._compiled = [self._program(self.candidates if self.joint else ())]
 
     @cached_property
@@ -283,7 +280,9 @@ class Programs:
             last = sorted(self._compiled[-1].effects)
             wanted = dict.fromkeys((*effects, *tried, *last, *later))
             wanted = [n for n in wanted if n in self.candidates]
-            if not self.joint:
+            if self.joint:  # it had no room: there will be more effects yet
+                needed += self._size(*wanted, most=_MOST_PRESENT)
+            else:
                 wanted = wanted[: max(_TOGETHER, len(names))]
             self._compiled.append(self._program(wanted, needed))
             return self._compiled[-1]
