@@ -14,6 +14,7 @@ from diffthrust.estimation import _fit as fit_module  # private: when doubts are
 from diffthrust.estimation import _horizons as horizons_module  # private: two valleys
 from diffthrust.estimation import _insensitive as insensitive_module
 from diffthrust.estimation import _likelihood as likelihood_module
+from diffthrust.estimation import _multistart as multistart_module
 from diffthrust.estimation import _refine as refine_module
 from diffthrust.estimation import _status as status_module
 from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
@@ -120,6 +121,7 @@ __all__ = [
     "likelihood_of",
     "linked",
     "marginal_spread",
+    "multistart_module",
     "noise_levels",
     "nrmse",
     "origin_of",

@@ -7,6 +7,7 @@ closed forms, or at the edge of a threshold.
 from diffthrust.diagnosis import (  # private: how a search begins
     _admission as admission_module,
 )
+from diffthrust.diagnosis import _innovations_fit as innovations_fit_module
 from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
@@ -323,6 +324,7 @@ __all__ = [
     "headroom_between",
     "height_at",
     "height_over_turns",
+    "innovations_fit_module",
     "is_at_null",
     "knots_of",
     "learners_for",

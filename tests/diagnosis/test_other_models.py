@@ -203,6 +203,22 @@ def test_a_rival_that_the_logs_leave_open_is_fitted_and_not_searched(monkeypatch
     assert searched == ["fixed"]
 
 
+@pytest.mark.parametrize(
+    ("rival", "number", "behind"),
+    [(0.3, 0, False), (0.21, 1, True), (0.19, 1, False), (0.09, 3, False), (0.11, 3, True)],
+)
+def test_a_rival_falls_behind_where_it_errs_more_with_as_many_effects(rival, number, behind):
+    """The diagnosed model errs by 0.25 as given, then by 0.2 and 0.1, where its search ended."""
+
+    def search(*errors):
+        fits = [SimpleNamespace(holdout=SimpleNamespace(nrmse=e), train=None) for e in errors]
+        stages = [SimpleNamespace(fit=fit) for fit in fits]
+        return SimpleNamespace(stages=stages, number=len(stages) - 1)
+
+    found, state = search(*[1.0] * number, rival), search(0.25, 0.2, 0.1)
+    assert rival_models_module._is_behind(found, state) is behind
+
+
 @pytest.mark.slow
 def test_a_thruster_behind_a_speed_loop_is_told_to_be_one():
     rng = np.random.default_rng(5)

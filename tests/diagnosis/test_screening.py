@@ -13,6 +13,7 @@ from steps import (
     bind,
     edge_of,
     fitted_from_fallback,
+    innovations_fit_module,
     is_at_null,
     levels_of,
     predicted_gains,
@@ -53,6 +54,17 @@ def trials():
         Programs(fit.model, [known[n]() for n in names], bind(fit.model, logs), [])
     )
     return made, made.base()
+
+
+@pytest.mark.parametrize(("longest", "programs"), [(5000, [3, 3, 3]), (0, [0, 2, 3])])
+def test_over_short_logs_one_program_has_all_candidates(trials, monkeypatch, longest, programs):
+    monkeypatch.setattr(innovations_fit_module, "_SHORT", longest)
+    made, _ = trials
+    everything = Programs(made.model, list(made.candidates.values()), made.records, [])
+    asked = [((), ()), (("coulomb_friction",), ["thrust_sensor_offset"]), ((), [*made.candidates])]
+    ready = [everything.ready(present, tried) for present, tried in asked]
+    assert [len(program.effects) for program in ready] == programs
+    assert len({id(program) for program in ready}) == len({*programs})
 
 
 def test_an_effect_whose_null_is_infinite_begins_at_the_value_that_is_given(trials):

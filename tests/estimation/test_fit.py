@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems import build, examine, restarts
+from problems import build, examine, fit_module, multistart_module, restarts
 from reference import inputs, noise, thruster, vessel
 
 import diffthrust as dft
@@ -45,6 +45,21 @@ def test_noise_free_data_give_the_truth_to_the_integrators_accuracy():
     for name, true in TRUE.items():
         assert fit.parameters[name].value == pytest.approx(true, rel=1e-5)
     assert fit.train.nrmse < 1e-5
+
+
+@pytest.mark.parametrize("followed", [True, False])
+def test_finer_steps_follow_the_optimum_unless_they_lead_to_another(monkeypatch, followed):
+    log, begun, once = log_of(record(step=0.3, duration=60.0)), [], fit_module._pass
+    monkeypatch.setattr(fit_module, "_pass", lambda *a: begun.append(a) or once(*a))
+    if not followed:
+        monkeypatch.setattr(multistart_module.Search, "improves_on", lambda *a: True)
+    fit = dft.fit(dft.Thruster(), log, starts=3)
+    assert fit.substeps > 1
+    assert len(begun) == (1 if followed else 2)
+    given = dft.fit(dft.Thruster(), log, starts=3, substeps=fit.substeps)
+    assert fit.log_likelihood == pytest.approx(given.log_likelihood, abs=1e-4)
+    for name, estimate in given.parameters.items():
+        assert abs(fit.parameters[name].value - estimate.value) < 0.01 * estimate.std_error
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import ClassVar
 
 import jax
@@ -14,11 +15,13 @@ from problems import (
     BoundedLevenbergMarquardt,
     Quadratic,
     Search,
+    Solved,
     build,
     carried_on,
     examine,
     judge,
     least_in_box,
+    multistart_module,
     polished,
     rounding_of,
     solve,
@@ -314,6 +317,33 @@ def test_a_start_that_is_on_the_way_to_a_known_optimum_ends_there_and_no_other_d
     np.testing.assert_allclose(alone.z, optimum.z, atol=1e-5)
     beyond_a_hill = at(2.9)
     assert carried_on(problem, beyond_a_hill, [optimum]) is not optimum
+
+
+@pytest.mark.parametrize(
+    ("costs", "looks"),
+    [
+        ([900.0, 895.0, 200.0], 2),  # by 5 in 25 steps: 45 more in the 225 that are left
+        ([900.0, 700.0, 450.0, 200.0, -50.0, -51.0], 6),
+        ([1000.0, 200.0], 1),
+    ],
+)
+def test_a_start_whose_pace_would_not_reach_the_best_is_given_up(monkeypatch, costs, looks):
+    """It begins at a cost of 1000, and each 25 steps lead to the next; the best optimum has 0."""
+    z, left = np.zeros(1), iter(costs)
+
+    def at(cost, done=False):
+        return Solved(z, SimpleNamespace(cost=cost), done, 25)
+
+    seen = []
+
+    def solved(problem, z, budget, tolerance):
+        seen.append(next(left))
+        return at(seen[-1], done=len(seen) == len(costs))
+
+    monkeypatch.setattr(multistart_module, "solve", solved)
+    ended = carried_on(None, at(1000.0), [at(0.0, done=True)])
+    assert len(seen) == looks
+    assert ended.quadratic.cost == seen[-1]
 
 
 def test_a_planted_point_beside_the_minimum_is_not_converged():
