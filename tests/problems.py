@@ -10,13 +10,14 @@ from diffthrust.estimation import (  # private: logs as a search has them
     _arguments,
     _arrange,
 )
-from diffthrust.estimation import _fit as fit_module  # private: when doubts are looked for
+from diffthrust.estimation import _fit as fit_module  # private: how often a search begins
 from diffthrust.estimation import _horizons as horizons_module  # private: two valleys
 from diffthrust.estimation import _insensitive as insensitive_module
 from diffthrust.estimation import _likelihood as likelihood_module
 from diffthrust.estimation import _multistart as multistart_module
 from diffthrust.estimation import _refine as refine_module
 from diffthrust.estimation import _status as status_module
+from diffthrust.estimation import _unexplained as unexplained_module
 from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._arrange import restarts  # private: segments of another length
 from diffthrust.estimation._horizons import (  # private: what a choice hides
@@ -132,6 +133,7 @@ __all__ = [
     "rounding_of",
     "solve",
     "status_module",
+    "unexplained_module",
     "unstable_advice",
     "vanished",
     "vanished_notes",

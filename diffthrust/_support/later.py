@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
+from threading import RLock
 from typing import Any, Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -11,6 +11,8 @@ Item = TypeVar("Item")
 
 class Later(Sequence[Item], Generic[Item]):
     """The items that a function gives, asked for once, at the first look at any of them.
+
+    It is used as the tuple of these items, which it becomes in files and other processes.
 
     Args:
         work: gives the items.
@@ -23,19 +25,29 @@ class Later(Sequence[Item], Generic[Item]):
     """
 
     def __init__(self, work: Callable[[], Iterable[Item]]) -> None:
-        self._work = work
+        self._work: Callable[[], Iterable[Item]] | None = work
+        self._worked_out: tuple[Item, ...] = ()
+        self._lock = RLock()
 
-    @cached_property
+    @property
     def _items(self) -> tuple[Item, ...]:
-        items = tuple(self._work())
-        del self._work  # and what it holds
-        return items
+        with self._lock:
+            if self._work is not None:
+                self._worked_out = tuple(self._work())
+                self._work = None  # with what it holds
+            return self._worked_out
 
     def __len__(self) -> int:
         return len(self._items)
 
     def __getitem__(self, index: Any) -> Any:
         return self._items[index]
+
+    def __add__(self, other: tuple[Any, ...]) -> tuple[Any, ...]:
+        return (*self._items, *other)
+
+    def __radd__(self, other: tuple[Any, ...]) -> tuple[Any, ...]:
+        return (*other, *self._items)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Later | tuple) and self._items == tuple(other)

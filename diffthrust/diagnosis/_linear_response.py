@@ -29,9 +29,9 @@ from diffthrust.estimation._likelihood import Quadratic, by_blocks
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.estimation._problem import Problem
 
-_NARROW, _WIDE = 32, 128
-"""Numerics: series that go through a log together, padded with zeros to one of two widths so that
-two programs serve all: a step of the loop takes hardly longer with them."""
+_ABREAST = 32
+"""Numerics: series that go through a log together, padded with zeros to this number so that one
+program serves all: a step of the loop takes hardly longer with them."""
 _MOST_REMOVED = 0.9
 """Numerics: share of the squared errors that a step is credited with removing at most: the
 logarithm of what remains has no bound, and a linear response far from the null is not to be trusted
@@ -251,14 +251,14 @@ def _response_to(
         over: mean until the next sample.
     """
     count = series.shape[1]
-    width = _WIDE if 2 * count > _WIDE else _NARROW
-    padding = ((0, 0), (0, -count % width), (0, 0))
+    padding = ((0, 0), (0, -count % _ABREAST), (0, 0))
     series, over = np.pad(series, padding), np.pad(over, padding)
     now, later, direct = (
         matrix[..., place] for matrix in (slopes.push_now, slopes.push_over, slopes.direct)
     )
     chunks = [
-        (series[:, at : at + width], over[:, at : at + width]) for at in range(0, count, width)
+        (series[:, at : at + _ABREAST], over[:, at : at + _ABREAST])
+        for at in range(0, count, _ABREAST)
     ]
     out = [
         np.asarray(_propagated(slopes.transition, slopes.output, now, later, direct, *chunk))

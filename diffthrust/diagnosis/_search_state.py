@@ -103,6 +103,7 @@ class Refit:
         segments: bool = False,
         substeps: int = 0,
         horizons: tuple[float | None, ...] | None = None,
+        doubts: bool = False,
     ) -> FitRuns:
         """Fit a model; its unseen runs have the integrator steps of the fit, too.
 
@@ -116,10 +117,11 @@ class Refit:
                 first fit ended in whole runs.
             substeps: integrator steps per sample, without a check whether finer ones are needed.
             horizons: of these segments, for a model that has none of its own.
+            doubts: look whether the logs are sound.
         """
         records = records or (self.train, self.unseen)
         starts = starts or _STARTS[bool(guesses)]
-        options = {"starts": starts, "guesses": guesses, **self.options}
+        options = {"starts": starts, "guesses": guesses, "doubts": doubts, **self.options}
         # a warning of coarse steps is acted on below, and the notes of the fit repeat it
         with self.clock("refit"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", CoarseStepWarning)
@@ -296,10 +298,11 @@ def start_search(
     refit = Refit(train, unseen, {"seed": seed, **options}, clock)
     progress = subtask(say, 0.0, FITTED)
     if isinstance(fit, Fit):
-        fitted = _with_its_runs(fit, train, unseen) or refit(fit.model, progress=progress)
+        fitted = _with_its_runs(fit, train, unseen)
+        fitted = fitted or refit(fit.model, progress=progress, doubts=True)
         guess = fit.guess
     else:
-        fitted = refit(fit, progress=progress)
+        fitted = refit(fit, progress=progress, doubts=True)
         guess = fitted.fit.guess
     first = fitted.fit
     settled: dict[str, Any] = {"substeps": first.substeps}

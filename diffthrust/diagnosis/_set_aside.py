@@ -20,6 +20,9 @@ from diffthrust.diagnosis._search_state import FittedStage, SearchContext, compi
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
 
+_STARTS = 2
+"""Numerics: starts of a fit without the odd logs, or with all: its model is fitted already, and one
+more tells whether these had bent it into another valley."""
 _SAME = 1.01
 """Numerics: a fit has reached another's error over the same logs where it is larger by no more."""
 
@@ -51,14 +54,16 @@ def upheld(
     if len(kept) < len(records):
         context.say("without the odd logs", 1.0)
         others = FittedStage(
-            last.effects, *context.refit(last.fit.model, starts=1, records=(kept, kept_unseen))
+            last.effects,
+            *context.refit(last.fit.model, starts=_STARTS, records=(kept, kept_unseen)),
         )
         if not _as_good(others, last, accused):
             return tuple(log for log in odd if not log.accused), None
         runs.append(runs_over(others.fit.model, (*records, *unseen)))
     if len(kept_unseen) < len(unseen):  # the fit has not seen these
         context.say("with the odd logs", 1.0)
-        runs.append(context.refit(last.fit.model, starts=1, records=((*records, *unseen), ())).runs)
+        all_logs = (*records, *unseen), ()
+        runs.append(context.refit(last.fit.model, starts=_STARTS, records=all_logs).runs)
     before = (*last.trained.runs, *(last.judged.runs if unseen else ()))
     least = SETTINGS.outlier_logs.least_error_ratio
     cleared = {

@@ -19,8 +19,9 @@ class Screening:
 
     most_fitted: int = 8
     """The number of candidates that are fitted at each stage: those that promise most.
-    Origin: as many effects as the trials compile into one program. Lower: the right one may not be
-    tried, and its rivals are not listed. Higher: a second program, minutes for a vessel."""
+    Origin: as many effects as the trials compile into one program over longer logs. Lower: the
+    right one may not be tried, and its rivals are not listed. Higher: a second program, minutes for
+    a vessel."""
     least_share_of_price: float = 0.5
     """A candidate is fitted if it promises this share of the likelihood ratio that adding it costs.
     Origin: chosen, a factor of two for an effect whose response bends. Lower: fits that come to
@@ -176,8 +177,8 @@ class Pairs:
     most_effects: int = 8
     """The number of effects of which pairs are made: the best single, those that one-step errors
     cannot test, and further singles.
-    Origin: as many as the trials compile into one program. Lower: the second of a pair is not among
-    them. Higher: a second program, minutes for a vessel."""
+    Origin: as many as the trials compile into one program over longer logs. Lower: the second of a
+    pair is not among them. Higher: a second program, minutes for a vessel."""
     most_fitted: int = 3
     """The number of pairs that are fitted to the end, those of least cost first.
     Origin: chosen; each takes a fit of whole runs, half a minute for a boat. Lower: the pair that a

@@ -30,7 +30,7 @@ class WaterCurrent(Effect):
     """
 
     name = "water_current"
-    in_words = "a water current goes {to_north} north and {to_east} east"
+    in_words = "a water current sets the vessel off its way"
     ports: ClassVar[tuple[str, ...]] = (
         "surge_through_water",
         "sway_through_water",

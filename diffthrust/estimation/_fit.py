@@ -50,7 +50,12 @@ from diffthrust.estimation._status import (
     judge,
     unstable_advice,
 )
-from diffthrust.estimation._unexplained import doubts_about, hint_at, little_explained
+from diffthrust.estimation._unexplained import (
+    doubts_about,
+    hint_at,
+    little_explained,
+    silent_doubts,
+)
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
@@ -67,7 +72,6 @@ from diffthrust.simulation._runs import (
     step_choice,
 )
 from diffthrust.simulation._step_size import CoarseStepWarning
-from diffthrust.soundness._doubts import doubts as doubts_of
 
 
 @progressing
@@ -370,14 +374,19 @@ def _finer(task: _Task, optimum: _Optimum) -> _Optimum | None:
     """The optimum followed to the steps that the model needs; none where it is another one there.
 
     Finer steps move an optimum, and raise no hills: a search that begins anew would do all the work
-    again. But if the errors are larger with them, the coarse steps were what fitted.
+    again. But if the errors are larger with them, the coarse steps were what fitted, and where most
+    starts could not be simulated, the coarse steps were what forbade them. The horizon stays.
     """
+    if 2 * optimum.search.failed > optimum.search.begun:
+        return None
     layout = optimum.problem.layout
     grids = tuple(replace(grid, substeps=optimum.needed) for grid in layout.grids)
     problem = replace(optimum.problem, layout=replace(layout, grids=grids))
     search = optimum.search.followed(problem)
     if optimum.search.improves_on(search):
         return None
+    if task.likelihood.corrects:
+        search, problem = refined(search, problem)
     parts = (optimum.horizon, optimum.silent, optimum.notes)
     return _ended(task, polished(search, problem), problem, *parts)
 
@@ -420,17 +429,15 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...])
     figures = (local.gradient, local.rank, local.columns, local.condition)
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train, failed = pooled_errors(optimum.runs), failures(optimum.runs)
-    hint, model, runs = "", optimum.model, optimum.runs
-    # later: most fits are asked for their numbers alone, and doubts take longer than a small fit
-    on_logs = Later(lambda: doubts_of(doubted, optimum.released))
-    doubts = on_logs
+    hint, model, runs, little = "", optimum.model, optimum.runs, {}
     if failed:
         status, message = failed_over(failed, message, np.isfinite(cost))
     else:
         little = little_explained(train)
         corrects = problem.layout.likelihood.corrects
         hint = hint_at(little) + unstable_advice(status, model, runs, corrects)
-        doubts = Later(lambda: doubts_about(little, on_logs, model, runs))
+    # later: most fits are asked for their numbers alone, and doubts take longer than a small fit
+    doubts = Later(lambda: doubts_about(little, () if failed else runs, model, doubted))
     vanished = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {
@@ -457,7 +464,7 @@ def _judged(optimum: _Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...])
             *of_logs,
         ),
         "correlation": correlated,
-        "doubts": doubts,
+        "doubts": doubts if doubted else silent_doubts(little, (), model, runs),
     }
 
 

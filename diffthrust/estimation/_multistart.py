@@ -50,14 +50,17 @@ class Search:
     """The outcome of a multi-start search.
 
     Args:
-        optima: the distinct optima, the best first, each with the number of starts that led to it.
+        optima: the distinct optima, and where starts were given up, the best first, each with the
+            number of starts that led to it.
         begun: starts that were begun, the caller's own guesses among them.
         guesses: of these.
+        failed: of these could not be simulated.
     """
 
     optima: tuple[tuple[Solved, int], ...]
     begun: int
     guesses: tuple[np.ndarray, ...] = ()
+    failed: int = 0
 
     @property
     def best(self) -> Solved:
@@ -84,8 +87,9 @@ class Search:
     def followed(self, problem: Problem) -> Search:
         """The search carried on to a related problem from its best few optima and the guesses."""
         carried = [(_close(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
-        carried += [(_close(problem, z), 1) for z in self.guesses]
-        return replace(self, optima=_best_ended(problem, distinct(carried)))
+        carried += [(_close(problem, z), 0) for z in self.guesses]  # counted with the optima
+        optima = [(solved, max(n, 1)) for solved, n in distinct(carried)]
+        return replace(self, optima=_best_ended(problem, tuple(optima)))
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
@@ -140,7 +144,7 @@ def search(
     """Minimise from several starts.
 
     Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried on until
-    little is left to be gained, and the best of them to the end.
+    little is left to be gained or they are no rivals, and the best of them to the end.
     While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
     and then as many starts again are drawn, twice at most. ``first`` is the first start where it
     was begun already. All ``guesses`` are carried on, whatever the others reach; where there are
@@ -149,7 +153,7 @@ def search(
     tell, enough = reporter(progress), _AGREED - bool(guesses)
     begun: list[Solved] = []
     ended = [_close(problem, z) for z in guesses]
-    total = 0
+    total = failed = 0
     for shares in _ROUNDS:
         say = subtask(tell, *shares)
         drawn = draw(problem, starts + 1, rng)
@@ -160,6 +164,7 @@ def search(
             begun.append(
                 solve(problem, z, budget=FIRST_BUDGET) if begun_first is None else begun_first
             )
+            failed += not np.isfinite(begun[-1].quadratic.cost)
             say(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
         wanted = max(_ENDED, len(begun) // 4)
@@ -174,7 +179,7 @@ def search(
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
     optima = _best_ended(problem, distinct([(solved, 1) for solved in ended]))
-    return Search(_mirrored(problem, optima), total + len(guesses), tuple(guesses))
+    return Search(_mirrored(problem, optima), total + len(guesses), tuple(guesses), failed)
 
 
 def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solved:
@@ -199,7 +204,7 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
             break
         pace, looks = _cost(last) - _cost(reached), max(0, MOST_STEPS - steps) / _LOOK_STEPS
         if best is not None and _cost(reached) - looks * pace > _cost(best):
-            break
+            return best if _leads(problem, reached, best) else reached
     return reached
 
 

@@ -138,8 +138,8 @@ class Fit(Result):
             too small.
         doubts: what in the logs is probably not what its name, unit or clock says
             (`diffthrust.soundness.doubts`), channels of which the fit explains little, and
-            parameters that ran very far from where they began. It is looked for at the first look
-            at any of them.
+            parameters that ran very far from where they began. They are looked for at the first
+            look at any of them.
         logs: the training logs, then the unseen ones, for `plot`; empty for a fit from a file or
             from another process.
 

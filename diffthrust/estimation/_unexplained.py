@@ -7,10 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from diffthrust._support.words import joined, number, percent
+from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._runs import Run
 from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubts import doubts as doubts_of
 from diffthrust.soundness._late import late_readings
 from diffthrust.soundness._record import jumps
 
@@ -31,20 +33,34 @@ def hint_at(little: Mapping[str, str]) -> str:
 
 
 def doubts_about(
-    little: Mapping[str, str], of_logs: Sequence[Doubt], model: Model, runs: Sequence[Run]
+    little: Mapping[str, str], runs: Sequence[Run], model: Model, logs: Sequence[Log]
 ) -> tuple[Doubt, ...]:
     """The doubts of a fit: on its logs, and on channels that it hardly explains.
 
     Args:
         little: such channels.
-        of_logs: on the logs themselves.
+        runs: over its training logs; none where they failed.
+        model: at the optimum.
+        logs: that are looked at whether they are sound, the unseen ones too.
+    """
+    doubts = (*_turning(model, runs), *late_readings(runs), *doubts_of(logs, model))
+    return (*doubts, *silent_doubts(little, doubts, model, runs))
+
+
+def silent_doubts(
+    little: Mapping[str, str], doubts: Sequence[Doubt], model: Model, runs: Sequence[Run]
+) -> tuple[Doubt, ...]:
+    """Doubts on channels that a fit hardly explains, and that no other doubt names.
+
+    Args:
+        little: such channels.
+        doubts: the others.
         model: at the optimum.
         runs: over its training logs.
     """
-    doubts = (*_turning(model, runs), *late_readings(runs), *of_logs)
     held = "".join(_held_against(model, runs)) if little else ""
     doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
-    added = [
+    return tuple(
         Doubt(
             name,
             "silent",
@@ -54,8 +70,7 @@ def doubts_about(
         )
         for name, share in little.items()
         if name not in doubted
-    ]
-    return (*doubts, *added)
+    )
 
 
 def _turning(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:

@@ -166,7 +166,7 @@ def _constant_delay(logs: Sequence[Readings]) -> float:
 
     coarse = min(np.arange(0.0, _LONGEST + 0.1, _COARSE), key=left)
     near = coarse + np.arange(-_COARSE + _FINE, _COARSE, _FINE)
-    return step * float(min(near[near >= 0], key=left))
+    return step * float(min(near[(near >= 0) & (near <= _LONGEST)], key=left))
 
 
 _Part = tuple[np.ndarray, np.ndarray]

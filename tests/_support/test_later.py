@@ -1,6 +1,8 @@
 """What is worked out at the first look: once, and equal to the same things worked out at once."""
 
 import pickle
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -32,8 +34,23 @@ def test_it_is_what_a_tuple_would_be():
     assert later not in ((1,), [1, 2])
     assert later == counted()[1]
     assert (hash(later), repr(later)) == (hash((1, 2)), "(1, 2)")
-    assert (0, *later) == (0, 1, 2)
+    assert (0, *later) == (0, 1, 2) == (0,) + later  # noqa: RUF005
+    assert later + (3,) == (1, 2, 3)  # noqa: RUF005
     assert not Later(tuple)
+
+
+def test_threads_that_look_at_once_wait_for_one_of_them():
+    looks = []
+
+    def work():
+        looks.append(1)
+        time.sleep(0.05)
+        return [1, 2]
+
+    later = Later(work)
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(lambda _: len(later), range(4))) == [2, 2, 2, 2]
+    assert len(looks) == 1
 
 
 def test_other_processes_and_files_get_the_items():

@@ -204,18 +204,28 @@ def test_a_rival_that_the_logs_leave_open_is_fitted_and_not_searched(monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("rival", "number", "behind"),
-    [(0.3, 0, False), (0.21, 1, True), (0.19, 1, False), (0.09, 3, False), (0.11, 3, True)],
+    ("rival", "effects", "behind"),
+    [
+        (0.9, "", False),
+        (0.9, "a", False),  # with two effects the diagnosed model errs by 0.2
+        (0.21, "ab", False),
+        (0.23, "ab", True),
+        (0.23, "abc", True),
+        (0.1, "abcd", False),
+        (0.12, "abcde", True),
+    ],
 )
-def test_a_rival_falls_behind_where_it_errs_more_with_as_many_effects(rival, number, behind):
-    """The diagnosed model errs by 0.25 as given, then by 0.2 and 0.1, where its search ended."""
+def test_a_rival_falls_behind_where_it_errs_a_tenth_more_with_as_many_effects(
+    rival, effects, behind
+):
+    """The diagnosed model was given two effects at once, then two more."""
 
-    def search(*errors):
-        fits = [SimpleNamespace(holdout=SimpleNamespace(nrmse=e), train=None) for e in errors]
-        stages = [SimpleNamespace(fit=fit) for fit in fits]
-        return SimpleNamespace(stages=stages, number=len(stages) - 1)
+    def stage(error, effects):
+        fit = SimpleNamespace(holdout=SimpleNamespace(nrmse=error), train=None)
+        return SimpleNamespace(fit=fit, effects=tuple(effects))
 
-    found, state = search(*[1.0] * number, rival), search(0.25, 0.2, 0.1)
+    state = SimpleNamespace(stages=[stage(0.25, ""), stage(0.2, "ab"), stage(0.1, "abcd")])
+    found = SimpleNamespace(stages=[stage(rival, effects)])
     assert rival_models_module._is_behind(found, state) is behind
 
 

@@ -79,7 +79,7 @@ def test_a_wrong_option_of_a_fit_is_named_with_its_mend(options, said, mended):
     ("options", "said", "mended"),
     [
         ({"candidates": 3}, "candidates: expected names, .* found 3", "command_deadband"),
-        ({"candidates": ["coulomb_frction"]}, "nearest is 'coulomb_friction'", "name"),
+        ({"candidates": ["coulomb_frction"]}, "nearest are 'coulomb_friction'", "name"),
         ({"experiment": "yes"}, "experiment: expected True or False, found 'yes'", "=False"),
         ({"limits": [1, 2]}, r"limits: expected a dictionary .* found \[1, 2\]", "low, high"),
         ({"limits": {"command": 3}}, "limits: expected a lower .* 'command', found 3", "low, high"),

@@ -1,5 +1,7 @@
 """Fits: recovery, coverage, honest statuses, units, several logs, segments."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from problems import build, examine, fit_module, multistart_module, restarts
@@ -60,6 +62,57 @@ def test_finer_steps_follow_the_optimum_unless_they_lead_to_another(monkeypatch,
     assert fit.log_likelihood == pytest.approx(given.log_likelihood, abs=1e-4)
     for name, estimate in given.parameters.items():
         assert abs(fit.parameters[name].value - estimate.value) < 0.01 * estimate.std_error
+
+
+class Follower(dft.Model):
+    """A speed that follows its command, too fast for steps of a tenth of a second."""
+
+    name = "follower"
+    inputs: ClassVar[dict] = {"command": "m/s"}
+    states: ClassVar[dict] = {"level": "m/s"}
+    outputs: ClassVar[dict] = {"level": "m/s"}
+    rate: float = dft.parameter(10.0, "1/s", bounds=(1.0, 400.0))
+
+    def equations(self, s, port):
+        """The rate of the level, and what is measured of it."""
+        return {"level": self.rate * (s.command - s.level)}, {"level": s.level}
+
+
+def followed(rate, every=0):
+    """Its log under held commands, by the closed form; with spikes where ``every`` says."""
+    rng, step, count = np.random.default_rng(4), 0.1, 300
+    command = np.repeat(rng.uniform(-1.0, 1.0, count // 5), 5)
+    level, keep = np.zeros(count), np.exp(-rate * step)
+    for k in range(count - 1):
+        level[k + 1] = keep * level[k] + (1.0 - keep) * command[k]
+    level += 0.002 * rng.standard_normal(count)
+    if every:
+        level[::every] += 0.3
+    return dft.Log(step * np.arange(count), {"command": command}, {"level": level}, hold="zero")
+
+
+@pytest.mark.parametrize("every", [0, 37])
+def test_finer_steps_of_an_innovations_fit_have_limits_of_their_own(every):
+    options = {"likelihood": "innovations", "loss": "student_t", "starts": 2}
+    fit = dft.fit(Follower(), followed(18.0, every), **options)
+    assert fit.substeps > 1
+    given = dft.fit(Follower(), followed(18.0, every), substeps=fit.substeps, **options)
+    assert fit.log_likelihood == pytest.approx(given.log_likelihood, abs=0.1)
+    assert fit.limits["level"] == pytest.approx(given.limits["level"], rel=0.05)
+
+
+def test_where_coarse_steps_forbid_most_starts_finer_ones_begin_anew():
+    """A step of 0.1 s is stable up to a rate of 28 per second, and most starts lie above."""
+    fit = dft.fit(Follower(rate=200.0), followed(24.0), starts=4)
+    assert fit.substeps > 1
+    assert fit.status is dft.Status.CONVERGED
+    assert fit.checks.starts_agreeing >= 2
+
+
+def test_guesses_are_counted_once():
+    fit = dft.fit(Follower(), followed(18.0), starts=1, guesses=[{"rate": 12.0}, {"rate": 14.0}])
+    assert fit.substeps > 1
+    assert fit.checks.starts_agreeing <= fit.checks.starts == 3
 
 
 @pytest.mark.slow

@@ -346,6 +346,15 @@ def test_a_start_whose_pace_would_not_reach_the_best_is_given_up(monkeypatch, co
     assert ended.quadratic.cost == seen[-1]
 
 
+def test_a_start_that_is_given_up_may_be_on_the_way_all_the_same(monkeypatch):
+    z = np.zeros(1)
+    at = [Solved(z, SimpleNamespace(cost=cost), False, 25) for cost in (9.2, 8.9)]
+    best = Solved(z, SimpleNamespace(cost=0.0), True, 25)
+    monkeypatch.setattr(multistart_module, "solve", lambda *a, **k: at[1])
+    monkeypatch.setattr(multistart_module, "_leads", lambda problem, start, to: start is at[1])
+    assert carried_on(None, at[0], [best]) is best
+
+
 def test_a_planted_point_beside_the_minimum_is_not_converged():
     """A share of a standard error away, also where its rounding is asked for."""
     problem = build(dft.Thruster(), [log_of(record())])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems import fit_module
+from problems import unexplained_module
 
 import diffthrust as dft
 
@@ -52,9 +52,12 @@ def test_one_that_pushes_where_the_vehicle_goes_is_not():
 def test_nothing_is_doubted_before_somebody_looks(monkeypatch):
     """Doubts take longer than a small fit, and most fits are asked for their numbers alone."""
     looked = []
-    monkeypatch.setattr(fit_module, "doubts_of", lambda logs, model: looked.append(logs) or ())
+    look = lambda logs, model: looked.append(logs) or ()  # noqa: E731
+    monkeypatch.setattr(unexplained_module, "doubts_of", look)
     log, model = dive(1, 0.0), dft.AxisVehicle()
     fit = dft.fit(model, log, starts=1)
     assert not looked
     assert fit.doubts == ()
     assert looked == [(log,)]
+    assert dft.fit(model, log, starts=1, doubts=False).doubts == ()
+    assert len(looked) == 1
