@@ -358,7 +358,14 @@ def compiled_fitter(
     unseen: Sequence[Record],
     present: TrialFit | None = None,
 ) -> tuple[CandidateFitter, TrialFit]:
-    """The fitter, and its first trial: the model as it is, or with the effects of ``present``."""
+    """The fitter, and its first trial: the model as it is, or with the effects of ``present``.
+
+    A model whose fit has failed is tried alone first, before all its candidates are compiled.
+    """
+    if fit.status is Status.SIMULATION_FAILED:
+        alone = CandidateFitter(Programs(fit.model, [], train, [], fit.substeps, fit.noise_model))
+        if not math.isfinite(alone.base().cost):
+            raise _not_finite(fit, [], train)
     for substeps in dict.fromkeys((few_substeps(fit, train), fit.substeps)):
         programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
         fitter = CandidateFitter(programs)
