@@ -10,11 +10,11 @@ from diffthrust.estimation import (  # private: logs as a search has them
     _arguments,
     _arrange,
 )
-from diffthrust.estimation import _fit as fit_module  # private: how often a search begins
 from diffthrust.estimation import _horizons as horizons_module  # private: two valleys
 from diffthrust.estimation import _insensitive as insensitive_module
 from diffthrust.estimation import _likelihood as likelihood_module
 from diffthrust.estimation import _multistart as multistart_module
+from diffthrust.estimation import _optimum as optimum_module  # private: how often it searches
 from diffthrust.estimation import _refine as refine_module
 from diffthrust.estimation import _status as status_module
 from diffthrust.estimation import _unexplained as unexplained_module
@@ -110,7 +110,6 @@ __all__ = [
     "evaluate",
     "examine",
     "failed_over",
-    "fit_module",
     "folds",
     "gram",
     "horizons_module",
@@ -125,6 +124,7 @@ __all__ = [
     "multistart_module",
     "noise_levels",
     "nrmse",
+    "optimum_module",
     "origin_of",
     "polished",
     "problem_of",

@@ -7,12 +7,12 @@ closed forms, or at the edge of a threshold.
 from diffthrust.diagnosis import (  # private: how a search begins
     _admission as admission_module,
 )
-from diffthrust.diagnosis import _innovations_fit as innovations_fit_module
 from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
 from diffthrust.diagnosis import _rival_models as rival_models_module
 from diffthrust.diagnosis import _search_state as search_state_module
+from diffthrust.diagnosis import _trial_programs as trial_programs_module
 from diffthrust.diagnosis._candidates import (  # private: without a search
     candidates_of,
     constants_in,
@@ -77,7 +77,6 @@ from diffthrust.diagnosis._headroom import (  # private: made by hand
 )
 from diffthrust.diagnosis._innovations_fit import (  # private: as a diagnosis makes them
     CandidateFitter,
-    Programs,
 )
 from diffthrust.diagnosis._learned import (  # private: a law without a diagnosis
     LearnedLaw,
@@ -199,6 +198,9 @@ from diffthrust.diagnosis._stepwise import (  # private: one step alone
     refusing,
     step,
     still_refused,
+)
+from diffthrust.diagnosis._trial_programs import (  # private: as a diagnosis makes them
+    Programs,
 )
 from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
     evidence,
@@ -324,7 +326,6 @@ __all__ = [
     "headroom_between",
     "height_at",
     "height_over_turns",
-    "innovations_fit_module",
     "is_at_null",
     "knots_of",
     "learners_for",
@@ -383,6 +384,7 @@ __all__ = [
     "surely_less",
     "term_along",
     "through_filters",
+    "trial_programs_module",
     "unexplained_line",
     "unrefuted",
     "unused_channels",

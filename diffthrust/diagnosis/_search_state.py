@@ -22,12 +22,13 @@ from diffthrust.diagnosis._findings import (
     Stage,
     TriedEffect,
 )
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, Programs, TrialFit
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._missing import (
     Remaining,
 )
 from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._trial_programs import Programs
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._arguments import FitOptions
 from diffthrust.estimation._fit import FitRuns, fit_records

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from diffthrust._support.later import Later
 from diffthrust._support.progress import (
-    Progress,
     ProgressOption,
     progressing,
     reporter,
-    subtask,
 )
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import (
@@ -26,16 +23,14 @@ from diffthrust.estimation._arguments import (
     likelihood_of,
     training_and_unseen,
 )
-from diffthrust.estimation._arrange import build
-from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
-from diffthrust.estimation._insensitive import alive, vanished_notes, without_silent
+from diffthrust.estimation._horizons import schedule
+from diffthrust.estimation._insensitive import vanished_notes
 from diffthrust.estimation._laws import rail_notes
 from diffthrust.estimation._likelihood import noise_levels
-from diffthrust.estimation._multistart import Search
+from diffthrust.estimation._optimum import Optimum, Task, optimum_of
 from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._refine import disturbance_of, limits_of, polished, refined, rounding_of
-from diffthrust.estimation._residuals import Likelihood
+from diffthrust.estimation._refine import disturbance_of, limits_of, rounding_of
 from diffthrust.estimation._result import Estimate, Fit, shown_unit
 from diffthrust.estimation._runaway import with_runaways
 from diffthrust.estimation._solver import Solved
@@ -69,7 +64,6 @@ from diffthrust.simulation._runs import (
     runs_over,
     shown_of,
     start_notes,
-    step_choice,
 )
 from diffthrust.simulation._step_size import CoarseStepWarning
 
@@ -138,7 +132,8 @@ def fit(
             unseen logs only states that are not measured are estimated.
         substeps: integrator steps per sample; chosen by halving the step where ``None``.
         doubts: look whether all logs are sound, the unseen ones too, by
-            `diffthrust.soundness.doubts`.
+            `diffthrust.soundness.doubts`, once somebody looks at the fit's ``doubts``. Otherwise
+            only channels that it hardly explains are doubted.
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
@@ -210,7 +205,7 @@ def fit_records(
         "loss": options.loss,
     }
     likelihood, substeps = likelihood_of(model, records, **words), options.substeps
-    task = _Task(
+    task = Task(
         records=records,
         likelihood=likelihood,
         horizons=(None,) if likelihood.corrects else schedule(model, records, options.horizon),
@@ -221,15 +216,7 @@ def fit_records(
         rng=np.random.default_rng(options.seed),
         tell=reporter(progress),
     )
-    # the first guess may need more steps than the optimum does
-    optimum, notes = _pass(task, model, substeps or 1, (0.0, 0.9)), ()
-    if not substeps and optimum.needed > optimum.substeps:
-        finer = _finer(task, optimum)
-        optimum = finer or _pass(task, optimum.released, optimum.needed, (0.9, 1.0))
-        notes = (
-            f"The integration step was too coarse at the optimum: refitted with {optimum.substeps} "
-            "steps per sample.",
-        )
+    optimum, notes = optimum_of(task, model, substeps)
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps
@@ -259,159 +246,7 @@ def fit_records(
     return FitRuns(fitted, optimum.runs, holdout_runs)
 
 
-class _Task(NamedTuple):
-    """What is asked of a fit, whatever the values of the model and its steps."""
-
-    records: tuple[Record, ...]
-    likelihood: Likelihood
-    horizons: tuple[float | None, ...]
-    automatic: bool
-    initial: str
-    starts: int
-    guesses: tuple[Mapping[str, float], ...]
-    rng: np.random.Generator
-    tell: Progress
-
-
-@dataclass(frozen=True)
-class _Optimum:
-    """Where one pass ended.
-
-    Args:
-        search: of several starts.
-        problem: that was solved last.
-        horizon: of its segments.
-        silent: parameters of which the logs say nothing, held.
-        model: at the optimum.
-        states: initial ones, by log.
-        runs: the model over its logs.
-        substeps: that were used.
-        needed: that the model needs.
-        notes: of the horizons.
-    """
-
-    search: Search
-    problem: Problem
-    horizon: float | None
-    silent: tuple[str, ...]
-    model: Model
-    states: tuple[Mapping[str, float], ...]
-    runs: tuple[Run, ...]
-    substeps: int
-    needed: int
-    notes: tuple[str, ...]
-
-    @property
-    def best(self) -> Solved:
-        """The optimum itself."""
-        return self.search.best
-
-    @property
-    def failed(self) -> bool:
-        """Not one start could be simulated."""
-        return not np.isfinite(self.best.quadratic.cost)
-
-    @property
-    def released(self) -> Model:
-        """The model with all parameters free that were so when the pass began."""
-        return self.model.free(*self.silent) if self.silent else self.model
-
-    @property
-    def unmoved(self) -> str:
-        """A sentence on what was not estimated."""
-        names = ", ".join(self.silent)
-        return f" Not estimated, but held as given: {names}; these logs do not tell." * bool(names)
-
-    @property
-    def coarse(self) -> tuple[str, ...]:
-        """A note on steps that are too long."""
-        if self.needed <= self.substeps:
-            return ()
-        return (
-            f"At the optimum the model needs {self.needed} integrator steps per sample, but "
-            f"{self.substeps} were used: parameters and errors are off by more than the sensor "
-            f"noise explains. Fit with substeps={self.needed}; hold or bound what runs away first.",
-        )
-
-
-def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float]) -> _Optimum:
-    """Search from a model's values, with so many integrator steps per sample.
-
-    It is told as the progress from one of the ``shares`` to the other.
-    """
-    horizons, notes = task.horizons, ()
-    tell = subtask(task.tell, *shares)
-    tell("compiling", 0.0)
-    model = alive(model)
-    arrange = partial(
-        build,
-        records=task.records,
-        substeps=substeps,
-        initial="measured" if task.initial == "measured" else "estimate",
-        segmented=any(h is not None for h in horizons),
-        likelihood=task.likelihood,
-    )
-    problem = arrange(model)
-    if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
-        horizons = (None,)
-        notes = ("No state is measured as it is: whole runs are fitted, not segments.",)
-    begin = horizons[0] is None
-    problem, silent, first = without_silent(problem, arrange, task.rng, begin)
-    hold = task.initial == "auto"
-    guesses = [problem.at(values) for values in task.guesses]
-    search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
-    length = horizons[-1]
-    if task.automatic and horizons != (None,):
-        (length, search, final), notes = by_left_out(
-            Ended(length, search, final), task.starts, task.rng
-        )
-    if task.likelihood.corrects:
-        search, final = refined(search, final)
-    return _ended(task, polished(search, final), final, length, silent, notes)
-
-
-def _finer(task: _Task, optimum: _Optimum) -> _Optimum | None:
-    """The optimum followed to the steps that the model needs; none where it is another one there.
-
-    Finer steps move an optimum, and raise no hills: a search that begins anew would do all the work
-    again. But if the errors are larger with them, the coarse steps were what fitted, and where most
-    starts could not be simulated, the coarse steps were what forbade them. The horizon stays.
-    """
-    if 2 * optimum.search.failed > optimum.search.begun:
-        return None
-    layout = optimum.problem.layout
-    grids = tuple(replace(grid, substeps=optimum.needed) for grid in layout.grids)
-    problem = replace(optimum.problem, layout=replace(layout, grids=grids))
-    search = optimum.search.followed(problem)
-    if optimum.search.improves_on(search):
-        return None
-    if task.likelihood.corrects:
-        search, problem = refined(search, problem)
-    parts = (optimum.horizon, optimum.silent, optimum.notes)
-    return _ended(task, polished(search, problem), problem, *parts)
-
-
-def _ended(
-    task: _Task,
-    search: Search,
-    final: Problem,
-    horizon: float | None,
-    silent: tuple[str, ...],
-    notes: tuple[str, ...],
-) -> _Optimum:
-    """The optimum with its runs, and the steps that they need."""
-    model, substeps = final.model_at(search.best.z), final.layout.grids[0].substeps
-    states = tuple(final.initial_states(search.best.z))
-    failed = not np.isfinite(search.best.quadratic.cost)
-    runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
-    # the log with the longest step tells how many integrator steps all of them need
-    k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
-    choice = step_choice(model, runs[k])
-    runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
-    return _Optimum(search, final, horizon, silent, model, states, runs, substeps, needed, notes)
-
-
-def _judged(optimum: _Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) -> dict[str, Any]:
+def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) -> dict[str, Any]:
     """What a fit reports of its optimum.
 
     Args:

@@ -28,6 +28,8 @@ signal only where it follows it."""
 _LONGEST, _COARSE, _FINE = 20.0, 2.0, 0.5
 """Numerics: samples of the longest constant delay, which is taken out before the scatter shows, and
 of the steps in which it is looked for: slope and bend of the signal stand for what is between."""
+_MODELLED = 3
+"""Numerics: which of the `_signals` is the model's own."""
 _ROUNDS = 8
 """Numerics: reweightings of the regression; it settles in four."""
 
@@ -190,10 +192,6 @@ def _read(log: Readings) -> _Part:
     signals, residual = _signals(log), log.modelled - log.measured
     read = np.isfinite(residual) & np.isfinite(signals[0])
     return signals.T[read], residual[read]
-
-
-_MODELLED = 3
-"""Which of the signals is the model's own."""
 
 
 def _signals(log: Readings) -> np.ndarray:

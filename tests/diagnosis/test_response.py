@@ -16,10 +16,10 @@ from steps import (
     error_changes,
     fitted_beside,
     fitted_to_runs,
-    innovations_fit_module,
     predicted_gains,
     shift_of,
     simulation_fitter,
+    trial_programs_module,
     unrefuted,
 )
 from trajectories import runs_over
@@ -98,7 +98,7 @@ def test_a_trial_of_many_effects_over_whole_runs_has_a_response(trials, monkeypa
 
     As over longer logs, where the response has a problem of its own.
     """
-    monkeypatch.setattr(innovations_fit_module, "_SHORT", 0)
+    monkeypatch.setattr(trial_programs_module, "_SHORT", 0)
     made, base = trials
     apart = Programs(made.model, list(made.candidates.values()), made.records, [], substeps=2)
     made = CandidateFitter(apart)

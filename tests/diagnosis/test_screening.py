@@ -13,12 +13,12 @@ from steps import (
     bind,
     edge_of,
     fitted_from_fallback,
-    innovations_fit_module,
     is_at_null,
     levels_of,
     predicted_gains,
     probes,
     screened,
+    trial_programs_module,
 )
 
 import diffthrust as dft
@@ -58,7 +58,7 @@ def trials():
 
 @pytest.mark.parametrize(("longest", "programs"), [(5000, [3, 3, 3]), (0, [0, 2, 3])])
 def test_over_short_logs_one_program_has_all_candidates(trials, monkeypatch, longest, programs):
-    monkeypatch.setattr(innovations_fit_module, "_SHORT", longest)
+    monkeypatch.setattr(trial_programs_module, "_SHORT", longest)
     made, _ = trials
     everything = Programs(made.model, list(made.candidates.values()), made.records, [])
     asked = [((), ()), (("coulomb_friction",), ["thrust_sensor_offset"]), ((), [*made.candidates])]

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from problems import build, examine, fit_module, multistart_module, restarts
+from problems import build, examine, multistart_module, optimum_module, restarts
 from reference import inputs, noise, thruster, vessel
 
 import diffthrust as dft
@@ -51,8 +51,8 @@ def test_noise_free_data_give_the_truth_to_the_integrators_accuracy():
 
 @pytest.mark.parametrize("followed", [True, False])
 def test_finer_steps_follow_the_optimum_unless_they_lead_to_another(monkeypatch, followed):
-    log, begun, once = log_of(record(step=0.3, duration=60.0)), [], fit_module._pass
-    monkeypatch.setattr(fit_module, "_pass", lambda *a: begun.append(a) or once(*a))
+    log, begun, once = log_of(record(step=0.3, duration=60.0)), [], optimum_module._searched
+    monkeypatch.setattr(optimum_module, "_searched", lambda *a: begun.append(a) or once(*a))
     if not followed:
         monkeypatch.setattr(multistart_module.Search, "improves_on", lambda *a: True)
     fit = dft.fit(dft.Thruster(), log, starts=3)

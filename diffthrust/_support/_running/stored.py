@@ -19,6 +19,7 @@ from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import jax
@@ -78,10 +79,11 @@ class ProgramStore:
         jitted.trace(*arguments)  # errors of a model come from here, as without a store
         try:
             exported = export.export(jitted)(*arguments)
-            content = _content(exported)
-        # so jax.export refuses callbacks, operations that it cannot promise to read again, and
-        # results of classes that it does not know
-        except (ValueError, NotImplementedError):
+        # callbacks into Python; custom calls, which it cannot promise to read again
+        except (NotImplementedError, ValueError):
+            return jitted
+        content = _content(exported)
+        if content is None:
             return jitted
         # no room, or another thread stores the same at this moment: the program runs all the same
         with suppress(InputError, OSError):
@@ -117,10 +119,14 @@ class ProgramStore:
         return self._programs / f"{key}{_PROGRAM}"
 
 
-def _content(exported: export.Exported) -> bytes:
+def _content(exported: export.Exported) -> bytes | None:
+    """What is written of a program; none if a class of its results cannot be."""
     classes = _classes(exported.out_tree)
     _register(classes)
-    body = bytes(exported.serialize())
+    try:
+        body = bytes(exported.serialize())
+    except ValueError:
+        return None
     names = [f"{cls.__module__}:{cls.__qualname__}" for cls in classes]
     about = {"form": _FORM, "classes": names, "sum": hashlib.sha256(body).hexdigest()}
     return json.dumps(about).encode() + b"\n" + body
@@ -155,14 +161,16 @@ def _classes(tree: Any) -> list[type]:
 
 
 _registered: set[type] = set()
+_registering = Lock()
 
 
 def _register(classes: Sequence[type]) -> None:
-    for cls in classes:
-        if cls not in _registered:
-            name = f"{cls.__module__}:{cls.__qualname__}"
-            export.register_namedtuple_serialization(cls, serialized_name=name)
-            _registered.add(cls)
+    with _registering:  # JAX refuses a class that another thread has registered
+        for cls in classes:
+            if cls not in _registered:
+                name = f"{cls.__module__}:{cls.__qualname__}"
+                export.register_namedtuple_serialization(cls, serialized_name=name)
+                _registered.add(cls)
 
 
 def _named(name: str) -> type:

@@ -1,0 +1,195 @@
+"""The optimum of a fit: a search over its horizons, with integrator steps that are fine enough."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust._support.progress import Progress, subtask
+from diffthrust.estimation._arrange import build
+from diffthrust.estimation._horizons import Ended, by_left_out, through
+from diffthrust.estimation._insensitive import alive, without_silent
+from diffthrust.estimation._multistart import Search
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._refine import polished, refined
+from diffthrust.estimation._residuals import Likelihood
+from diffthrust.estimation._solver import Solved
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import Record
+from diffthrust.simulation._runs import Run, runs_over, step_choice
+
+
+class Task(NamedTuple):
+    """What is asked of a fit, whatever the values of the model and its steps."""
+
+    records: tuple[Record, ...]
+    likelihood: Likelihood
+    horizons: tuple[float | None, ...]
+    automatic: bool
+    initial: str
+    starts: int
+    guesses: tuple[Mapping[str, float], ...]
+    rng: np.random.Generator
+    tell: Progress
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where one pass ended.
+
+    Args:
+        search: of several starts.
+        problem: that was solved last.
+        horizon: of its segments.
+        silent: parameters of which the logs say nothing, held.
+        model: at the optimum.
+        states: initial ones, by log.
+        runs: the model over its logs.
+        substeps: that were used.
+        needed: that the model needs.
+        notes: of the horizons.
+    """
+
+    search: Search
+    problem: Problem
+    horizon: float | None
+    silent: tuple[str, ...]
+    model: Model
+    states: tuple[Mapping[str, float], ...]
+    runs: tuple[Run, ...]
+    substeps: int
+    needed: int
+    notes: tuple[str, ...]
+
+    @property
+    def best(self) -> Solved:
+        """The optimum itself."""
+        return self.search.best
+
+    @property
+    def failed(self) -> bool:
+        """Not one start could be simulated."""
+        return not np.isfinite(self.best.quadratic.cost)
+
+    @property
+    def released(self) -> Model:
+        """The model with all parameters free that were so when the pass began."""
+        return self.model.free(*self.silent) if self.silent else self.model
+
+    @property
+    def unmoved(self) -> str:
+        """A sentence on what was not estimated."""
+        names = ", ".join(self.silent)
+        return f" Not estimated, but held as given: {names}; these logs do not tell." * bool(names)
+
+    @property
+    def coarse(self) -> tuple[str, ...]:
+        """A note on steps that are too long."""
+        if self.needed <= self.substeps:
+            return ()
+        return (
+            f"At the optimum the model needs {self.needed} integrator steps per sample, but "
+            f"{self.substeps} were used: parameters and errors are off by more than the sensor "
+            f"noise explains. Fit with substeps={self.needed}; hold or bound what runs away first.",
+        )
+
+
+def optimum_of(task: Task, model: Model, substeps: int | None) -> tuple[Optimum, tuple[str, ...]]:
+    """Where a search from a model's values ends, and a note where coarse steps did not do.
+
+    Args:
+        task: what is asked of the fit.
+        model: the model.
+        substeps: integrator steps per sample; as many as the optimum needs where ``None``.
+    """
+    # the first guess may need more steps than the optimum does
+    optimum = _searched(task, model, substeps or 1, (0.0, 0.9))
+    if substeps or optimum.needed <= optimum.substeps:
+        return optimum, ()
+    finer = _finer(task, optimum)
+    finer = finer or _searched(task, optimum.released, optimum.needed, (0.9, 1.0))
+    return finer, (
+        f"The integration step was too coarse at the optimum: refitted with {finer.substeps} "
+        "steps per sample.",
+    )
+
+
+def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, float]) -> Optimum:
+    """Search from a model's values, with so many integrator steps per sample.
+
+    It is told as the progress from one of the ``shares`` to the other.
+    """
+    horizons, notes = task.horizons, ()
+    tell = subtask(task.tell, *shares)
+    tell("compiling", 0.0)
+    model = alive(model)
+    arrange = partial(
+        build,
+        records=task.records,
+        substeps=substeps,
+        initial="measured" if task.initial == "measured" else "estimate",
+        segmented=any(h is not None for h in horizons),
+        likelihood=task.likelihood,
+    )
+    problem = arrange(model)
+    if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
+        horizons = (None,)
+        notes = ("No state is measured as it is: whole runs are fitted, not segments.",)
+    begin = horizons[0] is None
+    problem, silent, first = without_silent(problem, arrange, task.rng, begin)
+    hold = task.initial == "auto"
+    guesses = [problem.at(values) for values in task.guesses]
+    search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
+    length = horizons[-1]
+    if task.automatic and horizons != (None,):
+        (length, search, final), notes = by_left_out(
+            Ended(length, search, final), task.starts, task.rng
+        )
+    if task.likelihood.corrects:
+        search, final = refined(search, final)
+    return _ended(task, polished(search, final), final, length, silent, notes)
+
+
+def _finer(task: Task, optimum: Optimum) -> Optimum | None:
+    """The optimum followed to the steps that the model needs; none where it is another one there.
+
+    Finer steps move an optimum, and raise no hills: a search that begins anew would do all the work
+    again. But if the errors are larger with them, the coarse steps were what fitted, and where most
+    starts could not be simulated, the coarse steps were what forbade them. The horizon stays.
+    """
+    if 2 * optimum.search.failed > optimum.search.begun:
+        return None
+    layout = optimum.problem.layout
+    grids = tuple(replace(grid, substeps=optimum.needed) for grid in layout.grids)
+    problem = replace(optimum.problem, layout=replace(layout, grids=grids))
+    search = optimum.search.followed(problem)
+    if optimum.search.improves_on(search):
+        return None
+    if task.likelihood.corrects:
+        search, problem = refined(search, problem)
+    parts = (optimum.horizon, optimum.silent, optimum.notes)
+    return _ended(task, polished(search, problem), problem, *parts)
+
+
+def _ended(
+    task: Task,
+    search: Search,
+    final: Problem,
+    horizon: float | None,
+    silent: tuple[str, ...],
+    notes: tuple[str, ...],
+) -> Optimum:
+    """The optimum with its runs, and the steps that they need."""
+    model, substeps = final.model_at(search.best.z), final.layout.grids[0].substeps
+    states = tuple(final.initial_states(search.best.z))
+    failed = not np.isfinite(search.best.quadratic.cost)
+    runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
+    # the log with the longest step tells how many integrator steps all of them need
+    k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
+    choice = step_choice(model, runs[k])
+    runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
+    return Optimum(search, final, horizon, silent, model, states, runs, substeps, needed, notes)
