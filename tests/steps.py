@@ -22,7 +22,11 @@ from diffthrust.diagnosis._candidates import (  # private: without a search
     places_of,
     with_candidates,
 )
-from diffthrust.diagnosis._changed_size import ChangedSize, changed_size  # private: in seconds
+from diffthrust.diagnosis._changed_size import (  # private: in seconds
+    ChangedSize,
+    Size,
+    changed_size,
+)
 from diffthrust.diagnosis._channel_use import (  # private: without a search
     models_fed_by,
     unused_channels,
@@ -166,6 +170,7 @@ from diffthrust.diagnosis._search_state import (  # private: trials without a di
     Clock,
     CurrentModel,
     FittedStage,
+    Refit,
     SearchState,
     compiled_fitter,
 )
@@ -272,11 +277,13 @@ __all__ = [
     "OtherModel",
     "PortSeries",
     "Programs",
+    "Refit",
     "Refusal",
     "Remaining",
     "Rung",
     "SearchState",
     "SignalForm",
+    "Size",
     "Slopes",
     "Stage",
     "TriedEffect",

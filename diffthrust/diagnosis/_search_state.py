@@ -84,15 +84,16 @@ class Refit:
         unseen: unseen logs.
         options: of `fit`.
         clock: times it.
-        settled: options that the first fit has determined: integrator steps and, if it ended in
-            whole runs, that the others end there, too.
+        first_substeps: integrator steps per sample that are tried first.
+        horizon: of all fits, once the first has ended in whole runs; left open where ``None``.
     """
 
     train: Sequence[Record]
     unseen: Sequence[Record]
     options: Mapping[str, Any]
     clock: Clock
-    settled: Mapping[str, Any] = field(default_factory=dict)
+    first_substeps: int = 1
+    horizon: tuple[float | None, ...] | None = None
 
     def __call__(
         self,
@@ -123,21 +124,15 @@ class Refit:
         records = records or (self.train, self.unseen)
         starts = starts or _STARTS[bool(guesses)]
         options = {"starts": starts, "guesses": guesses, "doubts": doubts, **self.options}
-        # a warning of coarse steps is acted on below, and the notes of the fit repeat it
-        with self.clock("refit"), warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", CoarseStepWarning)
-            if self.settled:
-                settled = {n: v for n, v in self.settled.items() if not segments or n != "horizon"}
-                settled |= {"substeps": substeps} if substeps else {}
-                settled |= {"horizon": horizons} if horizons else {}
-                chosen = FitOptions(**options, **settled)
-                fitted = fit_records(model, *records, chosen, progress)
-                if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in caught):
-                    return _with_its_steps(fitted)
-                if math.isfinite(fitted.fit.train.nrmse):  # finer steps have a nearby optimum
-                    nearby = {"starts": 1, "guesses": (), "horizon": fitted.fit.horizon}
-                    model, options = fitted.fit.model, options | nearby
-            return _with_its_steps(fit_records(model, *records, FitOptions(**options), progress))
+        if horizons := horizons or (None if segments else self.horizon):
+            options["horizon"] = horizons
+        if substeps:
+            options["substeps"] = substeps
+        with self.clock("refit"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", CoarseStepWarning)  # the notes of the fit tell it
+            chosen = FitOptions(**options)
+            fitted = fit_records(model, *records, chosen, progress, self.first_substeps)
+        return _with_its_steps(fitted)
 
 
 def _with_its_steps(fitted: FitRuns) -> FitRuns:
@@ -306,10 +301,9 @@ def start_search(
         fitted = refit(fit, progress=progress, doubts=True)
         guess = fitted.fit.guess
     first = fitted.fit
-    settled: dict[str, Any] = {"substeps": first.substeps}
+    refit = replace(refit, first_substeps=first.substeps)
     if first.horizon is None:
-        settled["horizon"] = to_whole_runs(schedule(first.model, train, "auto"))
-    refit = replace(refit, settled=settled)
+        refit = replace(refit, horizon=to_whole_runs(schedule(first.model, train, "auto")))
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
     levels = levels_when_asked(first.model, train)
     effects = [effect.scaled(levels) for effect in effects]

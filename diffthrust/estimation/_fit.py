@@ -187,6 +187,7 @@ def fit_records(
     holdout_records: Sequence[Record],
     options: FitOptions,
     progress: ProgressOption = None,
+    first_substeps: int = 1,
 ) -> FitRuns:
     """As `fit`, of records, whose options are checked; with the runs that it made.
 
@@ -196,6 +197,8 @@ def fit_records(
         holdout_records: unseen ones.
         options: of `fit`.
         progress: a function of a message and the share done.
+        first_substeps: the integrator steps per sample that are tried first, where the options do
+            not give them.
     """
     records, holdout_records = tuple(records), tuple(holdout_records)
     model = with_sizes(model, records)
@@ -216,7 +219,7 @@ def fit_records(
         rng=np.random.default_rng(options.seed),
         tell=reporter(progress),
     )
-    optimum, notes = optimum_of(task, model, substeps)
+    optimum, notes = optimum_of(task, model, substeps, first_substeps)
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps

@@ -98,16 +98,19 @@ class Optimum:
         )
 
 
-def optimum_of(task: Task, model: Model, substeps: int | None) -> tuple[Optimum, tuple[str, ...]]:
+def optimum_of(
+    task: Task, model: Model, substeps: int | None, first: int = 1
+) -> tuple[Optimum, tuple[str, ...]]:
     """Where a search from a model's values ends, and a note where coarse steps did not do.
 
     Args:
         task: what is asked of the fit.
         model: the model.
         substeps: integrator steps per sample; as many as the optimum needs where ``None``.
+        first: the number that is tried first where it is left open.
     """
     # the first guess may need more steps than the optimum does
-    optimum = _searched(task, model, substeps or 1, (0.0, 0.9))
+    optimum = _searched(task, model, substeps or first, (0.0, 0.9))
     if substeps or optimum.needed <= optimum.substeps:
         return optimum, ()
     finer = _finer(task, optimum)
