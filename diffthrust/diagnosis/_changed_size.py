@@ -1,13 +1,13 @@
-"""Sizes of found effects that change in time: an inflow that takes more from some instant on.
+"""Sizes of found effects that change: from some instant on, or above a level of some signal.
 
-The slopes of whole runs by a parameter, zero until an instant, are what a change of it then adds,
+The slopes of whole runs by a parameter, zero up to the level, are what a change of it there adds,
 as far as runs follow at once. Beside such slopes all free parameters are fitted to the errors of
 the training logs; the unseen logs decide. Nothing is simulated but each parameter moved a little.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -16,37 +16,48 @@ import numpy as np
 from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.logs._written import Size
 from diffthrust.simulation._runs import Run, runs_over, with_steps
 
 _STEP = 1e-4
 """Numerics: share of a parameter, or of its scale, over which slopes are differences."""
-_INSTANTS = 40
-"""Numerics: instants that are tried over a log, and once more about the best."""
+_LEVELS = 40
+"""Numerics: levels that are tried over the range of a signal, and once more about the best."""
+_EXTREMES = 0.05
+"""Numerics: share of the samples that each side of a level has at least: what a few peaks do is
+told by a limit or a curve."""
+TIME = "time"
+"""The signal of a change in time [s], from the start of each log."""
 
 
 @dataclass(frozen=True)
 class ChangedSize:
-    """A parameter of an added effect that changes at an instant.
+    """A parameter of an added effect that changes at an instant, or at a level of a signal.
 
     Args:
         parameter: its full name.
-        instant: from the start of a log [s].
-        before: its estimate until then, without a standard error.
-        after: from then on.
+        signal: an input, state or output of the model, or "time" from the start of a log.
+        level: of the signal, in the model's unit; a time in [s].
+        before: its estimate up to the level, without a standard error.
+        after: beyond it.
         worth: the share of the squared error over whole unseen runs that the change removes.
+        shown: the level in the unit of the logs.
     """
 
     parameter: str
-    instant: float
+    signal: str
+    level: float
     before: Estimate
     after: Estimate
     worth: Worth
+    shown: Size
 
     def to_json(self) -> dict[str, Any]:
         """As plain data."""
         return {
             "parameter": self.parameter,
-            "instant": self.instant,
+            "signal": self.signal,
+            "level": self.level,
             "before": self.before.value,
             "after": self.after.value,
             "unit": self.after.unit,
@@ -55,20 +66,28 @@ class ChangedSize:
 
 
 class _Slopes(NamedTuple):
-    """Of one log and channel: the time [s], errors, and slopes ``(P, T)``, all over the scale."""
+    """Of one log and channel: errors and slopes ``(P, T)`` over the scale, and all signals."""
 
     log: int
     channel: str
-    time: np.ndarray
+    signals: Mapping[str, np.ndarray]
     measured: np.ndarray
     errors: np.ndarray
     slopes: np.ndarray
 
 
+class _Change(NamedTuple):
+    """A change of the parameter at a place among all, above a level of a signal."""
+
+    place: int
+    signal: str
+    level: float
+
+
 def changed_size(
     fit: Fit, added: Sequence[str], training: Sequence[Run], unseen: Sequence[Run]
 ) -> ChangedSize | None:
-    """The change in time of an added effect that most of the errors over whole runs are, if any.
+    """The change of an added effect that most of the errors over whole runs are, if any.
 
     Args:
         fit: of the last stage.
@@ -82,20 +101,46 @@ def changed_size(
     if not (places and unseen):
         return None
     fitted = _slopes(fit, names, training)
-    last = max(float(row.time[-1]) for row in fitted)
-    place, at = _best(fitted, places, np.linspace(0.0, last, _INSTANTS + 2)[1:-1])
-    near = last / _INSTANTS
-    place, instant = _best(fitted, [place], np.linspace(at - near, at + near, _INSTANTS))
-    step = _step(fitted, place, instant)
-    worth = _worth(_slopes(fit, names, unseen), place, instant, step)
+    levels = {signal: _levels(fitted, signal) for signal in _shared(fitted)}
+    first = _best(fitted, [_Change(i, n, at) for i in places for n in levels for at in levels[n]])
+    near = _neighbours(levels[first.signal], first.level)
+    change = _best(fitted, [first._replace(level=at) for at in near])
+    step = _step(fitted, change)
+    worth = _worth(_slopes(fit, names, unseen), change, step)
     if not worth.low > SETTINGS.verdict.changed_share:
         return None
+    place, signal, level = change
     name, estimate = names[place], fit.parameters[names[place]]
     before, after = (
         replace(estimate, value=float(estimate.value + moved), std_error=None)
         for moved in (step[place], step[place] + step[-1])
     )
-    return ChangedSize(name, instant, before, after, worth)
+    run = training[0]
+    unit = run.units.get(signal, "s")
+    shown = Size(float(run.shown.values(signal, level, unit)), run.shown.unit(signal, unit))
+    return ChangedSize(name, signal, level, before, after, worth, shown)
+
+
+def _shared(rows: Sequence[_Slopes]) -> list[str]:
+    """The signals of all rows; time first, for of equal changes the first is told."""
+    others = set.intersection(*(set(row.signals) for row in rows)) - {TIME}
+    return [TIME, *sorted(others)]
+
+
+def _levels(rows: Sequence[_Slopes], signal: str) -> np.ndarray:
+    """The levels of a signal at which a change is tried."""
+    values = np.concatenate([row.signals[signal] for row in rows])
+    if signal == TIME:
+        return np.linspace(0.0, values.max(), _LEVELS + 2)[1:-1]
+    shares = np.linspace(_EXTREMES, 1.0 - _EXTREMES, _LEVELS)
+    levels = np.unique(np.quantile(values[np.isfinite(values)], shares))
+    return levels if levels.size > 1 else levels[:0]
+
+
+def _neighbours(levels: np.ndarray, level: float) -> np.ndarray:
+    """Finer levels, from the one before a level to the one after it."""
+    k = int(np.argmin(np.abs(levels - level)))
+    return np.linspace(levels[max(k - 1, 0)], levels[min(k + 1, levels.size - 1)], _LEVELS)
 
 
 def _slopes(fit: Fit, names: Sequence[str], runs: Sequence[Run]) -> list[_Slopes]:
@@ -109,6 +154,7 @@ def _slopes(fit: Fit, names: Sequence[str], runs: Sequence[Run]) -> list[_Slopes
     moved = [_moved(fit, name, runs) for name in names]
     rows = []
     for k, run in enumerate(runs):
+        signals = {**run.signals, TIME: run.time - run.time[0]}
         for channel, trace in run.channels.items():
             if channel not in fit.train.channels:  # unseen logs may measure more
                 continue
@@ -116,8 +162,8 @@ def _slopes(fit: Fit, names: Sequence[str], runs: Sequence[Run]) -> list[_Slopes
             slopes = [(more[k].channels[channel].modelled - trace.modelled) / by
                       for more, by in moved]  # fmt: skip
             rows.append(
-                _Slopes(k, channel, run.time - run.time[0], trace.measured / scale,
-                        trace.residual / scale, np.array(slopes) / scale)
+                _Slopes(k, channel, signals, trace.measured / scale, trace.residual / scale,
+                        np.array(slopes) / scale)
             )  # fmt: skip
     return rows
 
@@ -137,15 +183,16 @@ def _moved(fit: Fit, name: str, runs: Sequence[Run]) -> tuple[tuple[Run, ...], f
     return again, by
 
 
-def _columns(row: _Slopes, place: int, instant: float) -> np.ndarray:
-    """The slopes, and those of a change at an instant, ``(P + 1, T)``."""
-    return np.concatenate([row.slopes, row.slopes[place : place + 1] * (row.time > instant)])
+def _columns(row: _Slopes, change: _Change) -> np.ndarray:
+    """The slopes, and those of a change above a level, ``(P + 1, T)``."""
+    above = row.signals[change.signal] > change.level
+    return np.concatenate([row.slopes, row.slopes[change.place : change.place + 1] * above])
 
 
-def _step(rows: Sequence[_Slopes], place: int, instant: float) -> np.ndarray:
+def _step(rows: Sequence[_Slopes], change: _Change) -> np.ndarray:
     """The step of all parameters, and the change, that leave least of the errors."""
     errors = np.concatenate([row.errors for row in rows])
-    columns = np.concatenate([_columns(row, place, instant) for row in rows], axis=1)
+    columns = np.concatenate([_columns(row, change) for row in rows], axis=1)
     seen = np.isfinite(errors) & np.isfinite(columns).all(axis=0)
     size = np.linalg.norm(columns[:, seen], axis=1)
     size[size == 0] = 1.0
@@ -153,27 +200,24 @@ def _step(rows: Sequence[_Slopes], place: int, instant: float) -> np.ndarray:
     return step / size
 
 
-def _after(row: _Slopes, place: int, instant: float, step: np.ndarray) -> np.ndarray:
-    return row.errors - step @ _columns(row, place, instant)
+def _after(row: _Slopes, change: _Change, step: np.ndarray) -> np.ndarray:
+    return row.errors - step @ _columns(row, change)
 
 
-def _best(
-    rows: Sequence[_Slopes], places: Sequence[int], instants: np.ndarray
-) -> tuple[int, float]:
-    """The parameter and the instant of the change that leaves least of the squares."""
+def _best(rows: Sequence[_Slopes], changes: Sequence[_Change]) -> _Change:
+    """The change that leaves least of the squares; the first of equal ones."""
 
-    def remaining(place: int, instant: float) -> float:
-        step = _step(rows, place, instant)
-        return sum(float(np.nansum(_after(row, place, instant, step) ** 2)) for row in rows)
+    def remaining(change: _Change) -> float:
+        step = _step(rows, change)
+        return sum(float(np.nansum(_after(row, change, step) ** 2)) for row in rows)
 
-    changes = [(place, float(instant)) for place in places for instant in instants]
-    return min(changes, key=lambda change: remaining(*change))
+    return min(changes, key=remaining)
 
 
-def _worth(rows: Sequence[_Slopes], place: int, instant: float, step: np.ndarray) -> Worth:
+def _worth(rows: Sequence[_Slopes], change: _Change, step: np.ndarray) -> Worth:
     """The share of the squared errors that a change removes."""
     logs: dict[int, dict[str, BeforeAfter]] = {}
     for row in rows:
-        after = _after(row, place, instant, step)
+        after = _after(row, change, step)
         logs.setdefault(row.log, {})[row.channel] = BeforeAfter(row.measured, row.errors, after)
     return explained_share([*logs.values()])

@@ -354,7 +354,7 @@ def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
 
 
 def add_change(context: SearchContext, outcome: Outcome) -> Outcome:
-    """The outcome with a size that changes in time, where nothing else says what is left."""
+    """The outcome with a size of an effect that changes, where nothing else says what is left."""
     _, selection, assessment, laws = outcome
     if laws or assessment.remaining or assessment.apart or assessment.trained is None:
         return outcome

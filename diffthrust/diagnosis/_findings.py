@@ -207,7 +207,8 @@ class Assessment(Brief):
         apart: where something is open and odd logs carry much of the error, the last stage without
             these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against
             the other training logs, and against the other logs that count.
-        changed: where nothing else is left, a size of an added effect that changes in time.
+        changed: where nothing else is left, a size of an added effect that changes in time or at a
+            level of a signal.
         room: how much any flexible model could explain of the errors on which the verdict rests;
             worked out where whole runs err far above the noise and nothing in ``remaining`` says
             why.

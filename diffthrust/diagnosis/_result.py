@@ -202,7 +202,7 @@ class Diagnosis(Result, Findings):
 def _why_none(diag: Findings) -> str:
     """Why a diagnosis has no learned law."""
     if diag.changed:
-        return "the size of an added effect changes in time"
+        return "the size of an added effect changes"
     if diag.verdict == "unexplained":
         return "structure remains, but no function of one signal surely explains it"
     if diag.verdict == "undecided":

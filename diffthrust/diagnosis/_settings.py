@@ -238,7 +238,7 @@ class VerdictRule:
     Origin: chosen; 0.1 for a day. Lower: random forces that a few runs share count as structure.
     Higher: a law that is missing leaves the verdict undecided."""
     changed_share: float = 0.25
-    """A found effect changes in time if that surely removes more of the squared whole-run error.
+    """A found effect changes its size if that surely removes more of the squared whole-run error.
     Origin: chosen, as what repeats; see the false alarms in tests/diagnosis/test_changed_size.py.
     Lower: random forces that logs share are told as a change. Higher: a change is called unknown.
     """

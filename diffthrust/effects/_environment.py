@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from diffthrust.models._base.component import registered
+from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
@@ -30,7 +30,6 @@ class WaterCurrent(Effect):
     """
 
     name = "water_current"
-    in_words = "a water current sets the vessel off its way"
     ports: ClassVar[tuple[str, ...]] = (
         "surge_through_water",
         "sway_through_water",
@@ -43,6 +42,10 @@ class WaterCurrent(Effect):
     to_east: float = parameter(
         0.1, "m/s", null=0.0, size=0.3, probes=relative_to("surge", -0.2, 0.2)
     )
+
+    def consequence(self, model: Component) -> str:
+        """How fast the water moves: logs without a heading do not tell where to."""
+        return f"the water moves at {math.hypot(self.to_north, self.to_east):.2g} m/s"
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """Speeds through the water, accelerations over ground."""

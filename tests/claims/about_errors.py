@@ -129,6 +129,9 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if uneven := re.search(UNEVEN, named):
         named = named.replace(uneven[0], "")
         yield from uneven_thrusters(uneven, diag)
+    if moving := re.search(rf"\({MOVING}\)", named):
+        named = named.replace(moving[0], "")
+        yield from moving_water(moving, diag)
     for name in diag.added:
         if in_words(name) not in named:
             yield f"{name} was added"
@@ -155,6 +158,16 @@ def uneven_thrusters(m: re.Match, diag: Any) -> Iterator[str]:
     share = (right / left if m["weak"] == "right" else left / right) ** power
     if not is_said(m["share"], 100.0 * share):
         yield f"the {m['weak']} thruster gives {share:.3f} of the other's force"
+
+
+MOVING = rf"the water moves at (?P<water>{NUMBER}) m/s"
+
+
+def moving_water(m: re.Match, diag: Any) -> Iterator[str]:
+    """What is not so in the words on how fast the water moves."""
+    parts = [diag.fit.parameters[f"water_current.{n}"].value for n in ("to_north", "to_east")]
+    if not is_said(m["water"], float(np.linalg.norm(parts))):
+        yield f"the water moves at {np.linalg.norm(parts):.4g} m/s"
 
 
 @claim(r"(?:The (?P<model>[^:.]+?) is adequate: (?:none of the (?P<count>\d+) effects that were "

@@ -12,7 +12,7 @@ import numpy as np
 from reference import equations
 
 from .about_effects import SURE
-from .about_errors import SIMULATED, amplitudes
+from .about_errors import MOVING, SIMULATED, amplitudes, moving_water
 from .page import Page
 from .parsing import NUMBER, WORTH, claim, error_of, in_words, is_said, worth_is
 
@@ -108,6 +108,8 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     sure = [w.low >= SURE or any(c.low >= SURE for c in w.channels.values()) for w in shares]
     if (m["label"] == "Found") != (not shares or any(sure)):
         yield f"{said.name} is worth {worth}"
+    if moving := re.search(MOVING, m["what"]):
+        yield from moving_water(moving, diag)
     values = {n: diag.fit.parameters[f"{said.name}.{n}"] for n in said.declared}
     told = [*[e.shown[0] for e in values.values()], *[100 * abs(e.value) for e in values.values()]]
     for number in re.findall(rf"(?<![\w.^*]){NUMBER}", m["what"]):
@@ -228,9 +230,10 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"one step errs by {per * diag.one_step[channel]:.3g}, whole runs by {per * run:.3g}"
 
 
-@claim(rf"(?:Unexplained: t|T)he (?P<name>[^\n]+?) changes at (?P<instant>{NUMBER}) s"
+@claim(rf"(?:Unexplained: t|T)he (?P<name>[^\n]+?) changes at "
+       rf"(?:an? (?P<signal>[a-z ]+?) of )?(?P<level>{NUMBER})(?P<unit> [^\s,:.]+)?"
        rf"(?: after the start of a log)?"
-       rf"(?:[,:] (?P<before>{NUMBER})(?: ->| before,) (?P<after>{NUMBER})[^\n.]*)?\."
+       rf"(?:[,:] (?P<before>{NUMBER})(?: ->| before,| below,) (?P<after>{NUMBER})[^\n.]*)?\."
        rf"(?: By the slopes of the fit that removes (?P<share>{WORTH}) of the squared error over "
        r"whole runs of (?P<logs>[^.]+)\.)?")  # fmt: skip
 def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
@@ -239,7 +242,9 @@ def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "nothing changes"
         return
     per = diag.fit.parameters[changed.parameter].per
-    pairs = ((m["instant"], changed.instant), (m["before"], per * changed.before.value),
+    if (m["signal"] or "time") != in_words(changed.signal):
+        yield f"it changes with {changed.signal}"
+    pairs = ((m["level"], changed.shown.value), (m["before"], per * changed.before.value),
              (m["after"], per * changed.after.value))  # fmt: skip
     for number, value in pairs:
         if number and not is_said(number, value):

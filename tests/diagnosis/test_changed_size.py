@@ -7,7 +7,7 @@ import made_diagnosis as made
 import numpy as np
 import pytest
 from reference import inputs, noise
-from steps import ChangedSize, Worth, changed_size
+from steps import ChangedSize, Size, Worth, changed_size
 from trajectories import with_steps
 
 import diffthrust as dft
@@ -16,15 +16,19 @@ TIME, CHANGE = inputs.grid(30.0, 0.1), 15.0
 MODEL = dft.Thruster() + dft.effects.InflowThrustLoss()
 
 
-def bench(seed, before, after, force=0.0):
-    """An inflow that takes more from an instant on, and a random force of 10 s on the thrust."""
+def bench(seed, before, after, force=0.0, signal="time", level=CHANGE):
+    """An inflow that takes more above a level of a signal, by default from an instant on.
+
+    Besides, a random force of 10 s acts on the thrust.
+    """
     rng = np.random.default_rng(seed)
     command = np.repeat(rng.uniform(-1.5, 1.5, TIME.size // 20 + 1), 20)[: TIME.size]
     inflow = 0.6 + 0.5 * np.sin(2.0 * np.pi * TIME / 17.0 + seed)
     log = dft.Log(TIME, {"command": command, "inflow": inflow},
                   units={"command": "V", "inflow": "m/s"})  # fmt: skip
     speed = dft.simulate(dft.Thruster(alpha=0.037, beta=42.0), log)["speed"]
-    loss = np.where(TIME < CHANGE, before, after)
+    signal = {"speed": speed, "inflow": inflow}.get(signal, TIME)
+    loss = np.where(signal < level, before, after)
     thrust = 0.022 * speed * np.abs(speed) - loss * np.abs(speed) * inflow
     thrust += noise.ornstein_uhlenbeck(rng, TIME, force, 10.0)
     thrust += 0.4 * rng.standard_normal(TIME.size)
@@ -51,11 +55,20 @@ def test_a_loss_that_grows_is_told_with_its_instant_and_both_sizes():
         rows.append([speed * np.abs(speed), *(-taken * part for part in parts())])
         thrust.append(log.measured["thrust"])
     truth = np.linalg.lstsq(np.concatenate(rows, axis=1).T, np.concatenate(thrust), rcond=None)[0]
-    assert found.parameter == "inflow_thrust_loss.loss"
-    assert found.instant == pytest.approx(CHANGE, abs=0.3)
+    assert (found.parameter, found.signal) == ("inflow_thrust_loss.loss", "time")
+    assert found.level == pytest.approx(CHANGE, abs=0.3)
     assert [found.before.value, found.after.value] == pytest.approx(truth[1:], rel=0.02)
     assert found.worth.share > 0.9
     assert found.to_json()["after"] == found.after.value
+
+
+@pytest.mark.parametrize(("signal", "level"), [("inflow", 0.7), ("speed", 12.0)])
+def test_a_loss_that_is_larger_above_a_level_of_a_signal_is_told_with_the_signal(signal, level):
+    found = sought(0, 0.12, 0.30, 0.0, signal, level)
+    assert (found.parameter, found.signal) == ("inflow_thrust_loss.loss", signal)
+    assert found.level == pytest.approx(level, abs=0.05 if signal == "inflow" else 1.0)
+    assert [found.before.value, found.after.value] == pytest.approx([0.12, 0.30], abs=0.02)
+    assert found.shown == (found.level, {"inflow": "m/s", "speed": "rad/s"}[signal])
 
 
 def parts():
@@ -64,13 +77,13 @@ def parts():
 
 @pytest.mark.parametrize("force", [0.0, 1.5])
 def test_what_does_not_change_is_not_said_to(force):
-    """0 of 360 sets, with forces of 2 and 10 s or with other effects missing besides."""
+    """0 of 240 sets, without a force and under forces of 0.5, 1.5 and 3 N."""
     assert not any(sought(10 * seed, 0.12, 0.12, force) for seed in range(1, 4))
 
 
 def test_logs_may_need_different_numbers_of_integrator_steps():
     found, mixed = (sought(0, 0.12, 0.30, substeps=steps) for steps in ((1, 1), (1, 4)))
-    assert mixed.instant == pytest.approx(found.instant, abs=0.02)
+    assert mixed.level == pytest.approx(found.level, abs=0.02)
     for size, other in ((mixed.before, found.before), (mixed.after, found.after)):
         assert size.value == pytest.approx(other.value, rel=1e-3)
 
@@ -83,7 +96,7 @@ def test_a_channel_that_only_unseen_logs_measure_has_no_say():
     fit = dft.fit(MODEL, train, holdout=logs[2], starts=1)
     runs = dft.compare(fit, train).runs, dft.compare(fit, logs[2]).runs
     found = changed_size(fit, ["inflow_thrust_loss"], *runs)
-    assert found.instant == pytest.approx(CHANGE, abs=0.3)
+    assert found.level == pytest.approx(CHANGE, abs=0.3)
 
 
 def test_without_unseen_logs_nothing_is_said():
@@ -94,13 +107,30 @@ def test_the_summary_says_when_and_by_how_much():
     diag = made.found()
     width = diag.fit.parameters["command_deadband.half_width"]
     sizes = (replace(width, value=size, std_error=None) for size in (0.3, 0.5))
-    changed = ChangedSize("command_deadband.half_width", 12.3, *sizes, Worth(0.6, 0.5, 0.7))
+    changed = ChangedSize(
+        "command_deadband.half_width", "time", 12.3, *sizes, Worth(0.6, 0.5, 0.7), Size(12.3, "s")
+    )
     diag = replace(diag, changed=changed, verdict="unexplained")
     assert "Unexplained: the half-width of a command dead band changes at 12 s" in diag.summary
     assert "at 12 s after the start of a log: 0.30 before, 0.50 V after." in diag.details
     assert "removes 60 % (50 % to 70 %) of the squared error over whole runs of" in diag.details
     assert claims.contradictions(diag) == []
-    with pytest.raises(dft.InputError, match="the size of an added effect changes in time"):
+    with pytest.raises(dft.InputError, match="the size of an added effect changes"):
         diag.plot_learned()
-    later = replace(diag, changed=replace(changed, instant=20.0))
+    later = replace(diag, changed=replace(changed, shown=Size(20.0, "s")))
     assert claims.contradictions(later, text=diag.details)
+
+
+def test_the_summary_names_the_signal_at_whose_level_a_size_changes():
+    diag = made.found()
+    width = diag.fit.parameters["command_deadband.half_width"]
+    sizes = (replace(width, value=size, std_error=None) for size in (0.3, 0.5))
+    changed = ChangedSize(
+        "command_deadband.half_width", "speed", 12.3, *sizes, Worth(0.6, 0.5, 0.7), Size(117, "rpm")
+    )
+    diag = replace(diag, changed=changed, verdict="unexplained")
+    assert "the half-width of a command dead band changes at a speed of 117 rpm." in diag.summary
+    assert "changes at a speed of 117 rpm: 0.30 below, 0.50 V above." in diag.details
+    assert claims.contradictions(diag) == []
+    other = replace(diag, changed=replace(changed, signal="thrust"))
+    assert claims.contradictions(other, text=diag.details)

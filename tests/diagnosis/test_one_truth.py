@@ -8,7 +8,7 @@ import claims
 import made_diagnosis as made
 import numpy as np
 import pytest
-from claims.about_errors import UNEVEN, uneven_thrusters
+from claims.about_errors import MOVING, UNEVEN, moving_water, uneven_thrusters
 from one_truth import contradictions
 from reference import whole_runs as wr
 from steps import (
@@ -316,4 +316,14 @@ def test_how_uneven_two_thrusters_are_is_held_against_their_efforts(share, right
     words = f"({gain.consequence(model)})".replace("79", str(share))
     diag = SimpleNamespace(fit=SimpleNamespace(model=model, parameters=model.parameters))
     wrong = [*uneven_thrusters(re.search(UNEVEN, words), diag)]
+    assert (wrong == []) is right
+
+
+@pytest.mark.parametrize(("speed", "right"), [("0.22", True), ("0.30", False)])
+def test_how_fast_the_water_moves_is_held_against_its_components(speed, right):
+    model = dft.Vessel() + dft.effects.WaterCurrent(to_north=0.18, to_east=-0.12)
+    words = model.effects[0].consequence(model)
+    assert words == "the water moves at 0.22 m/s"
+    diag = SimpleNamespace(fit=SimpleNamespace(model=model, parameters=model.parameters))
+    wrong = [*moving_water(re.search(MOVING, words.replace("0.22", speed)), diag)]
     assert (wrong == []) is right

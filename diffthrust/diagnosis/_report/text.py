@@ -16,7 +16,7 @@ from diffthrust._support.words import (
     with_error,
 )
 from diffthrust.diagnosis._candidates import place_words
-from diffthrust.diagnosis._changed_size import ChangedSize
+from diffthrust.diagnosis._changed_size import TIME, ChangedSize
 from diffthrust.diagnosis._explained_share import SureShare, Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
@@ -404,19 +404,24 @@ def remaining_words(diag: Findings) -> str:
 
 
 def changed_parameter(changed: ChangedSize) -> str:
-    """What changes in time, in words."""
+    """What changes in time, or at a level of a signal, in words."""
     effect, _, name = changed.parameter.rpartition(".")
-    return f"the {humanize(name)} of {an_effect(effect)} changes at {number(changed.instant, 2)} s"
+    level = _amount(number(changed.shown.value, 2), changed.shown.unit)
+    of = "" if changed.signal == TIME else f"{an(humanize(changed.signal))} of "
+    return f"the {humanize(name)} of {an_effect(effect)} changes at {of}{level}"
 
 
 def _changed_words(diag: Findings, changed: ChangedSize) -> str:
-    """That an added effect changes in time: when, by how much, and what that removes."""
+    """That an added effect changes: where, by how much, and what that removes."""
     unit = changed.after.shown[2]
     low, high = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
+    since, first, then = "", "below", "above"
+    if changed.signal == TIME:
+        since, first, then = " after the start of a log", "before", "after"
     return (
-        f"{capitalised(changed_parameter(changed))} after the start of a log: {low} before, "
-        f"{_amount(high, unit)} after. By the slopes of the fit that removes {changed.worth} of "
-        f"the squared error over whole runs of {errors_of(diag)[0]}."
+        f"{capitalised(changed_parameter(changed))}{since}: {low} {first}, {_amount(high, unit)} "
+        f"{then}. By the slopes of the fit that removes {changed.worth} of the squared error over "
+        f"whole runs of {errors_of(diag)[0]}."
     )
 
 
