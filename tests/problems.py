@@ -40,6 +40,7 @@ from diffthrust.estimation._likelihood import (  # private: costs and slopes bes
 )
 from diffthrust.estimation._multistart import (  # private: a search that stopped early
     Search,
+    all_carried_on,
     carried_on,
     distinct,
 )
@@ -102,6 +103,7 @@ __all__ = [
     "Solved",
     "White",
     "alive",
+    "all_carried_on",
     "bind",
     "build",
     "carried_on",

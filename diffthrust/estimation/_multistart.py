@@ -86,9 +86,11 @@ class Search:
 
     def followed(self, problem: Problem) -> Search:
         """The search carried on to a related problem from its best few optima and the guesses."""
-        carried = [(_close(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
-        carried += [(_close(problem, z), 0) for z in self.guesses]  # counted with the optima
-        optima = [(solved, max(n, 1)) for solved, n in distinct(carried)]
+        carried = self.optima[:_CARRIED]
+        ended = all_carried_on(problem, [*(solved.z for solved, _ in carried), *self.guesses])
+        counts = [*(n for _, n in carried), *(0 for _ in self.guesses)]  # these are counted already
+        counted = distinct(list(zip(ended, counts, strict=True)))
+        optima = [(solved, max(n, 1)) for solved, n in counted]
         return replace(self, optima=_best_ended(problem, tuple(optima)))
 
     def improves_on(self, other: Search) -> bool:
@@ -147,12 +149,12 @@ def search(
     little is left to be gained or they are no rivals, and the best of them to the end.
     While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
     and then as many starts again are drawn, twice at most. ``first`` is the first start where it
-    was begun already. All ``guesses`` are carried on, whatever the others reach; where there are
+    was begun already. All ``guesses`` are carried on before any other start; where there are
     some, one start less has to agree: they were not drawn, but known to be good.
     """
     tell, enough = reporter(progress), _AGREED - bool(guesses)
     begun: list[Solved] = []
-    ended = [_close(problem, z) for z in guesses]
+    ended = all_carried_on(problem, guesses)
     total = failed = 0
     for shares in _ROUNDS:
         say = subtask(tell, *shares)
@@ -206,6 +208,20 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
         if best is not None and _cost(reached) - looks * pace > _cost(best):
             return best if _leads(problem, reached, best) else reached
     return reached
+
+
+def all_carried_on(problem: Problem, starts: Sequence[np.ndarray]) -> list[Solved]:
+    """Where starts end that are known to be good, in their order.
+
+    The one that begins best goes to its end, and the others as `carried_on`: of the optima that a
+    boat's fit followed to whole runs, each crept there for 300 steps.
+    """
+    begun = [solve(problem, z, budget=1) for z in starts]
+    ended: dict[int, Solved] = {}
+    for i in sorted(range(len(begun)), key=lambda i: _cost(begun[i])):
+        known = list(ended.values())
+        ended[i] = carried_on(problem, begun[i], known) if known else _close(problem, starts[i])
+    return [ended[i] for i in range(len(begun))]
 
 
 def _leads(problem: Problem, start: Solved, optimum: Solved) -> bool:

@@ -16,6 +16,7 @@ from problems import (
     Quadratic,
     Search,
     Solved,
+    all_carried_on,
     build,
     carried_on,
     examine,
@@ -353,6 +354,23 @@ def test_a_start_that_is_given_up_may_be_on_the_way_all_the_same(monkeypatch):
     monkeypatch.setattr(multistart_module, "solve", lambda *a, **k: at[1])
     monkeypatch.setattr(multistart_module, "_leads", lambda problem, start, to: start is at[1])
     assert carried_on(None, at[0], [best]) is best
+
+
+def test_of_several_known_starts_the_one_that_begins_best_goes_to_its_end(monkeypatch):
+    """The others creep: after 25 steps they are given up. The answers keep the starts' order."""
+    steps, begun = [], {0.0: 50.0, 1.0: 20.0, 2.0: 40.0}
+
+    def solved(problem, z, budget=300, tolerance=0.0):
+        steps.append((float(z[0]), budget))
+        cost = begun[float(z[0])] - (budget > 1) * (20.0 if z[0] == 1.0 else 1.0)
+        return Solved(z, SimpleNamespace(cost=cost), z[0] == 1.0 and budget > 1, min(budget, 25))
+
+    monkeypatch.setattr(multistart_module, "solve", solved)
+    monkeypatch.setattr(multistart_module, "_leads", lambda *a: False)
+    ended = all_carried_on(None, [np.array([z]) for z in begun])
+    assert [solved.quadratic.cost for solved in ended] == [49.0, 0.0, 39.0]
+    assert steps[:3] == [(0.0, 1), (1.0, 1), (2.0, 1)]
+    assert steps[3:] == [(1.0, 300), (2.0, 25), (0.0, 25)]
 
 
 def test_a_planted_point_beside_the_minimum_is_not_converged():
