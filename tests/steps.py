@@ -130,6 +130,9 @@ from diffthrust.diagnosis._report.budget import (  # private: words and figures 
     words_in,
 )
 from diffthrust.diagnosis._report.effect_words import effect_words  # private: each effect alone
+from diffthrust.diagnosis._report.error_text import (  # private: each sentence alone
+    growth_words,
+)
 from diffthrust.diagnosis._report.figures import (  # private: each figure alone
     missing_figure,
     ranking_figure,
@@ -149,7 +152,6 @@ from diffthrust.diagnosis._report.tables import (  # private: its cells
 )
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     added_bound_words,
-    growth_words,
     sized_words,
     stage_words,
     verdict_words,

@@ -61,7 +61,13 @@ class Diagnosis(Result, Findings):
         return details(self)
 
     def _line(self) -> str:
-        from diffthrust.diagnosis._report.text import gain_words, model_words, verdict_words
+        from diffthrust.diagnosis._report.error_text import (
+            gain_words,
+        )
+        from diffthrust.diagnosis._report.text import (
+            model_words,
+            verdict_words,
+        )
 
         added = f" ({', '.join(self.added)}); {gain_words(self)}" if self.added else ""
         return f"{model_words(self.model)}: {verdict_words(self)}{added}"

@@ -5,25 +5,29 @@ from __future__ import annotations
 from diffthrust._support.words import capitalised, humanize, joined
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._report.doubts import leading_doubt_words
-from diffthrust.diagnosis._report.learned import learned_words
-from diffthrust.diagnosis._report.text import (
-    added_bound_words,
-    decisive_log_words,
+from diffthrust.diagnosis._report.error_text import (
     gain_words,
     growth_words,
-    held_words,
-    judged_errors,
-    leading,
     level_words,
-    model_words,
+    worth_words,
+)
+from diffthrust.diagnosis._report.learned import learned_words
+from diffthrust.diagnosis._report.remaining_text import (
+    decisive_log_words,
     other_model_words,
     possible_words,
     remaining_words,
+    undecided_words,
+)
+from diffthrust.diagnosis._report.text import (
+    added_bound_words,
+    held_words,
+    judged_errors,
+    leading,
+    model_words,
     rival_words,
     sized_words,
     stopped_words,
-    undecided_words,
-    worth_words,
 )
 
 _HINTS = 2

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from diffthrust._support.words import percent
-from diffthrust.diagnosis._report.text import an_effect, measured
+from diffthrust.diagnosis._report.text import (
+    an_effect,
+    measured,
+)
 from diffthrust.estimation._result import Estimate, Fit
 
 

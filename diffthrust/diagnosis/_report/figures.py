@@ -24,7 +24,9 @@ from diffthrust.diagnosis._missing import (
     Missing,
 )
 from diffthrust.diagnosis._report.learned import manner_words, signal_words
-from diffthrust.diagnosis._report.text import stage_words
+from diffthrust.diagnosis._report.text import (
+    stage_words,
+)
 from diffthrust.diagnosis._unknown_term.closed_forms import form_of, form_values
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.simulation._runs import Run

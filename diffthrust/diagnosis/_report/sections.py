@@ -35,6 +35,10 @@ from diffthrust.diagnosis._report import figures, tables
 from diffthrust.diagnosis._report.details import details
 from diffthrust.diagnosis._report.doubts import doubt_bullets
 from diffthrust.diagnosis._report.learned import learned_words
+from diffthrust.diagnosis._report.remaining_text import (
+    odd_words,
+    remaining_words,
+)
 from diffthrust.diagnosis._report.summary import TO_COPY, summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
@@ -42,8 +46,6 @@ from diffthrust.diagnosis._report.text import (
     is_whole,
     measured,
     model_words,
-    odd_words,
-    remaining_words,
     rival_words,
     stage_words,
     unmeasured_rivals,

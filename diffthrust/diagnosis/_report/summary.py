@@ -15,9 +15,11 @@ from diffthrust.diagnosis._report.budget import Part, Wording, figures_in, withi
 from diffthrust.diagnosis._report.doubts import grave_doubts
 from diffthrust.diagnosis._report.effect_words import effect_words
 from diffthrust.diagnosis._report.learned import law_wordings, place_of, reach_words, valid_words
+from diffthrust.diagnosis._report.remaining_text import (
+    changed_parameter,
+)
 from diffthrust.diagnosis._report.text import (
     an_effect,
-    changed_parameter,
     errors_of,
     judged_errors,
     leading,

@@ -8,7 +8,10 @@ from diffthrust._support.report import Rows
 from diffthrust._support.words import humanize, joined, number, with_error
 from diffthrust.diagnosis._explained_share import Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, Stage
-from diffthrust.diagnosis._report.text import leading, stage_words
+from diffthrust.diagnosis._report.text import (
+    leading,
+    stage_words,
+)
 from diffthrust.estimation._result import Fit
 from diffthrust.simulation._errors import ChannelError, Errors
 

@@ -1,0 +1,159 @@
+"""The sentences on errors: how they fall, what each effect removes, how they grow."""
+
+from __future__ import annotations
+
+from diffthrust._support.words import capitalised, distinct_numbers, humanize, joined, number
+from diffthrust.diagnosis._explained_share import Worth, sure_share
+from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._report.text import (
+    an_effect,
+    errors_of,
+    judged_errors,
+    leading,
+    rank,
+    with_unit,
+)
+from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.simulation._errors import ChannelError, Errors
+
+_NAMED = 2
+"""Channels that the summary names; more are summed up by their mean."""
+
+
+def gain_words(diag: Findings) -> str:
+    """How the error of each channel changed from the first stage to the last."""
+    logs, first, last = errors_of(diag)
+    worst = sorted(first.channels, key=lambda name: -rank(first.channels[name].nrmse))[:_NAMED]
+    phrases = []
+    for name in (name for name in first.channels if name in worst):
+        baseline, updated = first.channels[name], last.channels[name]
+        start, end = distinct_numbers(baseline.shown.value, updated.shown.value)
+        low, high = distinct_numbers(baseline.nrmse, updated.nrmse)
+        verb = "falls" if updated.rmse < baseline.rmse else "rises"
+        change = f"stays at {start}" if start == end else f"{verb} from {start} to {end}"
+        where = "" if phrases else f" on {logs}"
+        size = f"the {humanize(name)} error{where} {change} {baseline.shown.unit}".rstrip()
+        phrases.append(f"{size} (NRMSE {low} to {high})")
+    if len(first.channels) > _NAMED:
+        low, high = distinct_numbers(first.nrmse, last.nrmse)
+        phrases.append(
+            f"the NRMSE over all {len(first.channels)} channels goes from {low} to {high}"
+        )
+    return joined(phrases)
+
+
+def level_words(diag: Findings) -> str:
+    """How large the error of each channel is at the last stage, of all logs.
+
+    Also where a verdict rests on some logs alone: their fit is not the model as it was given.
+    """
+    logs, _, errors = errors_of(diag)
+    return levels(logs, errors)
+
+
+def levels(logs: str, errors: Errors) -> str:
+    return joined(
+        f"the {humanize(name)} error{'' if i else f' on {logs}'} is {error_size(e)}"
+        for i, (name, e) in enumerate(errors.channels.items())
+    )
+
+
+def error_size(error: ChannelError) -> str:
+    return f"{with_unit(*error.shown)} (NRMSE {number(error.nrmse, 2)})"
+
+
+def worth_words(diag: Findings) -> list[str]:
+    """The share that each effect removes, and the effects that change nothing over whole runs.
+
+    Shares of one whole stand in one sentence. That of a single effect goes without saying, because
+    the errors before and after it are said, unless it is told by channel.
+    """
+    wholes: dict[tuple[str, bool], list[tuple[str, Worth]]] = {}
+    unsure, parts = [], _parts(diag)
+    for words, worth in parts.items():
+        if sure := sure_share(worth):
+            wholes.setdefault((sure.channel, sure.everywhere), []).append((words, sure.worth))
+        else:
+            unsure.append(words)
+    sentences = [
+        f"Of the squared {humanize(channel)}{' ' * bool(channel)}error over whole runs of "
+        f"{judged_logs(diag, everywhere)} {_removed_words(shares)}."
+        for (channel, everywhere), shares in wholes.items()
+        if len(diag.added) > 1 or channel or everywhere
+    ]
+    if unsure:
+        has = "has" if len(unsure) == 1 and "together" not in unsure[0] else "have"
+        sentences.append(f"{capitalised(joined(unsure))} {has} no sure effect on whole runs.")
+    if diag.detectable:
+        groups = diag.detectable_groups or [(name,) for name in diag.detectable]
+        listed = joined(
+            " or ".join(map(an_effect, group)) + _detectable_share(diag, group[0])
+            for group in groups
+        )
+        sentences.append(
+            f"These logs also show {listed}: certain from one sample to the next, but over whole "
+            "runs without a change that surely matters."
+        )
+    return sentences
+
+
+def _parts(diag: Findings) -> dict[str, Worth]:
+    """The shares of the added effects, by effect in words, or by effects that have one together."""
+    parts: dict[str, Worth] = {}
+    for name in leading(diag):
+        if worth := diag.worth.get(name):
+            together = worth.together or (name,)
+            parts[" and ".join(map(humanize, together)) + " together" * bool(worth.together)] = (
+                worth
+            )
+    return parts
+
+
+def _removed_words(shares: list[tuple[str, Worth]]) -> str:
+    if len(shares) > 1:
+        return f"each removes: {joined(f'{words} {worth}' for words, worth in shares)}"
+    ((words, worth),) = shares
+    return f"{words} {'remove' if words.endswith(' together') else 'removes'} {worth}"
+
+
+def _detectable_share(diag: Findings, name: str) -> str:
+    worth = diag.worth.get(name)
+    if worth is None:
+        return ""
+    sure = f"it removes {worth} of the squared error"
+    return f" ({sure if worth.above_zero else 'no sure effect on whole runs'})"
+
+
+def judged_logs(diag: Findings, everywhere: bool) -> str:
+    return "training and unseen logs" if everywhere else errors_of(diag)[0]
+
+
+def growth_words(diag: Findings) -> list[str]:
+    """How much larger errors are over whole runs than from sample to sample, and why.
+
+    Over whole runs with what was learned: a law that removes 99 % of the error leaves next to
+    nothing that could add up.
+    """
+    logs, errors = judged_errors(diag)
+    learned = ""
+    for law in diag.laws:
+        logs, errors = errors_of(diag)[0], law.reported.holdout or law.reported.train
+        learned = ", with what was learned,"
+    growth = {
+        n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step
+    }
+    name = max(growth, key=lambda n: rank(growth[n]), default="")
+    if not name or not growth[name] > SETTINGS.verdict.far_above_one_step:
+        return []
+    size, unit = errors.channels[name].shown
+    words = (
+        f"From one sample to the next the {humanize(name)} is predicted to within "
+        f"{with_unit(size / growth[name], unit)}, over whole runs of {logs}{learned} to "
+        f"{with_unit(size, unit)}"
+    )
+    if diag.verdict == "unexplained":
+        return [f"{words}: missing physics adds up, and a disturbance may, too."]
+    return [
+        f"{words}: no signal of these logs surely explains the difference. It is a disturbance, a "
+        "lasting error of a sensor, or physics that these logs do not show."
+    ]

@@ -1,0 +1,208 @@
+"""The sentences on what is left: structure, changes, disturbances, odd logs, other models."""
+
+from __future__ import annotations
+
+import math
+
+from diffthrust._support.words import (
+    an,
+    capitalised,
+    distinct_numbers,
+    humanize,
+    joined,
+    number,
+    percent,
+)
+from diffthrust.diagnosis._candidates import place_words
+from diffthrust.diagnosis._changed_size import TIME, ChangedSize
+from diffthrust.diagnosis._explained_share import SureShare, sure_share
+from diffthrust.diagnosis._findings import Findings, OddLog
+from diffthrust.diagnosis._other_models import errors_of as fit_errors
+from diffthrust.diagnosis._report.error_text import error_size, judged_logs, levels
+from diffthrust.diagnosis._report.text import (
+    amount,
+    an_effect,
+    errors_of,
+    judged_errors,
+    model_words,
+)
+
+_HALF = 0.5
+"""Display: where surely less recurs, most does not."""
+
+
+def undecided_words(diag: Findings) -> list[str]:
+    """That large, lasting errors may be a disturbance's or missing physics, and what would decide.
+
+    Random forces are named only where runs that repeat their inputs show that errors do not recur.
+    """
+    logs, errors = judged_errors(diag)
+    name = next(iter(diag.far), next(iter(errors.channels)))
+    error = errors.channels[name]
+    multiple = number(error.rmse / diag.one_step.get(name, math.nan), 2)
+    cause, recurring = "these logs cannot tell a disturbance from missing physics", None
+    if recurring := diag.recurring.get(name):
+        cause = f"where logs repeat their inputs, {recurring} of its square recurs"
+    if recurring and recurring.high < _HALF:
+        cause += ": most of it comes from random forces"
+    if diag.experiment and diag.possible:
+        deciding = f"A further record would decide: {diag.experiment.sentence}"
+    else:
+        deciding = (
+            "To decide, record a run that repeats the inputs of one of these logs: errors that "
+            "recur are physics, the others are a disturbance."
+        )
+    return [
+        f"Undecided: over whole runs of {logs} the {humanize(name)} error is {error_size(error)}, "
+        f"{multiple} times that from one sample to the next; {cause}.",
+        *possible_words(diag),
+        deciding,
+    ]
+
+
+def possible_words(diag: Findings) -> list[str]:
+    """The effects that whole runs support, and one-step errors do not."""
+    shares = joined(
+        (
+            f"{an_effect(name)} {sure.worth}" + _of_what(diag, sure)
+            for name, worth in diag.possible.items()
+            if (sure := sure_share(worth))
+        ),
+        "or",
+    )
+    if not shares:
+        return []
+    return [
+        "Possible, judged by whole runs alone, with the share of the squared error on "
+        f"{errors_of(diag)[0]} that each would remove: {shares}."
+    ]
+
+
+def _of_what(diag: Findings, sure: SureShare) -> str:
+    """The channel and the logs of a share, where they are not all channels of the judged logs."""
+    channel = f" of that of {humanize(sure.channel)}" if sure.channel else ""
+    return channel + (f" on {judged_logs(diag, True)}" if sure.everywhere else "")
+
+
+def other_model_words(diag: Findings) -> list[str]:
+    """The model of the library that surely errs less on the same logs, if there is one."""
+    other = next((other for other in diag.other_models if other.better), None)
+    if other is None:
+        return []
+    reached = diag.laws[-1].reported if diag.laws else diag.fit
+    low, high = distinct_numbers(fit_errors(other.best).nrmse, fit_errors(reached).nrmse)
+    logs = errors_of(diag)[0].removeprefix("the ")
+    found = " with all that was found" if diag.best or diag.laws else ""
+    model = capitalised(an(model_words(other.best.model)))
+    return [
+        f"{model} errs less over whole runs of the same {logs}: NRMSE {low} against {high}{found}. "
+        "Diagnose that model, too."
+    ]
+
+
+def remaining_words(diag: Findings) -> str:
+    """What no known effect explains: where it enters and on what it depends."""
+    remaining = diag.remaining
+    if diag.changed:
+        return _changed_words(diag, diag.changed)
+    if remaining is None:
+        if diag.laws:
+            return "Structure remains that no known effect explains: whole runs show it."
+        if diag.verdict == "unexplained":
+            if diag.repeating:
+                return _repeating_words(diag)
+            return "Structure remains that no known effect explains; its place is not clear."
+        if diag.verdict == "undecided":
+            return "What remains is lasting, and cannot be told from a disturbance."
+        return "What remains cannot be told from noise."
+    enters = "it enters at" if remaining.manner == "adds" else "it scales what passes"
+    still = "Structure still remains" if diag.best else "Structure remains"
+    return (
+        f"{still} that no known effect explains: {enters} "
+        f"{place_words(diag.model, remaining.port)} and depends on {remaining.depends_on}, which "
+        f"explains {percent(remaining.share)} of the squared one-step errors there."
+    )
+
+
+def changed_parameter(changed: ChangedSize) -> str:
+    """What changes in time, or at a level of a signal, in words."""
+    effect, _, name = changed.parameter.rpartition(".")
+    level = amount(number(changed.shown.value, 2), changed.shown.unit)
+    of = "" if changed.signal == TIME else f"{an(humanize(changed.signal))} of "
+    return f"the {humanize(name)} of {an_effect(effect)} changes at {of}{level}"
+
+
+def _changed_words(diag: Findings, changed: ChangedSize) -> str:
+    """That an added effect changes: where, by how much, and what that removes."""
+    unit = changed.after.shown[2]
+    low, high = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
+    since, first, then = "", "below", "above"
+    if changed.signal == TIME:
+        since, first, then = " after the start of a log", "before", "after"
+    return (
+        f"{capitalised(changed_parameter(changed))}{since}: {low} {first}, {amount(high, unit)} "
+        f"{then}. By the slopes of the fit that removes {changed.worth} of the squared error over "
+        f"whole runs of {errors_of(diag)[0]}."
+    )
+
+
+def _repeating_words(diag: Findings) -> str:
+    """That large errors over whole runs repeat: a flexible model or repeated inputs show it."""
+    channels = diag.room.channels if diag.room else {}
+    explained, recurring = (
+        [name for name in diag.repeating if name in shares and shares[name].low > 0]
+        for shares in (channels, diag.recurring)
+    )
+    reasons = []
+    if explained:
+        shares = joined(
+            "{2} ({3})".format(*channels[name].cells) + f" of the squared {humanize(name)} error"
+            for name in explained
+        )
+        reasons.append(f"a flexible model of these signals explains {shares}")
+    if recurring:
+        shares = joined(
+            f"{diag.recurring[name]} of the squared {humanize(name)} error" for name in recurring
+        )
+        reasons.append(f"where logs repeat their inputs {shares} recurs")
+    return (
+        f"Structure remains that no known effect explains: over whole runs of "
+        f"{judged_errors(diag)[0]} {joined(reasons)}, so it is repeatable; where it enters is not "
+        "clear."
+    )
+
+
+def decisive_log_words(diag: Findings) -> list[str]:
+    """The deviating logs that carry enough of the error to decide, and whether they do."""
+    sentences = [_odd_log(odd) for odd in diag.odd_logs if odd.much]
+    if diag.apart:
+        sentences.append(
+            "The verdict rests on the other logs alone, with the model fitted to them: the "
+            "deviating ones were recorded differently, or show what the others do not. So fitted, "
+            f"{levels(*judged_errors(diag))}."
+        )
+    return sentences
+
+
+def odd_words(diag: Findings) -> list[str]:
+    """Every log that deviates from the others, and how.
+
+    Example:
+        >>> odd_words(diag)
+        ['Log 14V deviates from the others: its thrust error is 3.4 times that of the median log.
+        ...']
+    """
+    return [_odd_log(odd) for odd in diag.odd_logs]
+
+
+def _odd_log(odd: OddLog) -> str:
+    carries = (
+        f"{odd.evidence}. It carries {percent(odd.share)} of the squared {humanize(odd.channel)} "
+        "error of all logs"
+    )
+    if odd.beyond:
+        return (
+            f"Log {odd.log} does what most of the others do not ({joined(odd.beyond)}), and what "
+            f"the model lacks there shows in it: {carries}."
+        )
+    return f"Log {odd.log} deviates from the others: {carries}. Check how it was recorded."
