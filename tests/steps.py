@@ -203,6 +203,7 @@ from diffthrust.diagnosis._stepwise import (  # private: one step alone
     next_stage,
     ranked,
     refusing,
+    runs_lead,
     step,
     still_refused,
 )
@@ -376,6 +377,7 @@ __all__ = [
     "rival_models_module",
     "score_test",
     "screened",
+    "runs_lead",
     "search_state_module",
     "shares_by_effect",
     "shift_of",

@@ -27,6 +27,7 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
+from diffthrust.simulation._starts import felt
 
 SCREENS = 3
 """Numerics: the largest number of screens of one stage: on flat ridges a better noise may appear
@@ -36,15 +37,36 @@ repeatedly."""
 def step(context: SearchContext, state: SearchState) -> SearchState:
     """Add the best effect by one-step errors or, if these support none, by whole runs.
 
-    Only by whole runs once as many effects are detectable as there may be: on the maps of a T200
-    five of them, none of which changes a whole run, ended the search before the sag of the supply,
-    which removes two thirds of the squared whole-run error.
+    In the other order where `runs_lead`. And only by whole runs once as many effects are detectable
+    as there may be: on the maps of a T200 five of them, none of which changes a whole run, ended
+    the search before the sag of the supply, which removes two thirds of the squared whole-run
+    error.
     """
-    full = len(state.detectable) >= SETTINGS.admission.most_effects
-    updated = state if full else next_stage(context, state)
-    if updated.accepted == state.accepted:
-        updated = from_simulation(context, updated)
+    ways = [next_stage, from_simulation]
+    if runs_lead(context):
+        ways.reverse()
+    if len(state.detectable) >= SETTINGS.admission.most_effects:
+        ways.remove(next_stage)
+    updated = state
+    for way in ways:
+        if updated.accepted == state.accepted:
+            updated = way(context, updated)
     return replace(updated, exhausted=updated.accepted == state.accepted)
+
+
+def runs_lead(context: SearchContext) -> bool:
+    """Whether whole runs are asked before one-step errors.
+
+    They are where more states shape what is measured than any sensor reads. Random forces on these
+    states then take the place of an effect from one sample to the next. Of a boat with measured
+    positions and no measured speeds, one-step errors wanted five effects in turn, and whole runs
+    refused each after a fit of its own, before they were asked which they need.
+    """
+    records = context.fitter.records
+    read = {name for record in records for name in record.measured_states}
+    unread = {*felt(context.given, records)} & {*context.given.states} - read
+    other_sensors = {*context.fitter.channels} - read
+    return len(unread) > len(other_sensors)
 
 
 def done(state: SearchState) -> bool:

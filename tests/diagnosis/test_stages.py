@@ -16,12 +16,14 @@ from steps import (
     TriedEffect,
     Worth,
     admission_module,
+    bind,
     done,
     from_simulation,
     next_stage,
     other_values,
     ranked,
     refusing,
+    runs_lead,
     shares_by_effect,
     step,
     still_refused,
@@ -174,6 +176,8 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
         monkeypatch.setattr(
             f"{STEPWISE}.{way}", lambda _, state, way=way: asked.append(way) or state
         )
+    leading = iter([False, False, True])
+    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda _: next(leading))
     most = SETTINGS.admission.most_effects
     state = SearchState(None, (object(),), {}, detectable=("lag",) * most)
     assert not done(state)
@@ -182,7 +186,29 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
     asked.clear()
     step(None, replace(state, detectable=("lag",) * (most - 1)))
     assert asked == ["next_stage", "from_simulation"]
+    asked.clear()
+    step(None, replace(state, detectable=()))
+    assert asked == ["from_simulation", "next_stage"]
     assert done(replace(state, stages=(object(),) * (most + 1)))
+
+
+@pytest.mark.parametrize(
+    ("model", "measured", "lead"),
+    [
+        (dft.Vessel(), ("north", "east", "heading", "yaw_rate"), True),  # surge and sway are not
+        (dft.Vessel(), ("surge", "sway", "yaw_rate"), False),  # nothing else acts on these
+        (dft.Vessel(), ("surge", "yaw_rate"), True),
+        (dft.Thruster(), ("thrust",), False),  # it reads the speed
+        (dft.DCMotorThruster(), ("speed",), True),
+        (dft.DCMotorThruster(), ("speed", "thrust"), False),
+    ],
+)
+def test_whole_runs_are_asked_first_where_states_are_not_read(model, measured, lead):
+    time = np.linspace(0.0, 5.0, 51)
+    inputs = {name: np.sin(time) for name in model.inputs}
+    log = dft.Log(time, inputs, {name: np.cos(time) for name in measured})
+    fitter = SimpleNamespace(records=bind(model, [log]), channels=measured)
+    assert runs_lead(SimpleNamespace(given=model, fitter=fitter)) is lead
 
 
 @pytest.mark.parametrize(("low", "unseen"), [(0.2, ("C",)), (0.05, ("C",)), (0.2, ())])
