@@ -206,12 +206,21 @@ class Log:
 
         ``units`` may name only some channels; the remaining channels keep their units.
 
+        Raises:
+            InputError: a channel without a unit, such as one under a new name.
+
         Example:
             >>> log.replaced(name="another.csv").name
             'another.csv'
         """
         kept = {key: getattr(self, key) for key in self.__dataclass_fields__}
         units = {**self.units, **fields.get("units", {})}
+        for name in {**fields.get("inputs", {}), **fields.get("measured", {})}:
+            if name not in units:
+                raise InputError(
+                    f"{self.name}: expected the channels {listing(self.units)}, found {name!r}.",
+                    f'Make a new log: dft.Log(log.time, {{"{name}": ...}}, log.measured).',
+                )
         return Log.of_checked({**kept, **fields, "units": units})
 
     def __reduce__(self) -> tuple[Any, ...]:

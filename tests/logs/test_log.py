@@ -120,6 +120,14 @@ def test_units_of_some_channels_leave_the_others_theirs():
     assert (other.units["command"], other.units["speed"]) == ("effort", log.units["speed"])
 
 
+def test_a_channel_under_a_new_name_is_refused_with_the_mend():
+    log = dft.Log([0.0, 1.0], {"force": [1.0, 2.0]}, {"velocity": [0.0, 1.0]}, {"force": "N"})
+    with pytest.raises(
+        dft.InputError, match=r"log: expected the channels 'force'.* found 'thrust'"
+    ):
+        log.replaced(inputs={"thrust": log.inputs["force"]})
+
+
 def test_interpolation_on_request():
     given = dict(time=[0, 1, 3, 4, 5], inputs={"command": [NAN, 1.0, NAN, 4.0, NAN]})
     with pytest.raises(InputError, match="sample 0") as caught:
