@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._criteria import OverRuns
@@ -164,7 +165,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     """Retry the effects that lower the errors over whole runs, from their values there.
 
     The first that also lowers the one-step errors is added; the others are possible. Where none is
-    added, pairs and singles that whole unseen runs prove are.
+    added, pairs and singles that whole unseen runs prove are; where `runs_lead`, these come first.
     """
     if not simulation_is_poor(context, state, state.stages[-1]):
         return replace(state, possible={})
@@ -175,6 +176,10 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     state = replace(state, possible={name: worth for name, (worth, _) in lowering.items()})
     least = SETTINGS.whole_runs.proving_share
     proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
+    proven_state = partial(with_proven, context, state, base, singles, proving)
+    leads = runs_lead(context)
+    if leads and (led := proven_state()).accepted != state.accepted:
+        return led
     for name, (_, simulated) in lowering.items():
         proven = bool(context.unseen) and name in proving
         if outcome := _admitted(context, state, name, simulated, proven):
@@ -183,7 +188,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
             alone = _without_detectable(context, state)
             if outcome := _admitted(context, alone, name, simulated, proven):
                 return outcome
-    return with_proven(context, state, base, singles, proving)
+    return state if leads else proven_state()
 
 
 def _admitted(

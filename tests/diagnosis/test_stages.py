@@ -227,6 +227,7 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     context = SimpleNamespace(fitter=fitter, unseen=unseen, say=lambda *_: None,
                               clock=lambda _: nullcontext())  # fmt: skip
     monkeypatch.setattr(f"{STEPWISE}._admitted", admitted)
+    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda _: False)
     monkeypatch.setattr(f"{STEPWISE}.simulation_is_poor", lambda *_: True)
     monkeypatch.setattr(f"{STEPWISE}._singles", lambda *_: (None, {}))
     worth = Worth(0.5, low, 0.8)
@@ -237,6 +238,16 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     assert from_simulation(context, state).detectable == ("lag",)  # where nothing is added
     beside = (("lag",), ("exponent", "lag"))
     assert tried == ([beside, ((), ("exponent",))] if unseen and low > 0.1 else [beside])
+    # where whole runs lead, what unseen ones prove comes first
+    tried.clear()
+    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda _: True)
+    from_simulation(context, state)
+    assert beside in tried  # nothing was proven
+    tried.clear()
+    monkeypatch.setattr(f"{STEPWISE}.with_proven",
+                        lambda context, state, *_: replace(state, detectable=()))  # fmt: skip
+    assert from_simulation(context, state).detectable == ()
+    assert tried == []
 
 
 RNG = np.random.default_rng(0)
