@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._criteria import OverRuns
@@ -28,7 +27,6 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
-from diffthrust.simulation._starts import felt
 
 SCREENS = 3
 """Numerics: the largest number of screens of one stage: on flat ridges a better noise may appear
@@ -38,36 +36,15 @@ repeatedly."""
 def step(context: SearchContext, state: SearchState) -> SearchState:
     """Add the best effect by one-step errors or, if these support none, by whole runs.
 
-    In the other order where `runs_lead`. And only by whole runs once as many effects are detectable
-    as there may be: on the maps of a T200 five of them, none of which changes a whole run, ended
-    the search before the sag of the supply, which removes two thirds of the squared whole-run
-    error.
+    Only by whole runs once as many effects are detectable as there may be: on the maps of a T200
+    five of them, none of which changes a whole run, ended the search before the sag of the supply,
+    which removes two thirds of the squared whole-run error.
     """
-    ways = [next_stage, from_simulation]
-    if runs_lead(context):
-        ways.reverse()
-    if len(state.detectable) >= SETTINGS.admission.most_effects:
-        ways.remove(next_stage)
-    updated = state
-    for way in ways:
-        if updated.accepted == state.accepted:
-            updated = way(context, updated)
+    full = len(state.detectable) >= SETTINGS.admission.most_effects
+    updated = state if full else next_stage(context, state)
+    if updated.accepted == state.accepted:
+        updated = from_simulation(context, updated)
     return replace(updated, exhausted=updated.accepted == state.accepted)
-
-
-def runs_lead(context: SearchContext) -> bool:
-    """Whether whole runs are asked before one-step errors.
-
-    They are where more states shape what is measured than any sensor reads. Random forces on these
-    states then take the place of an effect from one sample to the next. Of a boat with measured
-    positions and no measured speeds, one-step errors wanted five effects in turn, and whole runs
-    refused each after a fit of its own, before they were asked which they need.
-    """
-    records = context.fitter.records
-    read = {name for record in records for name in record.measured_states}
-    unread = {*felt(context.given, records)} & {*context.given.states} - read
-    other_sensors = {*context.fitter.channels} - read
-    return len(unread) > len(other_sensors)
 
 
 def done(state: SearchState) -> bool:
@@ -165,7 +142,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     """Retry the effects that lower the errors over whole runs, from their values there.
 
     The first that also lowers the one-step errors is added; the others are possible. Where none is
-    added, pairs and singles that whole unseen runs prove are; where `runs_lead`, these come first.
+    added, pairs and singles that whole unseen runs prove are.
     """
     if not simulation_is_poor(context, state, state.stages[-1]):
         return replace(state, possible={})
@@ -176,10 +153,6 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     state = replace(state, possible={name: worth for name, (worth, _) in lowering.items()})
     least = SETTINGS.whole_runs.proving_share
     proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
-    proven_state = partial(with_proven, context, state, base, singles, proving)
-    leads = runs_lead(context)
-    if leads and (led := proven_state()).accepted != state.accepted:
-        return led
     for name, (_, simulated) in lowering.items():
         proven = bool(context.unseen) and name in proving
         if outcome := _admitted(context, state, name, simulated, proven):
@@ -188,7 +161,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
             alone = _without_detectable(context, state)
             if outcome := _admitted(context, alone, name, simulated, proven):
                 return outcome
-    return state if leads else proven_state()
+    return with_proven(context, state, base, singles, proving)
 
 
 def _admitted(

@@ -16,14 +16,12 @@ from steps import (
     TriedEffect,
     Worth,
     admission_module,
-    bind,
     done,
     from_simulation,
     next_stage,
     other_values,
     ranked,
     refusing,
-    runs_lead,
     shares_by_effect,
     step,
     still_refused,
@@ -176,8 +174,6 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
         monkeypatch.setattr(
             f"{STEPWISE}.{way}", lambda _, state, way=way: asked.append(way) or state
         )
-    leading = iter([False, False, True])
-    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda _: next(leading))
     most = SETTINGS.admission.most_effects
     state = SearchState(None, (object(),), {}, detectable=("lag",) * most)
     assert not done(state)
@@ -186,29 +182,7 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
     asked.clear()
     step(None, replace(state, detectable=("lag",) * (most - 1)))
     assert asked == ["next_stage", "from_simulation"]
-    asked.clear()
-    step(None, replace(state, detectable=()))
-    assert asked == ["from_simulation", "next_stage"]
     assert done(replace(state, stages=(object(),) * (most + 1)))
-
-
-@pytest.mark.parametrize(
-    ("model", "measured", "lead"),
-    [
-        (dft.Vessel(), ("north", "east", "heading", "yaw_rate"), True),  # surge and sway are not
-        (dft.Vessel(), ("surge", "sway", "yaw_rate"), False),  # nothing else acts on these
-        (dft.Vessel(), ("surge", "yaw_rate"), True),
-        (dft.Thruster(), ("thrust",), False),  # it reads the speed
-        (dft.DCMotorThruster(), ("speed",), True),
-        (dft.DCMotorThruster(), ("speed", "thrust"), False),
-    ],
-)
-def test_whole_runs_are_asked_first_where_states_are_not_read(model, measured, lead):
-    time = np.linspace(0.0, 5.0, 51)
-    inputs = {name: np.sin(time) for name in model.inputs}
-    log = dft.Log(time, inputs, {name: np.cos(time) for name in measured})
-    fitter = SimpleNamespace(records=bind(model, [log]), channels=measured)
-    assert runs_lead(SimpleNamespace(given=model, fitter=fitter)) is lead
 
 
 @pytest.mark.parametrize(("low", "unseen"), [(0.2, ("C",)), (0.05, ("C",)), (0.2, ())])
@@ -227,7 +201,6 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     context = SimpleNamespace(fitter=fitter, unseen=unseen, say=lambda *_: None,
                               clock=lambda _: nullcontext())  # fmt: skip
     monkeypatch.setattr(f"{STEPWISE}._admitted", admitted)
-    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda _: False)
     monkeypatch.setattr(f"{STEPWISE}.simulation_is_poor", lambda *_: True)
     monkeypatch.setattr(f"{STEPWISE}._singles", lambda *_: (None, {}))
     worth = Worth(0.5, low, 0.8)
@@ -238,16 +211,6 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     assert from_simulation(context, state).detectable == ("lag",)  # where nothing is added
     beside = (("lag",), ("exponent", "lag"))
     assert tried == ([beside, ((), ("exponent",))] if unseen and low > 0.1 else [beside])
-    # where whole runs lead, what unseen ones prove comes first
-    tried.clear()
-    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda _: True)
-    from_simulation(context, state)
-    assert beside in tried  # nothing was proven
-    tried.clear()
-    monkeypatch.setattr(f"{STEPWISE}.with_proven",
-                        lambda context, state, *_: replace(state, detectable=()))  # fmt: skip
-    assert from_simulation(context, state).detectable == ()
-    assert tried == []
 
 
 RNG = np.random.default_rng(0)
