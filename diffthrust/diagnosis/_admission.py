@@ -33,8 +33,8 @@ from diffthrust.simulation._runs import Run
 _MORE_STARTS = 6
 """Numerics: starts of a fit that ended worse than the one that is nested in it."""
 _NOTICED = 1.0
-"""Numerics: log-likelihood by which a fit must end lower to be worse: steps of another length, or
-a kink at an optimum, cost some tenths."""
+"""Numerics: log-likelihood by which a fit must end lower to be worse: a kink at an optimum costs
+some tenths."""
 
 
 def admit(
@@ -232,20 +232,21 @@ def refitted_stage(context: SearchContext, state: SearchState, starts: int = 0) 
         again = FittedStage(
             names, *context.refit(model, guesses, starts=_MORE_STARTS, segments=True)
         )
-        fitted = fitted if ended_worse(again, fitted) else again
+        fitted = fitted if ended_worse(again, fitted, by=0.0) else again
     return fitted
 
 
-def ended_worse(stage: FittedStage, other: FittedStage) -> bool:
+def ended_worse(stage: FittedStage, other: FittedStage, by: float = _NOTICED) -> bool:
     """Whether a fit ended worse than another of the same logs: by what both of them maximise.
 
     Errors by channel may grow where a likelihood rises, which weighs a channel by its readings: a
     boat whose north and east are read half as often as its heading gained 248 of log-likelihood
-    while the mean of its errors grew, and was searched anew from six starts, for nothing. Fits of
-    other segments maximise something else: their whole runs decide.
+    while the mean of its errors grew, and was searched anew from six starts, for nothing. Fits on
+    segments, or with other integrator steps, may maximise something else: their whole runs decide.
     """
     if not math.isfinite(stage.train.nrmse):
         return True
-    if stage.fit.horizon == other.fit.horizon:
-        return stage.fit.log_likelihood < other.fit.log_likelihood - _NOTICED
+    ways = {(fit.horizon, fit.substeps) for fit in (stage.fit, other.fit)}
+    if stage.fit.horizon is None and len(ways) == 1:
+        return stage.fit.log_likelihood < other.fit.log_likelihood - by
     return missed(other, stage)

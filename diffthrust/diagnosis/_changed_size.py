@@ -7,7 +7,7 @@ the training logs; the unseen logs decide. Nothing is simulated but each paramet
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -17,15 +17,18 @@ from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.logs._written import Size
-from diffthrust.simulation._runs import Run, runs_over, with_steps
+from diffthrust.simulation._runs import Run, runs_over, shown_of, with_steps
 
 _STEP = 1e-4
 """Numerics: share of a parameter, or of its scale, over which slopes are differences."""
-_LEVELS = 40
-"""Numerics: levels that are tried over the range of a signal, and once more about the best."""
 _EXTREMES = 0.05
 """Numerics: share of the samples that each side of a level has at least: what a few peaks do is
 told by a limit or a curve."""
+_INDEPENDENT = 1e-6
+"""Numerics: share of a slope's square that the other parameters must leave to tell it from them."""
+_AS_WELL = 0.98
+"""A change in time is told if it removes this share of what a level of a signal does: on logs that
+all ramp a command up, time and command are nearly the same."""
 TIME = "time"
 """The signal of a change in time [s], from the start of each log."""
 
@@ -100,13 +103,12 @@ def changed_size(
     places = [i for i, name in enumerate(names) if name.rpartition(".")[0] in added]
     if not (places and unseen):
         return None
-    fitted = _slopes(fit, names, training)
-    levels = {signal: _levels(fitted, signal) for signal in _shared(fitted)}
-    first = _best(fitted, [_Change(i, n, at) for i in places for n in levels for at in levels[n]])
-    near = _neighbours(levels[first.signal], first.level)
-    change = _best(fitted, [first._replace(level=at) for at in near])
+    fitted, held = _slopes(fit, names, training), _slopes(fit, names, unseen)
+    change = _best(fitted, places, _shared([*fitted, *held], fit.model.angles))
+    if change is None:
+        return None
     step = _step(fitted, change)
-    worth = _worth(_slopes(fit, names, unseen), change, step)
+    worth = _worth(held, change, step)
     if not worth.low > SETTINGS.verdict.changed_share:
         return None
     place, signal, level = change
@@ -115,32 +117,21 @@ def changed_size(
         replace(estimate, value=float(estimate.value + moved), std_error=None)
         for moved in (step[place], step[place] + step[-1])
     )
-    run = training[0]
-    unit = run.units.get(signal, "s")
-    shown = Size(float(run.shown.values(signal, level, unit)), run.shown.unit(signal, unit))
+    shown = _shown(training, signal, level)
     return ChangedSize(name, signal, level, before, after, worth, shown)
 
 
-def _shared(rows: Sequence[_Slopes]) -> list[str]:
-    """The signals of all rows; time first, for of equal changes the first is told."""
-    others = set.intersection(*(set(row.signals) for row in rows)) - {TIME}
+def _shown(runs: Sequence[Run], signal: str, level: float) -> Size:
+    """A level in the unit of the logs; of a channel that they count the other way, as modelled."""
+    units, unit = shown_of(runs), runs[0].units.get(signal, "s")
+    low, high = units.values(signal, [level, level + 1e-6 * (1.0 + abs(level))], unit)
+    return Size(float(low), units.unit(signal, unit)) if high > low else Size(level, unit)
+
+
+def _shared(rows: Sequence[_Slopes], angles: Collection[str]) -> list[str]:
+    """The signals of all rows, without angles: the heading of a boat that circles is a clock."""
+    others = set.intersection(*(set(row.signals) for row in rows)) - {TIME, *angles}
     return [TIME, *sorted(others)]
-
-
-def _levels(rows: Sequence[_Slopes], signal: str) -> np.ndarray:
-    """The levels of a signal at which a change is tried."""
-    values = np.concatenate([row.signals[signal] for row in rows])
-    if signal == TIME:
-        return np.linspace(0.0, values.max(), _LEVELS + 2)[1:-1]
-    shares = np.linspace(_EXTREMES, 1.0 - _EXTREMES, _LEVELS)
-    levels = np.unique(np.quantile(values[np.isfinite(values)], shares))
-    return levels if levels.size > 1 else levels[:0]
-
-
-def _neighbours(levels: np.ndarray, level: float) -> np.ndarray:
-    """Finer levels, from the one before a level to the one after it."""
-    k = int(np.argmin(np.abs(levels - level)))
-    return np.linspace(levels[max(k - 1, 0)], levels[min(k + 1, levels.size - 1)], _LEVELS)
 
 
 def _slopes(fit: Fit, names: Sequence[str], runs: Sequence[Run]) -> list[_Slopes]:
@@ -204,14 +195,43 @@ def _after(row: _Slopes, change: _Change, step: np.ndarray) -> np.ndarray:
     return row.errors - step @ _columns(row, change)
 
 
-def _best(rows: Sequence[_Slopes], changes: Sequence[_Change]) -> _Change:
-    """The change that leaves least of the squares; the first of equal ones."""
+def _best(rows: Sequence[_Slopes], places: Sequence[int], signals: Sequence[str]) -> _Change | None:
+    """The change that leaves least of the squares; one in time unless another does clearly better.
 
-    def remaining(change: _Change) -> float:
-        step = _step(rows, change)
-        return sum(float(np.nansum(_after(row, change, step) ** 2)) for row in rows)
-
-    return min(changes, key=remaining)
+    Of all levels between two samples at once: beside the other slopes, what a change removes is the
+    square of its product with the errors that these leave, over what they leave of its own square;
+    both are sums over the samples above the level.
+    """
+    errors = np.concatenate([row.errors for row in rows])
+    slopes = np.concatenate([row.slopes for row in rows], axis=1)
+    series = {n: np.concatenate([row.signals[n] for row in rows]) for n in signals}
+    seen = np.isfinite([errors, *slopes, *series.values()]).all(axis=0)
+    errors, slopes = errors[seen], slopes[:, seen]
+    length = np.linalg.norm(slopes, axis=1)
+    columns, sizes, _ = np.linalg.svd((slopes[length > 0] / length[length > 0, None]).T, False)
+    basis = columns[:, sizes > _INDEPENDENT].T
+    errors = errors - (basis @ errors) @ basis
+    found: list[tuple[float, _Change]] = []
+    for signal, values in series.items():
+        order = np.argsort(values[seen], kind="stable")
+        ordered, least = values[seen][order], int(_EXTREMES * order.size)
+        splits = np.flatnonzero(np.diff(ordered) > 0)
+        splits = splits[(splits >= least) & (splits < order.size - least)]
+        if not splits.size:
+            continue
+        for place in places:
+            above = slopes[place, order]
+            products = above * np.stack([errors[order], above, *basis[:, order]])
+            sums = (products.sum(axis=1, keepdims=True) - products.cumsum(axis=1))[:, splits]
+            own = sums[1] - np.sum(sums[2:] ** 2, axis=0)
+            apart = own > _INDEPENDENT * np.sum(above**2)
+            removed = np.where(apart, sums[0] ** 2 / np.where(apart, own, 1.0), 0.0)
+            k = splits[np.argmax(removed)]
+            level = 0.5 * float(ordered[k] + ordered[k + 1])
+            found.append((float(removed.max()), _Change(place, signal, level)))
+    most = max((removed for removed, _ in found), default=0.0)
+    as_well = [pair for pair in found if pair[1].signal == TIME and pair[0] >= _AS_WELL * most]
+    return max(as_well or found, key=lambda pair: pair[0])[1] if most > 0 else None
 
 
 def _worth(rows: Sequence[_Slopes], change: _Change, step: np.ndarray) -> Worth:

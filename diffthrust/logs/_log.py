@@ -219,7 +219,7 @@ class Log:
             if name not in units:
                 raise InputError(
                     f"{self.name}: expected the channels {listing(self.units)}, found {name!r}.",
-                    f'Make a new log: dft.Log(log.time, {{"{name}": ...}}, log.measured).',
+                    f"Give its unit: units={{'{name}': ...}}.",
                 )
         return Log.of_checked({**kept, **fields, "units": units})
 

@@ -230,10 +230,11 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"one step errs by {per * diag.one_step[channel]:.3g}, whole runs by {per * run:.3g}"
 
 
-@claim(rf"(?:Unexplained: t|T)he (?P<name>[^\n]+?) changes at "
-       rf"(?:an? (?P<signal>[a-z ]+?) of )?(?P<level>{NUMBER})(?P<unit> [^\s,:.]+)?"
+@claim(rf"(?:Unexplained: t|T)he (?P<name>[^\n]+?) changes "
+       rf"(?:at|where the (?P<signal>[^\n]+?) is) (?P<level>{NUMBER})(?: (?P<unit>[^\s,:.]+))?"
        rf"(?: after the start of a log)?"
-       rf"(?:[,:] (?P<before>{NUMBER})(?: ->| before,| below,) (?P<after>{NUMBER})[^\n.]*)?\."
+       rf"(?:[,:] (?P<before>{NUMBER})(?: ->| (?P<up>before|below),) (?P<after>{NUMBER})"
+       rf"[^\n.]*?(?P<beyond>after|above)?)?\."
        rf"(?: By the slopes of the fit that removes (?P<share>{WORTH}) of the squared error over "
        r"whole runs of (?P<logs>[^.]+)\.)?")  # fmt: skip
 def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
@@ -244,6 +245,11 @@ def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     per = diag.fit.parameters[changed.parameter].per
     if (m["signal"] or "time") != in_words(changed.signal):
         yield f"it changes with {changed.signal}"
+    if (m["unit"] or "") != changed.shown.unit:
+        yield f"the level is in {changed.shown.unit}"
+    sides = ("before", "after") if changed.signal == "time" else ("below", "above")
+    if (m["up"], m["beyond"]) not in (sides, (None, None)):
+        yield f"it is told with {m['up']} and {m['beyond']}"
     pairs = ((m["level"], changed.shown.value), (m["before"], per * changed.before.value),
              (m["after"], per * changed.after.value))  # fmt: skip
     for number, value in pairs:

@@ -121,16 +121,53 @@ def test_the_summary_says_when_and_by_how_much():
     assert claims.contradictions(later, text=diag.details)
 
 
-def test_the_summary_names_the_signal_at_whose_level_a_size_changes():
+@pytest.mark.parametrize(("signal", "unit"), [("speed", "rpm"), ("inflow", "m/s")])
+def test_the_summary_names_the_signal_at_whose_level_a_size_changes(signal, unit):
     diag = made.found()
     width = diag.fit.parameters["command_deadband.half_width"]
     sizes = (replace(width, value=size, std_error=None) for size in (0.3, 0.5))
     changed = ChangedSize(
-        "command_deadband.half_width", "speed", 12.3, *sizes, Worth(0.6, 0.5, 0.7), Size(117, "rpm")
+        "command_deadband.half_width", signal, 12.3, *sizes, Worth(0.6, 0.5, 0.7), Size(117, unit)
     )
     diag = replace(diag, changed=changed, verdict="unexplained")
-    assert "the half-width of a command dead band changes at a speed of 117 rpm." in diag.summary
-    assert "changes at a speed of 117 rpm: 0.30 below, 0.50 V above." in diag.details
+    where = f"changes where the {signal} is 117 {unit}"
+    assert f"the half-width of a command dead band {where}." in diag.summary
+    assert f"{where}: 0.30 below, 0.50 V above." in diag.details
     assert claims.contradictions(diag) == []
-    other = replace(diag, changed=replace(changed, signal="thrust"))
-    assert claims.contradictions(other, text=diag.details)
+    for wrong in (
+        replace(changed, signal="thrust"),
+        replace(changed, shown=Size(117, "N")),
+        replace(changed, before=changed.after, after=changed.before),
+    ):
+        assert claims.contradictions(replace(diag, changed=wrong), text=diag.details)
+    swapped = diag.details.replace("0.30 below, 0.50 V above", "0.30 before, 0.50 V after")
+    assert claims.contradictions(diag, text=swapped)
+
+
+def test_a_signal_that_unseen_logs_lack_is_none_at_which_a_size_changes():
+    """Training logs alone know the voltage, at a level of which the loss seems to change."""
+    logs = [bench(seed, 0.12, 0.30)[0] for seed in range(3)]
+    voltage = {"supply_voltage": np.where(TIME < CHANGE, 16.0, 13.0)}
+    train = [log.replaced(inputs={**log.inputs, **voltage}, units={"supply_voltage": "V"},
+                          hold={**log.hold, "supply_voltage": "zero"})
+             for log in logs[:2]]  # fmt: skip
+    fit = dft.fit(MODEL, train, holdout=logs[2], starts=1)
+    runs = dft.compare(fit, train).runs, dft.compare(fit, logs[2]).runs
+    assert changed_size(fit, ["inflow_thrust_loss"], *runs).signal == "time"
+
+
+def test_on_ramps_a_change_in_time_is_told_as_such():
+    """The command of every log rises alike: at its level the loss changes as well."""
+    logs = []
+    for seed in range(3):
+        log, _ = bench(seed, 0.12, 0.12)
+        log = log.replaced(inputs={**log.inputs, "command": 0.3 + 0.05 * TIME})
+        speed = dft.simulate(dft.Thruster(alpha=0.037, beta=42.0), log)["speed"]
+        loss = np.where(TIME < CHANGE, 0.12, 0.30)
+        thrust = (0.022 * speed - loss * log.inputs["inflow"]) * np.abs(speed)
+        thrust += 0.1 * np.random.default_rng(seed).standard_normal(TIME.size)
+        logs.append(log.replaced(measured={"speed": speed, "thrust": thrust}))
+    fit = dft.fit(MODEL, logs[:2], holdout=logs[2], starts=1)
+    runs = dft.compare(fit, logs[:2]).runs, dft.compare(fit, logs[2]).runs
+    found = changed_size(fit, ["inflow_thrust_loss"], *runs)
+    assert (found.signal, found.level) == ("time", pytest.approx(CHANGE, abs=0.3))

@@ -344,23 +344,26 @@ def test_a_constant_needs_whole_runs_that_bear_its_value_out(monkeypatch, low, r
     assert admission_module.reject_if_unborne(context, state, "lag") is None  # an effect
 
 
-def ended(errors, log_likelihood, horizon=None):
+def ended(errors, log_likelihood, horizon=None, substeps=1):
     channels = {n: SimpleNamespace(rmse=rmse) for n, rmse in errors.items()}
     train = SimpleNamespace(nrmse=sum(errors.values()), channels=channels)
-    return SimpleNamespace(
-        train=train, fit=SimpleNamespace(log_likelihood=log_likelihood, horizon=horizon)
-    )
+    fit = SimpleNamespace(log_likelihood=log_likelihood, horizon=horizon, substeps=substeps)
+    return SimpleNamespace(train=train, fit=fit)
 
 
 def test_a_fit_ended_worse_where_what_it_maximises_is_lower():
     # yaw rate and heading are read at 10 Hz, the position at 5
-    before = ended({"yaw_rate": 0.443, "heading": 1.48, "east": 1.35}, -65.0)
+    grown, fallen = ({"yaw_rate": 0.281, "heading": 1.36, "east": e} for e in (4.10, 1.35))
+    errors = {"yaw_rate": 0.443, "heading": 1.48, "east": 1.35}
+    before = ended(errors, -65.0)
     for after, worse in (
-        (ended({"yaw_rate": 0.281, "heading": 1.36, "east": 4.10}, 183.0), False),
-        (ended({"yaw_rate": 0.443, "heading": 1.48, "east": 1.35}, -65.3), False),
-        (ended({"yaw_rate": 0.440, "heading": 1.48, "east": 1.30}, -70.0), True),
-        (ended({"yaw_rate": 0.443, "heading": 1.48, "east": float("inf")}, 183.0), True),
-        (ended({"yaw_rate": 0.281, "heading": 1.36, "east": 4.10}, 183.0, 20.0), True),
-        (ended({"yaw_rate": 0.281, "heading": 1.36, "east": 1.35}, -183.0, 20.0), False),
+        (ended(grown, 183.0), False),
+        (ended(errors, -65.3), False),
+        (ended({**errors, "east": 1.30}, -70.0), True),
+        (ended({**errors, "east": float("inf")}, 183.0), True),
+        (ended(grown, 183.0, horizon=20.0), True),  # of something else: errors decide
+        (ended(fallen, -183.0, horizon=20.0), False),
+        (ended(grown, 183.0, substeps=4), True),
     ):
         assert admission_module.ended_worse(after, before) is worse
+    assert admission_module.ended_worse(ended(errors, -65.3), before, by=0.0)

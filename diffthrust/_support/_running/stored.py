@@ -122,8 +122,8 @@ class ProgramStore:
 def _content(exported: export.Exported) -> bytes | None:
     """What is written of a program; none if a class of its results cannot be."""
     classes = _classes(exported.out_tree)
-    _register(classes)
     try:
+        _register(classes)
         body = bytes(exported.serialize())
     except ValueError:
         return None

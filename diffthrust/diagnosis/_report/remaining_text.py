@@ -128,8 +128,8 @@ def changed_parameter(changed: ChangedSize) -> str:
     """What changes in time, or at a level of a signal, in words."""
     effect, _, name = changed.parameter.rpartition(".")
     level = amount(number(changed.shown.value, 2), changed.shown.unit)
-    of = "" if changed.signal == TIME else f"{an(humanize(changed.signal))} of "
-    return f"the {humanize(name)} of {an_effect(effect)} changes at {of}{level}"
+    at = "at" if changed.signal == TIME else f"where the {humanize(changed.signal)} is"
+    return f"the {humanize(name)} of {an_effect(effect)} changes {at} {level}"
 
 
 def _changed_words(diag: Findings, changed: ChangedSize) -> str:
