@@ -27,8 +27,8 @@ told by a limit or a curve."""
 _INDEPENDENT = 1e-6
 """Numerics: share of a slope's square that the other parameters must leave to tell it from them."""
 _AS_WELL = 0.98
-"""A change in time is told if it removes this share of what a level of a signal does: on logs that
-all ramp a command up, time and command are nearly the same."""
+"""Display: a change in time is told if it removes this share of what a level of a signal does: on
+logs that all ramp a command up, time and command are nearly the same."""
 TIME = "time"
 """The signal of a change in time [s], from the start of each log."""
 
