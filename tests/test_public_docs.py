@@ -107,7 +107,7 @@ def test_the_example_does_what_it_says(one, folder):
     names = {**example_names.names(wanted), "__name__": "example"}
     test = doctest.DocTest(examples, names, one.name, None, 0, None)
     told: list[str] = []
-    doctest.DocTestRunner(optionflags=FLAGS).run(test, out=told.append)
+    doctest.DocTestRunner(verbose=False, optionflags=FLAGS).run(test, out=told.append)
     assert not told, "".join(told)
 
 
