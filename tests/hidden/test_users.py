@@ -14,7 +14,7 @@ from marks import slow_but
 from diffthrust.effects import EFFECTS
 
 from . import users
-from .users.__main__ import main
+from .users.__main__ import line, main
 from .users.work import plain, work
 
 BEYOND = {
@@ -76,7 +76,7 @@ def test_what_is_hidden_has_the_parameters_of_the_effect_that_names_it(kind):
 @pytest.mark.parametrize("kind", users.KINDS)
 def test_the_true_structure_is_identified(kind, seed):
     made = users.draw(kind, seed)
-    assert plain(replace(made, systems=(made.systems[1],) * 2), starts=1)["identified"]
+    assert plain(made, starts=0)["identified"]
 
 
 def _diagnosis(added=(), groups=(), laws=(), error=0.1, **values):
@@ -142,10 +142,14 @@ def test_an_effect_with_numbers_far_from_the_true_ones_is_another():
         assert users.judge(diag, made, 0.1).right is right
 
 
-def test_no_diagnosis_is_judged_without_a_least_squares(capsys):
+def test_a_diagnosis_is_held_against_the_true_structure_where_no_other_is_fitted(capsys):
     with pytest.raises(SystemExit):
-        main(["tanks", "--starts", "0"])
-    assert "at least 1" in capsys.readouterr().err
+        main(["tanks", "--starts", "-1"])
+    assert "at least 0" in capsys.readouterr().err
+    squares = plain(users.draw("tanks", 0), starts=0)
+    assert squares.keys() == {"truth", "true", "reached", "identified"}
+    row = {"kind": "tanks", "seed": 0, "plain": squares}
+    assert line(row).startswith(f"tanks 0: true structure {squares['true']['errors']['all']:.3f};")
 
 
 @pytest.mark.slow

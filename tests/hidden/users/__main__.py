@@ -30,8 +30,9 @@ def line(row: Row) -> str:
     """A row in words."""
     text = f"{row['kind']} {row['seed']}:"
     if "plain" in row:
-        given, true = (row["plain"][name]["errors"] for name in ("given", "true"))
-        text += f" least squares {given['all']:.3f}, true structure {true['all']:.3f}"
+        words = {"given": "least squares", "true": "true structure"}
+        errors = {n: row["plain"][n]["errors"]["all"] for n in words if n in row["plain"]}
+        text += " " + ", ".join(f"{words[n]} {error:.3f}" for n, error in errors.items())
         apart = {c: round(r, 2) for c, r in row["plain"]["reached"].items()}
         text += ";" if row["plain"]["identified"] else f" NOT IDENTIFIED {apart};"
     if "verdict" not in row:
@@ -57,11 +58,13 @@ def main(words: Sequence[str] | None = None) -> list[Row]:
     parser.add_argument("--out", type=Path, help="JSON-lines file of rows, also to go on from")
     parser.add_argument("--limit", type=float, default=900.0, help="seconds a diagnosis may take")
     parser.add_argument("--plain", action="store_true", help="the least squares alone")
-    parser.add_argument("--starts", type=int, default=3, help="of the least squares, at least 1")
+    parser.add_argument(
+        "--starts", type=int, default=3, help="of the model as given; 0 leaves it out"
+    )
     parser.add_argument("--write", type=Path, help="write the CSV files there, and stop")
     arguments = parser.parse_args(words)
-    if arguments.starts < 1:
-        parser.error("--starts: at least 1, for a diagnosis is held against the least squares")
+    if arguments.starts < 0:
+        parser.error("--starts: at least 0")
     kinds = list(KINDS) if arguments.kinds == ["all"] else arguments.kinds
     plan = [(k, arguments.seed + n) for k in kinds for n in range(arguments.count)]
     if arguments.write:

@@ -27,6 +27,9 @@ against the fit by the same share (``UserSet.close``)."""
 def plain(made: UserSet, starts: int) -> Row:
     """Errors of the unseen logs: the model as given and the true structure, by least squares.
 
+    Without ``starts`` the true structure alone, against which a diagnosis is held: on a boat whose
+    yaw no model explains it took 4 s, and the model as given over 9 minutes.
+
     Runs begin at their true states: a first sample is noise, and a compass a degree off at the
     start leads a track astray that any model would follow.
     """
@@ -40,8 +43,11 @@ def plain(made: UserSet, starts: int) -> Row:
     # noise, counts for nothing.
     channels = [c for c in made.noise if c not in made.ruled]
     true: dict[str, Any] = {"first": made.truth, "sizes": made.noise, "channels": channels}
-    ways = {"given": {"starts": starts}, "true": {"starts": 1, **true}}
-    for (name, way), system in zip(ways.items(), made.systems, strict=True):
+    given, structure = made.systems
+    ways = {"true": (structure, {"starts": 1, **true})}
+    if starts:
+        ways = {"given": (given, {"starts": starts}), **ways}
+    for name, (system, way) in ways.items():
         begun = time.perf_counter()
         result = wr.fit(system, train, **way)
         row[name] = {
