@@ -141,11 +141,15 @@ from diffthrust.diagnosis._report.figures import (  # private: each figure alone
 from diffthrust.diagnosis._report.learned import (  # private: a law's sentence alone
     form_words,
 )
+from diffthrust.diagnosis._report.own_effect import (  # private: a class without its page
+    own_effect,
+)
+from diffthrust.diagnosis._report.remaining_text import (  # private: one sentence alone
+    missing_words,
+)
 from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
     caution_words,
     diagnosis_page,
-    missing_words,
-    own_effect,
 )
 from diffthrust.diagnosis._report.tables import (  # private: its cells
     log_rows,

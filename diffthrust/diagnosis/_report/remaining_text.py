@@ -1,4 +1,4 @@
-"""The sentences on what is left: structure, changes, disturbances, odd logs, other models."""
+"""The sentences on what is left or missing: structure, changes, disturbances, odd logs, signals."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from diffthrust._support.words import (
     joined,
     number,
     percent,
+    probability,
 )
 from diffthrust.diagnosis._candidates import place_words
 from diffthrust.diagnosis._changed_size import TIME, ChangedSize
 from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
+from diffthrust.diagnosis._missing import Missing, Remaining
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
 from diffthrust.diagnosis._report.error_text import error_size, judged_logs, levels
 from diffthrust.diagnosis._report.text import (
@@ -26,6 +28,8 @@ from diffthrust.diagnosis._report.text import (
     judged_errors,
     model_words,
 )
+from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.models._base.model import Model
 
 _HALF = 0.5
 """Display: where surely less recurs, most does not."""
@@ -206,3 +210,33 @@ def _odd_log(odd: OddLog) -> str:
             f"the model lacks there shows in it: {carries}."
         )
     return f"Log {odd.log} deviates from the others: {carries}. Check how it was recorded."
+
+
+def missing_words(missing: Missing, model: Model, remaining: Remaining | None = None) -> str:
+    """The missing signal at a port: its size, and on what it depends.
+
+    Args:
+        missing: the signal.
+        model: the model as given.
+        remaining: what no known effect explains, which may enter at this very port.
+    """
+    place = place_words(model, missing.port)
+    if not missing.shows:
+        if remaining is not None and remaining.port == missing.port:
+            return (
+                f"At {place} the missing signal is too small to be drawn over time; that something "
+                f"enters there shows by the errors' dependence on {remaining.depends_on}."
+            )
+        return f"At {place} no missing signal is significant."
+    size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
+    chance = probability(missing.p_value)
+    if missing.depends_on is not None:
+        dependence = (
+            f"it depends most on {missing.depends_on}, which explains {percent(missing.share)} of "
+            f"its variance ({chance})"
+        )
+    elif missing.p_value < SETTINGS.structure.dependence_level:
+        dependence = "no signal of the model on which it depends explains 1 % of it"
+    else:
+        dependence = f"it depends on none of the model's signals ({chance})"
+    return f"At {place} a signal of {size} (RMS) is missing; {dependence}."

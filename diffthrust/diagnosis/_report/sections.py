@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from diffthrust._support.literals import ToCopy
 from diffthrust._support.page import glossary, page, spec_section
 from diffthrust._support.report import (
     Bullets,
@@ -21,24 +19,17 @@ from diffthrust._support.report import (
     closing_section,
     notes,
 )
-from diffthrust._support.words import capitalised, humanize, joined, number, percent, probability
+from diffthrust._support.words import capitalised, humanize, joined
 from diffthrust.comparison._compare import Comparison
-from diffthrust.diagnosis._candidates import place_words, words_and_unit
 from diffthrust.diagnosis._findings import (
     Findings,
-)
-from diffthrust.diagnosis._missing import (
-    Missing,
-    Remaining,
 )
 from diffthrust.diagnosis._report import figures, tables
 from diffthrust.diagnosis._report.details import details
 from diffthrust.diagnosis._report.doubts import doubt_bullets
 from diffthrust.diagnosis._report.learned import learned_words
-from diffthrust.diagnosis._report.remaining_text import (
-    odd_words,
-    remaining_words,
-)
+from diffthrust.diagnosis._report.own_effect import EFFECT_NAME, own_effect
+from diffthrust.diagnosis._report.remaining_text import missing_words, odd_words, remaining_words
 from diffthrust.diagnosis._report.summary import TO_COPY, summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
@@ -51,13 +42,8 @@ from diffthrust.diagnosis._report.text import (
     unmeasured_rivals,
     verdict_words,
 )
-from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.effects import Formula
-from diffthrust.effects._class_text import class_name, effect_class_text
-from diffthrust.estimation._model_lines import effects_line, python_lines, spec_lines
+from diffthrust.estimation._model_lines import python_lines, spec_lines
 from diffthrust.experiments._result import Experiment
-from diffthrust.logs._units import same_unit
-from diffthrust.models._base.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,14 +67,6 @@ _GLOSSARY = {
     "p": "How often chance alone would make the effect look as useful, with noise that is "
     "correlated in time; for this effect alone, of all that were tried.",
 }
-_EFFECT_NAME = "my_effect"
-_EFFECT_USE = """
-
-# In Python:
-#     fit = dft.fit(model + {cls}(), logs, holdout=unseen)
-# In a spec file:
-#     {line}
-"""
 
 
 def diagnosis_report(diag: Findings) -> Report:
@@ -247,36 +225,6 @@ def _missing(diag: Findings) -> Section:
     )
 
 
-def missing_words(missing: Missing, model: Model, remaining: Remaining | None = None) -> str:
-    """The missing signal at a port: its size, and on what it depends.
-
-    Args:
-        missing: the signal.
-        model: the model as given.
-        remaining: what no known effect explains, which may enter at this very port.
-    """
-    place = place_words(model, missing.port)
-    if not missing.shows:
-        if remaining is not None and remaining.port == missing.port:
-            return (
-                f"At {place} the missing signal is too small to be drawn over time; that something "
-                f"enters there shows by the errors' dependence on {remaining.depends_on}."
-            )
-        return f"At {place} no missing signal is significant."
-    size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
-    chance = probability(missing.p_value)
-    if missing.depends_on is not None:
-        dependence = (
-            f"it depends most on {missing.depends_on}, which explains {percent(missing.share)} of "
-            f"its variance ({chance})"
-        )
-    elif missing.p_value < SETTINGS.structure.dependence_level:
-        dependence = "no signal of the model on which it depends explains 1 % of it"
-    else:
-        dependence = f"it depends on none of the model's signals ({chance})"
-    return f"At {place} a signal of {size} (RMS) is missing; {dependence}."
-
-
 def _tried(diag: Findings) -> Section:
     picture = Picture(
         partial(figures.ranking_figure, diag),
@@ -341,7 +289,7 @@ def _remaining(diag: Findings) -> Section:
     code = ()
     if diag.remaining and not diag.laws:
         code = (
-            f"Write the law that you suspect as an effect of your own, say in {_EFFECT_NAME}.py, "
+            f"Write the law that you suspect as an effect of your own, say in {EFFECT_NAME}.py, "
             "and fit it:",
             own_effect(diag.fit.model, diag.remaining, diag.missing),
         )
@@ -354,50 +302,6 @@ def _remaining(diag: Findings) -> Section:
         OnPage(failures),
         *code,
     )
-
-
-def own_effect(model: Model, remaining: Remaining, missing: Sequence[Missing]) -> str:
-    """Python code of an effect for what no known effect explains, its port and signal filled in.
-
-    It runs as it stands: a term in proportion to the signal, in place of which the user puts a law.
-
-    Args:
-        model: the model of the last stage.
-        remaining: what no known effect explains.
-        missing: the missing signals, which know the units of their ports.
-    """
-    adds, signal, port = remaining.manner == "adds", remaining.signal, remaining.port
-    channels = {**model.outputs, **model.optional_inputs, **model.inputs}
-    units = {m.port: m.unit for m in reversed(missing)}
-    if not adds:
-        port_unit = ""
-    elif port in units:
-        port_unit = units[port]
-    else:
-        port_unit = channels[port] if port in channels else words_and_unit(model, port)[1]
-    # a rate or a past mean is no attribute of `s`: the user has to work it out first
-    derived = bool(signal.rate or signal.past is not None)
-    per_signal = port_unit
-    if not derived:
-        signals = {**model.inputs, **model.optional_inputs, **model.states, "time": "s"}
-        if signals[signal.name]:
-            per_signal = f"{_bracketed(port_unit or '1')}/{_bracketed(signals[signal.name])}"
-    term = f"strength * {signal.name}"
-    formula = Formula(
-        port,
-        term if adds else f"value * (1 + {term})",
-        strength=per_signal if same_unit(per_signal, per_signal) else "",
-    )
-    hint = f"from which to work out: {signal}; " if derived else ""
-    hint += "put your law in place of this line"
-    text = effect_class_text(formula, _EFFECT_NAME, hint=hint)
-    cls = class_name(_EFFECT_NAME)
-    line = effects_line([*model.effects, f"{_EFFECT_NAME}.py:{cls}"])
-    return ToCopy(text + _EFFECT_USE.format(cls=cls, line=line))
-
-
-def _bracketed(unit: str) -> str:
-    return f"({unit})" if set(unit) & {"/", " "} else unit
 
 
 def _learned(diag: Findings) -> Section:
