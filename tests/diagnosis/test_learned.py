@@ -283,6 +283,21 @@ def test_a_form_at_an_end_of_its_range_is_within_its_rounded_bounds(end):
         assert made.c == pytest.approx(share * end, rel=1e-4)
 
 
+def test_two_humps_that_nearly_cancel_are_one_rise_and_fall():
+    """The friction of the EMPS axis was told as a hump about 0.00017 m/s of -6958 N."""
+    humps, rise = (
+        next(form for form in FORMS if form.name == name) for name in ("odd humps", "rise and fall")
+    )
+    v, width, near = np.linspace(-0.13, 0.13, 261), 0.071, 1.7e-4
+    peak = width / np.sqrt(2.0)  # where the derivative of v exp(-(v / c)^2) is zero
+    twice = humps.over(v, {"a": -6958.0, "b": near, "c": width})
+    once = rise.over(v, {"a": -28.3, "c": peak})
+    assert once == pytest.approx(twice, abs=0.3)
+    assert abs(v[np.argmax(np.abs(once))]) == pytest.approx(peak, abs=1e-3)
+    assert rise.name in humps.plain
+    assert rise.is_odd
+
+
 def test_every_form_is_one_that_a_spec_file_may_hold():
     own = {"half_width": {"unit": "rad/s", "value": 3.0, "bounds": (0.1, 30.0)}}
     curve = Curve("load", "speed - play(speed, half_width)", -40.0, 40.0, **own)

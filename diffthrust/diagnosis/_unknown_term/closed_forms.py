@@ -151,6 +151,10 @@ FORMS = (
         "levelling", "a * (1 - exp(-x / c))", 0,
         "goes with {x}, and levels off over {c}", ("linear",),
     ),
+    Form(
+        "rise and fall", "a * (x / c) * exp((1 - (x / c)**2) / 2)", 0,
+        "grows with {x} up to {c} to either side and falls beyond",
+    ),
     Form("hump", "a * exp(-((x - b) / c)**2)", 0, "is a hump of {x} about {b}, {c} to either side"),
     Form(
         "hump of both signs", "a * exp(-((abs(x) - b) / c)**2)", 0,
@@ -159,7 +163,7 @@ FORMS = (
     Form(
         "odd humps", "a * (exp(-((x - b) / c)**2) - exp(-((x + b) / c)**2))", 0,
         "is a hump of {x} about {b}, and one of the other sign about its opposite, {c} to either "
-        "side", even=True,
+        "side", ("rise and fall",), even=True,
     ),
     Form("ripple", "a * sin(k * (x - b))", 0, "repeats every {k} of {x}"),
     Form(
