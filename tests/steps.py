@@ -216,7 +216,7 @@ from diffthrust.diagnosis._trial_programs import (  # private: as a diagnosis ma
 from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
     evidence,
 )
-from diffthrust.diagnosis._unknown_term import fit as fitting
+from diffthrust.diagnosis._unknown_term import form_fits as fitting
 from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms without a diagnosis
     FORMS,
     Match,

@@ -1,4 +1,4 @@
-"""Terms fitted to whole runs: as curves, and as closed forms in the place of a curve.
+"""Terms fitted to whole runs as curves.
 
 Terms are compared by quick fits, from one start and with as few integrator steps as the candidates
 of the search have. The one that is reported is fitted again where it needs more steps.
@@ -7,7 +7,6 @@ of the search have. The one that is reported is fitted again where it needs more
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,26 +16,14 @@ import numpy as np
 from diffthrust.diagnosis._admission import errors_between
 from diffthrust.diagnosis._explained_share import Worth, explained_share
 from diffthrust.diagnosis._innovations_fit import TrialFit
-from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._residual_structure import downstream_ports
+from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._search_state import SearchContext, few_substeps
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._unknown_term.closed_forms import (
-    FORMS,
-    Match,
     as_estimated,
-    as_formula,
-    best_match,
-    form_of,
-    ranked_matches,
-    with_companion,
 )
 from diffthrust.diagnosis._unknown_term.evidence import (
     LikelyCurve,
-    LinearizedEvidence,
-    evidence_of_fit,
-    linearized_evidence,
-    model_beside,
 )
 from diffthrust.diagnosis._unknown_term.terms import (
     NUMBER,
@@ -59,18 +46,8 @@ _RANGE_EXCEEDED, _RANGE_UNUSED = 0.05, 0.4
 """Numerics: a curve is moved to the range of its signal if this exceeds the curve's by more than 5
 % of it, or leaves 40 % of it unused: beyond its grid a curve goes back to zero, and unused pieces
 cost evidence."""
-_COMPANION = -1
-"""Numerics: index of its companion's amplitude among the parameters of a form's formula."""
 _GRID_POINTS = 241
 """Numerics: values of the signal at which a curve is transferred to another range."""
-_TIED_BIC = 0.2
-"""Numerics: criteria this close are ties: of a signal of one sign, two forms are the same
-function."""
-_SIMILAR_GAIN = 0.95
-"""Numerics: a form that gains this share of what the fitted curve gains is first fitted from where
-it is most like the curve; whole runs know the curve better than one-step errors do."""
-
-
 _SEGMENTS = (64, 16, 4)
 """Numerics: the longest log is divided into so many segments in turn. An arm out of balance, fitted
 to whole runs at once, ended a turn off, at 30 times the error of its true structure."""
@@ -216,56 +193,6 @@ def refine_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> Lear
     return replace(law, worth=worth_between_fits(context, baseline, fit))
 
 
-def try_closed_forms(
-    context: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw
-) -> LearnedLaw:
-    """A law with the closed forms that were fitted in its curve's place, and its name if one fits.
-
-    A form names the law if whole unseen runs err as little with it, but for a tenth (a curve bends
-    as noise does), and if it is surely worth something there.
-
-    Args:
-        context: what the search works with.
-        baseline: the fit without the law.
-        trial: the trial beside which it was learned.
-        law: the law, as a curve.
-    """
-    tried = sorted(_fitted_forms(context, baseline, trial, law), key=lambda form: form.bic)
-    if tried:
-        leader = _leading_form(context, tried)
-        tried.sort(key=lambda form: form is not leader)
-        equivalent = _equivalent_forms(context, tried, law)
-        first = _plainest(equivalent, _usually_adds(context, law.curve.port))
-        tried.sort(key=lambda form: form is not first)
-    law = replace(law, forms=tuple(tried), named=False)
-    if not tried or not _may_name(tried[0], law):
-        return law
-    worth = worth_between_fits(context, baseline, tried[0].fit)
-    return replace(law, named=True, worth=worth) if worth.sure else law
-
-
-def _leading_form(context: SearchContext, tried: Sequence[TriedForm]) -> TriedForm:
-    """The likeliest form, or one of no more parameters that errs less on unseen runs by a tenth.
-
-    Dry friction of EMPS as a dead zone beside a steep slope errs by half of what its tanh with an
-    offset errs in training (NRMSE 0.022, 0.040), and by a quarter more on unseen runs.
-    """
-    leader = tried[0]
-    for form in tried[1:] if context.unseen else ():
-        plain = len(form.formula.declared) <= len(leader.formula.declared)
-        if plain and not _errs_as_little(leader, form):
-            leader = form
-    return leader
-
-
-def _errs_as_little(form: TriedForm, rival: TriedForm) -> bool:
-    return holdout_error_within(form.fit, rival.fit, SETTINGS.whole_runs.equivalent_error)
-
-
-def _may_name(form: TriedForm, law: LearnedLaw) -> bool:
-    return holdout_error_within(form.fit, law.fit, SETTINGS.whole_runs.equivalent_error)
-
-
 def _is_hopeless(fit: Fit, rival: LearnedLaw | None) -> bool:
     if rival is None or not rival.worth.sure:
         return False
@@ -305,181 +232,3 @@ def _free_name(model: Model) -> str:
     taken = {effect.name for effect in model.effects}
     names = ("curve", *(f"curve{k}" for k in range(2, 2 * len(taken) + 3)))
     return next(name for name in names if not {name, f"{name}_form"} & taken)
-
-
-def _fitted_forms(
-    context: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw
-) -> Iterator[TriedForm]:
-    """Closed forms fitted in the place of a curve, those of fewest parameters first.
-
-    Once one does as well as the curve, one of more parameters is fitted only if one-step errors ask
-    for it.
-    """
-    price = math.log(context.fitter.samples)
-    enough, least_criterion = math.inf, math.inf
-    for match in sorted(_promising_matches(context, trial, law), key=_parameter_count):
-        criterion = price * _parameter_count(match) - match.gain
-        if _parameter_count(match) > enough and criterion > least_criterion:
-            continue
-        match, fit = _fit_form(context, baseline, law, match)
-        if not math.isfinite(fit.train.nrmse):
-            continue
-        effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
-        gain = 2.0 * (fit.log_likelihood - baseline.log_likelihood)
-        bic = price * len(effect.declared) - gain
-        yield TriedForm(
-            match.form.name, effect, fit, bic, criterion, match.times, match.reference,
-            match.form.companion,
-        )  # fmt: skip
-        if _does_as_well(context, fit, law) and worth_between_fits(context, baseline, fit).sure:
-            enough = min(enough, _parameter_count(match))
-            least_criterion = min(least_criterion, criterion)
-
-
-def _does_as_well(context: SearchContext, fit: Fit, law: LearnedLaw) -> bool:
-    if not error_within(law.fit, fit, SETTINGS.closed_form.equal_error):
-        return False  # the curve itself errs more: it has not converged, and measures nothing
-    as_small = error_within(fit, law.fit, SETTINGS.closed_form.equal_error)
-    return as_small or not surely_better(context, law.fit, fit)
-
-
-def _fit_form(
-    context: SearchContext, baseline: Fit, law: LearnedLaw, match: Match
-) -> tuple[Match, Fit]:
-    """A closed form in the place of a law's curve, from the first start that does as well.
-
-    Its companion is dropped if whole runs do not pay its price.
-    """
-    curve, fits = law.curve, []
-    unit = unit_at(context.fitter, curve.port, match.times)
-    for start, model in _starts(law, match):
-        formula = as_formula(start, curve, unit, law.signal_unit, law.channel)
-        fits.append(quick_fit(context, baseline, model + formula, segments=NUMBER in curve.given))
-        if error_within(fits[-1], law.fit, SETTINGS.closed_form.equal_error):
-            break
-    best = min(fits, key=lambda fit: fit.train.nrmse)
-    if match.form.companion:
-        effect = best.model.effects[-1]
-        amplitude = best.parameters[f"{effect.name}.{list(effect.declared)[_COMPANION]}"]
-        ratio = amplitude.value / (amplitude.std_error or math.inf)
-        if ratio**2 < math.log(context.fitter.samples):
-            alone = match._replace(form=form_of(match.form.name))
-            return _fit_form(context, baseline, law, alone)
-    return match, best
-
-
-def _starts(law: LearnedLaw, match: Match) -> Iterator[tuple[Match, Model]]:
-    """Starts of a form with a model: most like the fitted curve if it can be, and as it matches.
-
-    In the first the model's other parameters are where they are best beside the form, and not where
-    the curve, which may do a part of their work, has left them.
-    """
-    evidence = _whole_run_evidence(law)
-    if evidence and match.times == law.curve.times:
-        near = best_match(match.form, evidence)._replace(times=match.times)
-        curve_gain, _ = evidence.gain(np.asarray(law.curve.at_signal(evidence.x)))
-        if near.gain > _SIMILAR_GAIN * curve_gain:
-            shape = near.form.over(evidence.x, {**near.values, "r": near.reference})
-            yield near, model_beside(law, evidence.projection @ shape)
-    yield match, law.fit.model - law.curve.name
-
-
-def _equivalent_forms(
-    context: SearchContext, tried: Sequence[TriedForm], law: LearnedLaw
-) -> list[TriedForm]:
-    """The likeliest form, and those that neither whole runs nor one-step errors set apart from it.
-
-    Whole runs must be surely better with one to set them apart: their criterion takes errors that
-    last for independent, and is surer than it should be. Those that may name the law come alone.
-    """
-    best, *rivals = tried
-    near = (f for f in rivals if f.one_step <= best.one_step + SETTINGS.closed_form.most_bic_apart)
-    if context.unseen:  # a form that errs a tenth more there has lost already
-        near = (f for f in near if _errs_as_little(f, best))
-    equivalent = [best, *(f for f in near if not surely_better(context, best.fit, f.fit))]
-    return [form for form in equivalent if _may_name(form, law)] or equivalent
-
-
-def _plainest(forms: Sequence[TriedForm], adds: bool) -> TriedForm:
-    """The likeliest of the forms of fewest parameters, or the most usual of those near to it.
-
-    Args:
-        forms: the forms.
-        adds: whether laws at their port usually add.
-    """
-    fewest = min(len(form.formula.declared) for form in forms)
-    plain = [form for form in forms if len(form.formula.declared) == fewest]
-    best, names = min(form.bic for form in plain), [form.name for form in FORMS]
-    near = [form for form in plain if form.bic <= best + SETTINGS.closed_form.most_bic_apart]
-
-    def unusual(form: TriedForm) -> tuple[bool, float, int]:
-        scales = form.times == ARRIVING
-        return scales == adds, (form.bic - best) // _TIED_BIC, names.index(form.name)
-
-    return min(near, key=unusual)
-
-
-def _usually_adds(context: SearchContext, port: str) -> bool:
-    """Whether laws at a port usually add: forces and torques do, which drive a state.
-
-    What is only measured, as a propeller's thrust, usually loses a share.
-    """
-    fitter = context.fitter
-    driving = (place for place in fitter.places if place.state)
-    return any(port in (place.port, *downstream_ports(fitter, place)) for place in driving)
-
-
-def _whole_run_evidence(law: LearnedLaw) -> LinearizedEvidence | None:
-    """What whole runs say of the shapes of a law; ``None`` if its fit tells no covariance."""
-    return evidence_of_fit(law) if np.all(np.isfinite(law.coefficients()[1])) else None
-
-
-def _promising_matches(context: SearchContext, trial: TrialFit, law: LearnedLaw) -> list[Match]:
-    """The few closed forms that gain nearly what the curve gains in one-step errors.
-
-    With the plain forms that they come near to: a dead zone of no width is a line.
-    """
-    curve = law.curve
-    evidence, whole_runs = _evidence_by_factor(context, trial, curve), _whole_run_evidence(law)
-    price = math.log(context.fitter.samples)
-    likely = [
-        with_companion(m, evidence[m.times], whole_runs if m.times == curve.times else None, price)
-        for m in ranked_matches(evidence)
-    ]
-    likely.sort(key=lambda match: -match.gain)
-    if NUMBER in curve.given:  # a wave has its form already
-        likely = [m for m in likely if (m.form.name, m.times) == ("linear", curve.times)]
-    of_curve = evidence[curve.times]
-    curve_gain, _ = of_curve.gain(np.asarray(curve.at_signal(of_curve.x)))
-    least = max(
-        SETTINGS.closed_form.least_share_of_curve * curve_gain,
-        SETTINGS.closed_form.least_share_of_likeliest * likely[0].gain,
-        0.0,
-    )
-    near = [match for match in likely if match.gain > least]
-    near.sort(key=lambda match: price * _parameter_count(match) - match.gain)
-    first, remaining = (
-        near[: SETTINGS.closed_form.most_fitted],
-        near[SETTINGS.closed_form.most_fitted :],
-    )
-    plain = {(name, match.times) for match in first for name in match.form.plain}
-    return [*first, *(match for match in remaining if (match.form.name, match.times) in plain)]
-
-
-def _evidence_by_factor(
-    context: SearchContext, trial: TrialFit, curve: Curve
-) -> Mapping[str, LinearizedEvidence]:
-    """What one-step errors say of a curve's shapes, with its own factor, none, and what arrives."""
-    regressors = regressors_of(context.fitter, trial)
-    parameters = {n: {"value": getattr(curve, n)} for n in curve.given}
-    factors = [f for f in dict.fromkeys((curve.times, "", ARRIVING)) if _may_scale(f, curve)]
-    terms = [term_along(regressors, curve.port, curve.signal, f, parameters) for f in factors]
-    return {term.times: linearized_evidence(context.fitter, trial, term) for term in terms}
-
-
-def _may_scale(factor: str, curve: Curve) -> bool:
-    return factor != ARRIVING or curve.signal != ARRIVING
-
-
-def _parameter_count(match: Match) -> int:
-    return len(match.form.parameters) + len(match.form.amplitudes) - 1

@@ -41,8 +41,8 @@ from diffthrust.diagnosis._unknown_term.fit import (
     reaches_noise_floor,
     refine_steps,
     term_of,
-    try_closed_forms,
 )
+from diffthrust.diagnosis._unknown_term.form_fits import try_closed_forms
 from diffthrust.diagnosis._unknown_term.jumps import with_jump
 from diffthrust.diagnosis._unknown_term.terms import (
     Term,
