@@ -41,17 +41,17 @@ def listing(names: Iterable[str], limit: int = 30) -> str:
 
 
 def nearby(word: str, options: Iterable[str], most: int = 8) -> str:
-    """What could have been written: all of it if it is little, else what is nearest.
+    """What could have been written: all of it and the nearest if it is little, else the nearest.
 
     Example:
         >>> nearby("sped", ["speed", "thrust"])
-        "there are 'speed', 'thrust'"
+        "there are 'speed', 'thrust'; the nearest is 'speed'"
         >>> nearby("sped", [f"speed{k}" for k in range(30)])
         "of 30 names the nearest are 'speed9', 'speed8', 'speed7'"
     """
     names = list(dict.fromkeys(options))
     if len(names) <= most:
-        return f"there are {listing(names)}"
+        return "; ".join(filter(None, [f"there are {listing(names)}", nearest(word, names)]))
     near = get_close_matches(word.lower().strip(), names, n=3, cutoff=0.4)
     return (
         f"of {len(names)} names the nearest are {listing(near)}"

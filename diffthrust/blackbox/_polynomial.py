@@ -17,7 +17,7 @@ from diffthrust.blackbox._sampled_model import ModelKind
 from diffthrust.blackbox._search import FLAT, SearchEnd, judged, search_coefficients, size_of
 from diffthrust.blackbox._starts import armax_starts, least_squares, output_error_starts
 from diffthrust.blackbox._system import observer_form
-from diffthrust.estimation._result import Estimate
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 

@@ -15,7 +15,7 @@ from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.blackbox._continuous import Method, continued
 from diffthrust.blackbox._records import Channels
 from diffthrust.blackbox._system import System
-from diffthrust.estimation._result import Estimate
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.simulation._errors import Errors, errors

@@ -6,7 +6,7 @@ import numpy as np
 
 from diffthrust._support.report import Report, Section, Styled, notes
 from diffthrust.blackbox._sampled_model import SampledModel
-from diffthrust.estimation._result import parameter_rows
+from diffthrust.estimation._estimate import parameter_rows
 
 
 def model_report(model: SampledModel) -> Report:

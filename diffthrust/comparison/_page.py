@@ -20,8 +20,9 @@ from diffthrust._support.report import (
     notes,
 )
 from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.estimation._estimate import parameter_rows
 from diffthrust.estimation._origin import closing
-from diffthrust.estimation._result import Fit, doubt_lines, error_rows, parameter_rows
+from diffthrust.estimation._result import Fit, doubt_lines, error_rows
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model

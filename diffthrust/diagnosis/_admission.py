@@ -28,13 +28,11 @@ from diffthrust.diagnosis._residual_structure import gain_of
 from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
+from diffthrust.estimation._multistart import NOTICED
 from diffthrust.simulation._runs import Run
 
 _MORE_STARTS = 6
 """Numerics: starts of a fit that ended worse than the one that is nested in it."""
-_NOTICED = 1.0
-"""Numerics: log-likelihood by which a fit must end lower to be worse: a kink at an optimum costs
-some tenths."""
 
 
 def admit(
@@ -236,7 +234,7 @@ def refitted_stage(context: SearchContext, state: SearchState, starts: int = 0) 
     return fitted
 
 
-def ended_worse(stage: FittedStage, other: FittedStage, by: float = _NOTICED) -> bool:
+def ended_worse(stage: FittedStage, other: FittedStage, by: float = NOTICED) -> bool:
     """Whether a fit ended worse than another of the same logs: by what both of them maximise.
 
     Errors by channel may grow where a likelihood rises, which weighs a channel by its readings: a

@@ -15,7 +15,8 @@ import numpy as np
 
 from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import Size
 from diffthrust.simulation._runs import Run, runs_over, shown_of, with_steps
 

@@ -23,8 +23,9 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
-from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model

@@ -24,7 +24,7 @@ from diffthrust.diagnosis._linear_response import redundant
 from diffthrust.diagnosis._screening import is_at_null, levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.estimation._result import Estimate, shown_unit
+from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.parameter import Parameter
 

@@ -12,7 +12,7 @@ from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust.diagnosis._findings import Findings
-from diffthrust.estimation._result import Estimate
+from diffthrust.estimation._estimate import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

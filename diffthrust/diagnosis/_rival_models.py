@@ -138,7 +138,7 @@ def _as_it_is(context: SearchContext, model: Model) -> _Rival:
         bind(model, [record.log for record in records])
         for records in (context.fitter.records, context.unseen)
     )
-    refit = replace(context.refit, train=train, unseen=unseen, first_substeps=1, horizon=None)
+    refit = replace(context.refit, train=train, unseen=unseen, first_substeps=None, horizon=None)
     return _Rival(model, train, unseen, FittedStage((), *refit(model, starts=_STARTS)))
 
 

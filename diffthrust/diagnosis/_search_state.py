@@ -84,7 +84,7 @@ class Refit:
         unseen: unseen logs.
         options: of `fit`.
         clock: times it.
-        first_substeps: integrator steps per sample that are tried first.
+        first_substeps: integrator steps per sample that are tried first, after the first fit.
         horizon: of all fits, once the first has ended in whole runs; left open where ``None``.
     """
 
@@ -92,7 +92,7 @@ class Refit:
     unseen: Sequence[Record]
     options: Mapping[str, Any]
     clock: Clock
-    first_substeps: int = 1
+    first_substeps: int | None = None
     horizon: tuple[float | None, ...] | None = None
 
     def __call__(

@@ -1,5 +1,5 @@
+from ._estimate import Estimate as Estimate
 from ._fit import fit as fit
-from ._result import Estimate as Estimate
 from ._result import Fit as Fit
 from ._status import Checks as Checks
 from ._status import Status as Status

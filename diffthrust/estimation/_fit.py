@@ -23,6 +23,7 @@ from diffthrust.estimation._arguments import (
     likelihood_of,
     training_and_unseen,
 )
+from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.estimation._horizons import schedule
 from diffthrust.estimation._insensitive import vanished_notes
 from diffthrust.estimation._laws import rail_notes
@@ -31,7 +32,7 @@ from diffthrust.estimation._optimum import Optimum, Task, optimum_of
 from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._refine import disturbance_of, limits_of, rounding_of
-from diffthrust.estimation._result import Estimate, Fit, shown_unit
+from diffthrust.estimation._result import Fit
 from diffthrust.estimation._runaway import with_runaways
 from diffthrust.estimation._solver import Solved
 from diffthrust.estimation._status import (
@@ -187,7 +188,7 @@ def fit_records(
     holdout_records: Sequence[Record],
     options: FitOptions,
     progress: ProgressOption = None,
-    first_substeps: int = 1,
+    first_substeps: int | None = None,
 ) -> FitRuns:
     """As `fit`, of records, whose options are checked; with the runs that it made.
 
@@ -198,7 +199,7 @@ def fit_records(
         options: of `fit`.
         progress: a function of a message and the share done.
         first_substeps: the integrator steps per sample that are tried first, where the options do
-            not give them.
+            not give them; the unseen runs then have those of the fit, by which refits compare.
     """
     records, holdout_records = tuple(records), tuple(holdout_records)
     model = with_sizes(model, records)
@@ -219,10 +220,10 @@ def fit_records(
         rng=np.random.default_rng(options.seed),
         tell=reporter(progress),
     )
-    optimum, notes = optimum_of(task, model, substeps, first_substeps)
+    optimum, notes = optimum_of(task, model, substeps, first_substeps or 1)
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
-    steps = optimum.substeps if optimum.failed else substeps
+    steps = optimum.substeps if optimum.failed or first_substeps else substeps
     holdout_runs = (
         runs_over(optimum.model, holdout_records, substeps=steps) if holdout_records else ()
     )

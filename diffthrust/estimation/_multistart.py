@@ -27,7 +27,7 @@ _ROUNDED = 0.1
 _BESIDE = 0.05
 """and so are they with a difference up to the first, if their coordinates are no further apart than
 the second, in standard errors: then it is of rounding, or of a kink."""
-_NOTICED = 1.0
+NOTICED = 1.0
 """Log-likelihood by which another optimum must be better to be one: a parameter that is off by a
 standard error costs half of it."""
 _AGREED = 3
@@ -95,7 +95,7 @@ class Search:
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
-        return _cost(self.best) < _cost(other.best) - _NOTICED
+        return _cost(self.best) < _cost(other.best) - NOTICED
 
     def rivals(self, problem: Problem) -> tuple[str, ...]:
         """Parameters in which an equally good optimum differs from the best by over an error."""

@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._multistart import Search
 from diffthrust.estimation._observer import CLIP, REAL, WIDE
 from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._result import Estimate
 from diffthrust.estimation._solver import Solved, solve
 from diffthrust.estimation._status import GRADIENT_LIMIT, RANK_LIMIT, examine
 

@@ -202,6 +202,21 @@ def window(time: np.ndarray, start: float | None, stop: float | None) -> np.ndar
     return keep
 
 
+def _check_mappings(inputs: Any, measured: Any, units: Any, noise: Any, name: str) -> None:
+    for kind, values, example in (
+        ("inputs", inputs, "{'command': [0.0, 2.0]}"),
+        ("measured", measured, "{'speed': [0.0, 60.0]}"),
+        ("units", units, "{'speed': 'rpm'}"),
+        ("noise", noise, "{'speed': 0.5}"),
+    ):
+        if not isinstance(values, Mapping):
+            raise InputError(
+                f"log {name!r}: {kind}: expected a dictionary by the names of channels, found "
+                f"{type(values).__name__}.",
+                f"write {kind}={example}.",
+            )
+
+
 def checked_fields(
     *,
     time: Any,
@@ -230,18 +245,7 @@ def checked_fields(
     Raises:
         InputError: as in ``Log``.
     """
-    for kind, values, example in (
-        ("inputs", inputs, "{'command': [0.0, 2.0]}"),
-        ("measured", measured, "{'speed': [0.0, 60.0]}"),
-        ("units", units, "{'speed': 'rpm'}"),
-        ("noise", noise, "{'speed': 0.5}"),
-    ):
-        if not isinstance(values, Mapping):
-            raise InputError(
-                f"log {name!r}: {kind}: expected a dictionary by the names of channels, found "
-                f"{type(values).__name__}.",
-                f"write {kind}={example}.",
-            )
+    _check_mappings(inputs, measured, units, noise, name)
     unsigned = (unsigned,) if isinstance(unsigned, str) else unsigned
     censored = (censored,) if isinstance(censored, str) else censored
     hold = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold

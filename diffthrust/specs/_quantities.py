@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._result import shown_unit
+from diffthrust.estimation._estimate import shown_unit
 from diffthrust.logs._units import convert_scale, same_quantity
 from diffthrust.logs._written import FURTHEST, ShownUnits, Written
 from diffthrust.models._base.model import Model

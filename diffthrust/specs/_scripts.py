@@ -134,9 +134,8 @@ def _class(word: str, folder: Path, base: type, classes: Mapping[str, type], wha
         )
     if word in classes:
         return classes[word]
-    near = nearest(word, classes)
     raise InputError(
-        f"the {what} {word!r} is not known{'; ' + near if near else ''}; {nearby(word, classes)}.",
+        f"the {what} {word!r} is not known; {nearby(word, classes)}.",
         f"Correct the name; {'an' if what == 'effect' else 'a'} {what} of your own is named as "
         f"'script.py:Class'.",
     )

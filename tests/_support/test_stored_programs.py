@@ -180,6 +180,15 @@ def test_what_calls_back_into_python_stays_in_memory(store):
     assert not list(store.folder.rglob("*.program"))
 
 
+def test_what_calls_foreign_code_is_not_stored(store):
+    def foreign(x):
+        return jax.ffi.ffi_call("of_no_library", jax.ShapeDtypeStruct((), x.dtype))(x)
+
+    kept = store.save("key", foreign, [np.float64(3.0)])
+    assert "of_no_library" in kept.lower(np.float64(3.0)).as_text()
+    assert not list(store.folder.rglob("*.program"))
+
+
 def test_a_result_of_another_package_stays_in_memory(store):
     def pair(exponent, x):
         return Pair(x, x**exponent)

@@ -277,7 +277,7 @@ def test_effects_can_be_added_by_name():
     both = ["actuator_lag", dft.effects.CommandOffset()]
     several = dft.Thruster() + both
     assert [effect.name for effect in several.effects] == ["actuator_lag", "command_offset"]
-    with pytest.raises(InputError, match="nearest is 'actuator_lag'"):
+    with pytest.raises(InputError, match="nearest are 'actuator_lag'"):
         dft.Thruster() + "actuator_lagg"
 
 

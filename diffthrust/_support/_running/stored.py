@@ -79,7 +79,8 @@ class ProgramStore:
         jitted.trace(*arguments)  # errors of a model come from here, as without a store
         try:
             exported = export.export(jitted)(*arguments)
-        # callbacks into Python; custom calls, which it cannot promise to read again
+        # a user's model may call back into Python (the first), or into foreign code that JAX does
+        # not promise to read again (the second): it tells neither beforehand
         except (NotImplementedError, ValueError):
             return jitted
         content = _content(exported)

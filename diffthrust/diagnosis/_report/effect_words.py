@@ -9,7 +9,8 @@ from diffthrust.diagnosis._report.text import (
     an_effect,
     measured,
 )
-from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._result import Fit
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from diffthrust._support.words import an, capitalised, humanize, joined, number, with_error
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._result import Fit
 from diffthrust.models._base.effect import EFFECTS
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors

@@ -8,7 +8,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import nearby, nearest
+from diffthrust._support.names import nearby
 from diffthrust.models._base.effect import EFFECTS, Effect
 
 _GROUP = "diffthrust.effects"
@@ -54,10 +54,8 @@ def effect_named(name: str) -> Effect:
     """
     classes = catalogue()
     if name not in classes:
-        near = nearest(name, classes)
         raise InputError(
-            f"the effect {name!r} is not known{'; ' + near if near else ''}; "
-            f"{nearby(name, classes)}.",
+            f"the effect {name!r} is not known; {nearby(name, classes)}.",
             "Correct the name ('diffthrust effects' lists all); an effect of your own is added as "
             "an object: model + MyEffect().",
         )

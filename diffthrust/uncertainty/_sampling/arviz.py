@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending, write_whole
-from diffthrust.estimation._result import shown_unit
+from diffthrust.estimation._estimate import shown_unit
 from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import Posterior
