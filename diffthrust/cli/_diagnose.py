@@ -41,6 +41,7 @@ def diagnose_command(
 ) -> None:
     """Find what a model lacks: where it fails, which effect is missing, what is undecided."""
     with session() as progress:
+        from diffthrust._support.results import report_of
         from diffthrust.saved._spec_of_fit import fitted_spec
 
         loaded, fit = fitted_spec(spec, trust or ())
@@ -52,7 +53,11 @@ def diagnose_command(
             diagnosis.save(save)
         if json:
             write_json(json, diagnosis.to_json())
+        if not brief:  # its tables take a while, after all that is sought is found
+            progress("how much is left to explain", 1.0)
+        answer = diagnosis.summary if brief else report_of(diagnosis)
         if report:
+            progress("writing the page", 1.0)
             diagnosis.save(report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
-    show(diagnosis.summary if brief else diagnosis)
+    show(answer)
     written(json, report, save)
