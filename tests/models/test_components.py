@@ -244,7 +244,7 @@ def test_effects_of_installed_packages(installed):
         "command_saturation",
     ]  # fmt: skip
     assert isinstance(registry.effect_named("test_fouling"), Fouling)
-    with pytest.raises(InputError, match=r"'test_foulin' is not known; the nearest is"):
+    with pytest.raises(InputError, match=r"'test_foulin' is not known; .* are 'test_fouling'"):
         registry.effect_named("test_foulin")
     with pytest.raises(InputError) as error:
         registry.effect_named("command_dedband")
