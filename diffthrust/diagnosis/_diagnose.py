@@ -47,7 +47,7 @@ from diffthrust.diagnosis._search_state import (
 from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
 from diffthrust.diagnosis._stage_shares import shares_by_effect
 from diffthrust.diagnosis._stepwise import done, step
-from diffthrust.diagnosis._unknown_term.fit import worth_between_fits
+from diffthrust.diagnosis._unknown_term.fit import quick_fit, worth_between_fits
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._unknown_term.state_terms import state_terms
 from diffthrust.diagnosis._verdict import verdict_of
@@ -154,9 +154,10 @@ def diagnose(
     evidence = verdict_evidence(selection, assessment)
     verdict = verdict_of(replace(evidence, structure=evidence.structure or bool(laws)))
     missing, left = missing_before_and_after(context, search.state, baseline)
-    possible = still_possible(search.state) if verdict in ("undecided", "unexplained") else {}
-    proposed = proposal(context, search, possible, limits) if experiment else None
     law = laws[0] if laws else None
+    opened = verdict in ("undecided", "unexplained")
+    possible = still_possible(context, search.state, law) if opened else {}
+    proposed = proposal(context, search, possible, limits) if experiment else None
     others = other_models(context, search.state, law, asks_for_all(candidates))
     unused = unused_channels(context.given, (*records, *unseen_records))
     say("done", 1.0)
@@ -376,10 +377,27 @@ def missing_before_and_after(
         return missing, missing_signals(context.fitter, state.current.trial)
 
 
-def still_possible(state: SearchState) -> dict[str, Worth]:
-    """The effects for which whole runs alone speak, less those of the present model."""
+def still_possible(
+    context: SearchContext, state: SearchState, law: LearnedLaw | None
+) -> dict[str, Worth]:
+    """The effects for which whole runs alone speak, less those that nothing is left for.
+
+    Beside a law each is fitted anew: the friction of an axis with an offset of 3 N was learned, and
+    "possibly also: buoyancy" (69 %) was that offset once more.
+    """
     present = state.current.trial.effects
-    return {name: worth for name, worth in state.possible.items() if name not in present}
+    possible = {name: worth for name, worth in state.possible.items() if name not in present}
+    if law is None:
+        return possible
+    fit, candidates = law.reported, context.fitter.candidates
+    with context.clock("learned"):
+        beside = {
+            name: worth_between_fits(
+                context, fit, quick_fit(context, fit, fit.model + candidates[name])
+            )
+            for name in possible
+        }
+    return {name: worth for name, worth in beside.items() if worth.sure}
 
 
 def provenance(

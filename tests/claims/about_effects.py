@@ -122,7 +122,8 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"Possible, judged by whole runs alone, with the share of the squared error on "
-       rf"(?P<logs>[a-z ]+?) that each would remove: (?P<list>.+? {WORTH}[a-z ]*)\.")  # fmt: skip
+       rf"(?P<logs>[a-z ]+?) that each would remove"
+       rf"(?: beside what was learned)?: (?P<list>.+? {WORTH}[a-z ]*)\.")  # fmt: skip
 def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     said = (
         rf"(?:^|, |or )([^,()]+?) ({WORTH})(?: of that of ([a-z ]+?))?( on training and)?(?=[, ]|$)"
@@ -134,10 +135,9 @@ def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield from _removes(words, text, _named(words, whole), whole)
 
 
-@claim(r"Structure (?P<still>still )?remains that no known effect explains: "
+@claim(r"Structure (?P<still>still )?remains that none of the effects tried explains: "
        r"(?P<manner>it enters at|it scales what passes) (?P<place>.+?) and depends on "
-       rf"(?P<on>.+?), which explains (?P<share>{SHARE}) of the squared one-step errors "
-       r"there\.")  # fmt: skip
+       r"(?P<on>.+?)\.")  # fmt: skip
 def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     remaining = diag.remaining
     if remaining is None:
@@ -147,8 +147,6 @@ def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"it {remaining.manner}"
     if f"'{remaining.port}'" not in m["place"] or m["on"] != str(remaining.depends_on):
         yield f"it is at {remaining.port}, by {remaining.depends_on}"
-    if not is_said(m["share"].removesuffix(" %"), 100 * remaining.share):
-        yield f"it explains {remaining.share:.3g}"
     if page and page.hidden is not None:
         if page.law is None:
             yield "known effects explain all"
@@ -156,10 +154,10 @@ def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"it is at {page.law[0]}, by {page.law[1]}"
 
 
-@claim(rf"Structure remains that no known effect explains: over whole runs of [a-z ]+? (?:a "
-       rf"flexible model of these signals explains (?P<shares>.+?))?(?: and )?(?:where logs repeat "
-       rf"their inputs (?P<recurs>{WORTH}.+?) recurs)?, so it is repeatable; where it enters is "
-       r"not clear\.")  # fmt: skip
+@claim(rf"Structure remains that none of the effects tried explains: over whole runs of [a-z ]+? "
+       rf"(?:a flexible model of these signals explains (?P<shares>.+?))?(?: and )?(?:where logs "
+       rf"repeat their inputs (?P<recurs>{WORTH}.+?) recurs)?, so it is repeatable; where it enters "
+       r"is not clear\.")  # fmt: skip
 def _repeats(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for text, words in re.findall(
         rf"({WORTH}) of the squared ([a-zA-Z ]+?) error", m["recurs"] or ""
@@ -180,13 +178,13 @@ def _repeats(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
                 yield f"{words}: the truth removes {true:.2f}, more than at most {high}"
 
 
-@claim(r"Structure remains that no known effect explains; its place is not clear\.")
+@claim(r"Structure remains that none of the effects tried explains; its place is not clear\.")
 def _placeless(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "unexplained" or diag.remaining is not None:
         yield f"verdict {diag.verdict}, remaining {diag.remaining}"
 
 
-@claim(r"Structure remains that no known effect explains: whole runs show it\.")
+@claim(r"Structure remains that none of the effects tried explains: whole runs show it\.")
 def _shown_by_whole_runs(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.remaining is not None or not diag.laws:
         yield f"remaining {diag.remaining}, {len(diag.laws)} laws"

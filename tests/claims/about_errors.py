@@ -105,7 +105,7 @@ def levels(text: str, diag: Any, comparison: Any, page: Page | None) -> Iterator
             yield from _simulated(page, diag.fit, channel, m["nrmse"])
 
 
-@claim(r"The (?P<model>[^:.]+?) lacks something that no known effect explains\.")
+@claim(r"The (?P<model>[^:.]+?) lacks something that none of the effects tried explains\.")
 def _lacks_unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "unexplained" or diag.added:
         yield f"verdict {diag.verdict}, added {diag.added}"

@@ -380,7 +380,8 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
     assert "url(" not in text
     order = [
         full.details, "Stages", "Where the model as given fails", "Errors by log", "Missing signal",
-        "Effects tried", "The motor controller ignores small commands.",
+        "Effects tried, each fitted to one-step errors",
+        "The motor controller ignores small commands.",
         "What these logs cannot tell apart", "Proposed test", "What remains", "class MyEffect",
         "Parameters", "Not testable by these logs", "How far to trust this", "Words",
     ]  # fmt: skip

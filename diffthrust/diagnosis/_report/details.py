@@ -88,7 +88,7 @@ def _verdict_sentences(diag: Findings) -> list[str]:
         return [_adequate_words(diag, model)]
     if diag.held:  # `held_words` says it, and follows
         return []
-    return [f"The {model} lacks something that no known effect explains."]
+    return [f"The {model} lacks something that none of the effects tried explains."]
 
 
 def _adequate_words(diag: Findings, model: str) -> str:

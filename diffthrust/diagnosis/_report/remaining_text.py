@@ -76,9 +76,10 @@ def possible_words(diag: Findings) -> list[str]:
     )
     if not shares:
         return []
+    beside = " beside what was learned" if diag.laws else ""
     return [
         "Possible, judged by whole runs alone, with the share of the squared error on "
-        f"{errors_of(diag)[0]} that each would remove: {shares}."
+        f"{errors_of(diag)[0]} that each would remove{beside}: {shares}."
     ]
 
 
@@ -111,20 +112,21 @@ def remaining_words(diag: Findings) -> str:
         return _changed_words(diag, diag.changed)
     if remaining is None:
         if diag.laws:
-            return "Structure remains that no known effect explains: whole runs show it."
+            return "Structure remains that none of the effects tried explains: whole runs show it."
         if diag.verdict == "unexplained":
             if diag.repeating:
                 return _repeating_words(diag)
-            return "Structure remains that no known effect explains; its place is not clear."
+            return (
+                "Structure remains that none of the effects tried explains; its place is not clear."
+            )
         if diag.verdict == "undecided":
             return "What remains is lasting, and cannot be told from a disturbance."
         return "What remains cannot be told from noise."
     enters = "it enters at" if remaining.manner == "adds" else "it scales what passes"
     still = "Structure still remains" if diag.best else "Structure remains"
     return (
-        f"{still} that no known effect explains: {enters} "
-        f"{place_words(diag.model, remaining.port)} and depends on {remaining.depends_on}, which "
-        f"explains {percent(remaining.share)} of the squared one-step errors there."
+        f"{still} that none of the effects tried explains: {enters} "
+        f"{place_words(diag.model, remaining.port)} and depends on {remaining.depends_on}."
     )
 
 
@@ -170,7 +172,7 @@ def _repeating_words(diag: Findings) -> str:
         )
         reasons.append(f"where logs repeat their inputs {shares} recurs")
     return (
-        f"Structure remains that no known effect explains: over whole runs of "
+        f"Structure remains that none of the effects tried explains: over whole runs of "
         f"{judged_errors(diag)[0]} {joined(reasons)}, so it is repeatable; where it enters is not "
         "clear."
     )

@@ -233,7 +233,7 @@ def _tried(diag: Findings) -> Section:
     )
     silent = joined(map(an_effect, diag.silent))
     return Section(
-        "Effects tried",
+        "Effects tried, each fitted to one-step errors",
         *_explained(
             tables.ranking_rows(diag),
             "Each was added alone to the model of its stage and fitted to the errors from one "
