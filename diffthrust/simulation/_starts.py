@@ -136,6 +136,7 @@ def _errors(model: Model, record: Record, path: Mapping[str, np.ndarray]) -> np.
     return np.concatenate(errors)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of starts and steps at which the run diverges
 def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np.ndarray:
     """Levenberg-Marquardt over a few numbers, by differences, from where the model begins.
 
@@ -159,8 +160,7 @@ def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np
             # scaling.
             step = np.linalg.solve(square + damping * np.diag(np.diag(square)), gradient)
             trial = residuals(y - step)
-            with np.errstate(over="ignore", invalid="ignore"):  # a step at which the run diverges
-                fell = max(0.0, 1.0 - float(trial @ trial) / float(current @ current))
+            fell = max(0.0, 1.0 - float(trial @ trial) / float(current @ current))
             damping *= 0.1 if fell > 0 else 10.0
             if fell > 0:
                 y, current = y - step, trial

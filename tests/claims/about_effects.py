@@ -156,8 +156,8 @@ def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(rf"Structure remains that none of the effects tried explains: over whole runs of [a-z ]+? "
        rf"(?:a flexible model of these signals explains (?P<shares>.+?))?(?: and )?(?:where logs "
-       rf"repeat their inputs (?P<recurs>{WORTH}.+?) recurs)?, so it is repeatable; where it enters "
-       r"is not clear\.")  # fmt: skip
+       rf"repeat their inputs (?P<recurs>{WORTH}.+?) recurs)?, so it is repeatable; where it "
+       r"enters is not clear\.")  # fmt: skip
 def _repeats(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for text, words in re.findall(
         rf"({WORTH}) of the squared ([a-zA-Z ]+?) error", m["recurs"] or ""
