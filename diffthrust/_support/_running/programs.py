@@ -8,17 +8,26 @@ allows 65 530, and beyond them the process ends with a segmentation fault.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from functools import lru_cache, wraps
+from functools import lru_cache, partial, wraps
 from typing import Any, NamedTuple
 
 import jax
 
 from diffthrust._support._running.cache import enable_compilation_cache
 from diffthrust._support._running.digest import NoDigest, digest, environment
-from diffthrust._support._running.stored import program_store
+from diffthrust._support._running.stored import Jit, program_store
 
 KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""
+
+_COMPILED = {"xla_cpu_parallel_codegen_split_count": 1}
+"""Options for XLA: by default it shares out some seventy kernels among 32 modules, each of which
+passes the compiler at a price. A trial's program compiled in 12.2 s of processor time with them,
+in 10.4 with one; the kernel that takes half of it is a module of its own in any case."""
+
+_COMPILED_QUICKLY = {**_COMPILED, "xla_backend_optimization_level": 0}
+"""For programs that run a few times: the slopes of a trial compile in 2.8 s for 5.5, and run in
+0.11 s for 0.03; a search for optima, which runs for minutes, would be four times as slow."""
 
 _SETTINGS = "jax_enable_x64", "jax_default_matmul_precision"
 """Of JAX, that change what is traced."""
@@ -34,14 +43,16 @@ class Programs:
     Args:
         function: of arguments that fix the code, hashable, and of pytrees of numbers.
         static: how many arguments fix the code.
+        seldom: whether it runs so few times that its compilation is to be short.
 
     Attributes:
         traces: how often it was traced.
     """
 
-    def __init__(self, function: Callable[..., Any], static: int) -> None:
+    def __init__(self, function: Callable[..., Any], static: int, *, seldom: bool = False) -> None:
         wraps(function)(self)
         self.function, self.static, self.traces = function, static, 0
+        self.options = _COMPILED_QUICKLY if seldom else _COMPILED
 
     def __call__(self, *arguments: Any) -> Any:
         """The function's result; the last arguments are numbers."""
@@ -50,9 +61,9 @@ class Programs:
         return _kept(self, static, tree, tuple(map(_shape, leaves)))(*leaves)
 
 
-def program(static: int) -> Callable[[Callable[..., Any]], Programs]:
+def program(static: int, *, seldom: bool = False) -> Callable[[Callable[..., Any]], Programs]:
     """A decorator that makes `Programs` whose first ``static`` arguments fix the code."""
-    return lambda function: Programs(function, static)
+    return lambda function: Programs(function, static, seldom=seldom)
 
 
 @lru_cache(maxsize=KEPT)
@@ -66,11 +77,13 @@ def _kept(
 
     # A new function for each program: dropping it from the cache frees what JAX compiled for it,
     # which a shared jitted function would keep for all shapes.
-    return _stored(traced, (program.function, static, tree), shapes) or jax.jit(traced)
+    compiled = partial(jax.jit, compiler_options=program.options)
+    code = program.function, static, tree
+    return _stored(traced, code, shapes, compiled) or compiled(traced)
 
 
 def _stored(
-    traced: Callable[..., Any], code: tuple[Any, ...], shapes: Sequence[_Shape]
+    traced: Callable[..., Any], code: tuple[Any, ...], shapes: Sequence[_Shape], compiled: Jit
 ) -> Callable[..., Any] | None:
     """The program as it is on disk, stored if it was not; none where there is no way to do so."""
     store = program_store()
@@ -81,7 +94,8 @@ def _stored(
         key = digest(environment(), settings, code, shapes)
     except NoDigest:
         return None
-    return store.load(key) or store.save(key, traced, [shape.like() for shape in shapes])
+    like = [shape.like() for shape in shapes]
+    return store.load(key, compiled) or store.save(key, traced, like, compiled)
 
 
 class _Shape(NamedTuple):

@@ -28,6 +28,9 @@ from jax import export
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_whole
 
+Jit = Callable[[Callable[..., Any]], Callable[..., Any]]
+"""`jax.jit` with the options with which a program is compiled."""
+
 _FORM = "diffthrust program 1"
 LARGEST = 200_000_000
 """Bytes of all traced programs; a diagnosis stores some 5 MB. Those read longest ago go first."""
@@ -50,7 +53,7 @@ class ProgramStore:
         self._programs = folder / "programs"
         self._unchecked = largest  # bytes written since the size was looked at last
 
-    def load(self, key: str) -> Callable[..., Any] | None:
+    def load(self, key: str, compiled: Jit = jax.jit) -> Callable[..., Any] | None:
         """The program of a key as a function of arrays; none where it is not there."""
         path = self._path(key)
         try:
@@ -64,10 +67,14 @@ class ProgramStore:
             return None
         with suppress(OSError):  # read last now
             os.utime(path)
-        return _compiled(exported)
+        return compiled(_called(exported))
 
     def save(
-        self, key: str, function: Callable[..., Any], arguments: Sequence[Any]
+        self,
+        key: str,
+        function: Callable[..., Any],
+        arguments: Sequence[Any],
+        compiled: Jit = jax.jit,
     ) -> Callable[..., Any]:
         """Store a function for arguments of some shapes, and give the program that is stored.
 
@@ -75,7 +82,7 @@ class ProgramStore:
             The function as it is, compiled, where it cannot be stored: it calls back into Python,
             its result is made of other than tuples, lists and dictionaries, or the disk is full.
         """
-        jitted = jax.jit(function)
+        jitted: Any = compiled(function)
         jitted.trace(*arguments)  # errors of a model come from here, as without a store
         try:
             exported = export.export(jitted)(*arguments)
@@ -94,7 +101,7 @@ class ProgramStore:
         if self._unchecked > self.largest / 10:
             self._unchecked = 0
             self.shrink(self.largest)
-        return _compiled(exported)
+        return compiled(_called(exported))
 
     def shrink(self, largest: float = 0) -> None:
         """Delete the files that were used longest ago until the others take no more than this."""
@@ -133,12 +140,12 @@ def _content(exported: export.Exported) -> bytes | None:
     return json.dumps(about).encode() + b"\n" + body
 
 
-def _compiled(exported: export.Exported) -> Callable[..., Any]:
+def _called(exported: export.Exported) -> Callable[..., Any]:
     def run(*leaves: Any) -> Any:
         return exported.call(*leaves)
 
     run.__name__ = exported.fun_name  # by which profiles and JAX's cache list it
-    return jax.jit(run)
+    return run
 
 
 def program_store() -> ProgramStore | None:
