@@ -198,8 +198,9 @@ def fit_records(
         holdout_records: unseen ones.
         options: of `fit`.
         progress: a function of a message and the share done.
-        first_substeps: the integrator steps per sample that are tried first, where the options do
-            not give them; the unseen runs then have those of the fit, by which refits compare.
+        first_substeps: of a refit, the integrator steps per sample that are tried first; those of
+            the options are then taken unchecked. Its unseen runs have those of the fit, by which
+            refits compare, and its programs compile quickly where they are small.
     """
     records, holdout_records = tuple(records), tuple(holdout_records)
     model = with_sizes(model, records)
@@ -219,6 +220,8 @@ def fit_records(
         guesses=tuple(options.guesses),
         rng=np.random.default_rng(options.seed),
         tell=reporter(progress),
+        brief=first_substeps is not None,
+        unchecked=bool(first_substeps and substeps),
     )
     optimum, notes = optimum_of(task, model, substeps, first_substeps or 1)
     for note in optimum.coarse:

@@ -24,7 +24,21 @@ from diffthrust.simulation._runs import Run, runs_over, step_choice
 
 
 class Task(NamedTuple):
-    """What is asked of a fit, whatever the values of the model and its steps."""
+    """What is asked of a fit, whatever the values of the model and its steps.
+
+    Args:
+        records: training records.
+        likelihood: what is summed of them.
+        horizons: of the segments, in turn.
+        automatic: whether logs that are left out choose among the horizons.
+        initial: "auto", "estimate" or "measured".
+        starts: their number.
+        guesses: values of parameters that are starts, too.
+        rng: draws the other starts.
+        tell: is called with the progress.
+        brief: whether its programs are to compile quickly; see `Problem`.
+        unchecked: whether it is not looked at if the optimum needs finer steps.
+    """
 
     records: tuple[Record, ...]
     likelihood: Likelihood
@@ -35,6 +49,8 @@ class Task(NamedTuple):
     guesses: tuple[Mapping[str, float], ...]
     rng: np.random.Generator
     tell: Progress
+    brief: bool = False
+    unchecked: bool = False
 
 
 @dataclass(frozen=True)
@@ -137,6 +153,7 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
         initial="measured" if task.initial == "measured" else "estimate",
         segmented=any(h is not None for h in horizons),
         likelihood=task.likelihood,
+        brief=task.brief,
     )
     problem = arrange(model)
     if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
@@ -191,8 +208,10 @@ def _ended(
     states = tuple(final.initial_states(search.best.z))
     failed = not np.isfinite(search.best.quadratic.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
-    # the log with the longest step tells how many integrator steps all of them need
-    k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
-    choice = step_choice(model, runs[k])
-    runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
+    needed = substeps
+    if not task.unchecked:
+        # the log with the longest step tells how many integrator steps all of them need
+        k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
+        choice = step_choice(model, runs[k])
+        runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
     return Optimum(search, final, horizon, silent, model, states, runs, substeps, needed, notes)

@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 
 from diffthrust._support._running.batching import shared_runs
-from diffthrust._support._running.programs import program
+from diffthrust._support._running.programs import Programs, program
 from diffthrust._support.box import least_in_box
 from diffthrust.estimation._likelihood import Quadratic, evaluate
 from diffthrust.estimation._problem import Problem
@@ -147,6 +147,9 @@ def solved_by_passes(
     return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
 
 
+_solved_briefly = Programs(solved_by_passes.function, 1, seldom=True)
+
+
 @program(1)
 def _further(layout: Any, arguments: Any) -> Any:
     """Some steps from where the last ones ended: the iteration of `solved_by_passes`, in parts."""
@@ -191,7 +194,8 @@ def solve(
     side_by_side = shared_runs()
     if side_by_side is None:
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        value, quadratic, settled, steps = solved_by_passes(layout, numbers, z, *bounds)
+        search = _solved_briefly if problem.brief else solved_by_passes
+        value, quadratic, settled, steps = search(layout, numbers, z, *bounds)
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
         return Solved(np.asarray(value), quadratic, bool(settled), int(steps))
     state = _begin(layout, z)
