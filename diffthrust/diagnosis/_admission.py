@@ -51,6 +51,7 @@ def admit(
             can take its place, are then not consulted.
     """
     fitter, current, (candidate, trial) = context.fitter, state.current, tried
+    context.say(f"stage {state.number + 1}: {candidate.effect} in whole runs", state.share(0.5))
     if not comparable(context, current, tried):
         return Refusal.SMALL_PART
     with context.clock("screen"):
@@ -72,7 +73,7 @@ def admit(
     outcome = outcome or reject_if_unborne(context, fewer, candidate.effect)
     if outcome is not None:
         return outcome
-    context.say(f"refitting with {candidate.effect}", state.share(0.7))
+    context.say(f"stage {state.number + 1}: fitting with {candidate.effect}", state.share(0.7))
     last, fitted = state.stages[-1], refitted_stage(context, fewer)
     swapped = fewer.dropped != state.dropped and candidate.effect in fewer.current.trial.effects
     if swapped and missed(last, fitted):

@@ -49,14 +49,11 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
     """Try all candidates that are not in the model; the promising ones come rated, best first."""
     fitter, present = context.fitter, state.current.trial
     names = [n for n in (*fitter.candidates, *fitter.constants) if n not in present.effects]
-
-    def say(name: str) -> None:
-        share = state.share(0.5 * names.index(name) / len(names))
-        context.say(f"stage {state.number + 1}: trying {name}", share)
-
+    stage = f"stage {state.number + 1}"
+    context.say(f"{stage}: trying {len(names)} effects", state.share(0.0))
     promising, untestable = [], dict(state.untestable)
     levels, fallback = levels_of(fitter, present), other_values(context, state)
-    for name, trial in screened(fitter, names, present, levels, say, fallback).items():
+    for name, trial in screened(fitter, names, present, levels, fallback).items():
         # with a gain as large as this the other parameters have not replaced the effect
         gains = present.cost - trial.cost > SETTINGS.admission.plain_bic_gain
         if not gains and redundant(trial.quadratic, trial.names, name):
@@ -66,6 +63,7 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
             promising.append((name, trial))
     silent = state.silent | ({*names} - {name for name, _ in promising})
     promising.sort(key=lambda pair: pair[1].expected)
+    context.say(f"{stage}: comparing the best {len(promising)}", state.share(0.4))
     ended = side_by_side(
         fitter.further, [trial for _, trial in promising[: SETTINGS.screening.most_carried]]
     )

@@ -73,7 +73,6 @@ def screened(
     names: Sequence[str],
     present: TrialFit,
     levels: Mapping[str, float],
-    say: Callable[[str], None] = lambda name: None,
     fallback: Mapping[str, float] | None = None,
 ) -> dict[str, TrialFit]:
     """The current model with each of some candidates, fitted for a few steps from its best probes.
@@ -83,7 +82,6 @@ def screened(
         names: the candidates.
         present: the current model.
         levels: `levels_of` the signals.
-        say: is called with each name as its turn comes.
         fallback: values of the model's parameters from which probes are tried as well.
 
     Returns:
@@ -91,8 +89,6 @@ def screened(
     """
     effects = [name for name in names if name not in fitter.constants]
     points = {name: probes(fitter.candidates[name], levels) for name in effects}
-    for name in names:
-        say(name)
     promised, later = shortlist(fitter, present, points)
     constants = [name for name in names if name in fitter.constants]
     names = [*promised, *promising_constants(fitter, present, constants)]

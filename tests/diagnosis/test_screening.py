@@ -93,9 +93,7 @@ def test_next_to_a_null_is_promised_what_a_step_of_a_fit_from_there_promises(tri
 
 def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
     made, base = trials
-    told = []
-    found = screened(made, list(made.candidates), base, levels_of(made, base), told.append)
-    assert sorted(told) == sorted(made.candidates)
+    found = screened(made, list(made.candidates), base, levels_of(made, base))
     assert "coulomb_friction" in found
     best = found["coulomb_friction"]
     assert 2 * (base.cost - best.cost) > 50
