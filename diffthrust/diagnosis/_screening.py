@@ -352,8 +352,13 @@ def is_at_null(fitter: CandidateFitter, trial: TrialFit) -> bool:
     if trial.effects[-1] in fitter.constants:
         return False
     effect = fitter.candidates[trial.effects[-1]]
+    return does_nothing(effect, trial.values)
+
+
+def does_nothing(effect: Effect, values: Mapping[str, float]) -> bool:
+    """Whether an effect is absent at the values of a model's parameters."""
     return all(
-        abs(trial.values[f"{effect.name}.{name}"] - p.null) < _AT_NULL * p.scale
+        abs(values[f"{effect.name}.{name}"] - p.null) < _AT_NULL * p.scale
         for name, p in effect._parameters.items()
         if p.null is not None
     )

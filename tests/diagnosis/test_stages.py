@@ -367,3 +367,18 @@ def test_a_fit_ended_worse_where_what_it_maximises_is_lower():
     ):
         assert admission_module.ended_worse(after, before) is worse
     assert admission_module.ended_worse(ended(errors, -65.3), before, by=0.0)
+
+
+def test_an_effect_whose_fit_to_whole_runs_returned_to_its_null_leaves_its_stage():
+    absent, there = (dft.effects.AxialFlow(loss=value) for value in (0.0, 0.1))
+    for effect, idle in ((absent, ("axial_flow",)), (there, ())):
+        model = dft.Thruster() + effect + "command_deadband"
+        stage = SimpleNamespace(fit=SimpleNamespace(model=model, parameters=model.parameters))
+        assert admission_module.idle_effects(stage, ["axial_flow"]) == idle
+    trial = SimpleNamespace(effects=("command_deadband",))
+    current = SimpleNamespace(fitter=None, without=lambda name: trial)
+    known = SearchState(current, (object(),), {})
+    left = admission_module.without_effects(known, ["axial_flow"])
+    assert left.current.trial is trial
+    assert left.dropped == ("axial_flow",)
+    assert left.turned_down == {"axial_flow": (Refusal.NO_BETTER_RUNS, ("command_deadband",))}
