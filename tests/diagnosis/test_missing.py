@@ -257,5 +257,5 @@ def test_a_ripple_of_a_screw_is_learned_by_its_pitch():
     )
     assert abs(law.reported.parameters["curve_form.a"].value) == pytest.approx(2.0, rel=0.05)
     assert law.reported.holdout.nrmse < 0.2 * diag.stages[0].holdout.nrmse
-    assert "position, repeating every 0.020 m" in diag.details
+    assert "It is a wave of position, repeating every 0.020 m: a * sin(" in diag.details
     assert "model = Screw() + dft.effects.Formula(" in diag.report()

@@ -189,6 +189,8 @@ def _sizes_of(tried: TriedForm) -> dict[str, str]:
 def _verb_words(law: LearnedLaw, tried: TriedForm) -> str:
     """What a form does: a hump of speed about 21 rad/s, 4.6 rad/s to either side."""
     form = form_of(tried.name, tried.companion)
+    if NUMBER in expression_of(law.curve.signal).places:  # in proportion to a sine of the signal
+        form = form._replace(words="is a wave of {x}")
     sizes = dict(zip(parameter_names(form), _sizes_of(tried).values(), strict=False))
     if "k" in sizes:
         sizes["k"] = _period_words(tried, tuple(sizes).index("k"))
