@@ -5,7 +5,7 @@ What does a real thruster have that the basic model lacks? Bench runs of a small
 
 The model is fitted to every sine and ramp run and tried on every step run, which it has not seen.
 The basic thruster is off by some 19 rad/s there. The diagnosis tells where, tries every effect that
-these logs can test, adds what helps, and names what no known effect explains. Out come its report
+these logs can test, adds what helps, and names what is left. Out come its report
 as text and as a page, and a figure of the error falling stage by stage. The tachometer of these
 runs gives no sign (``unsigned=True``), and the files are read as they are. Data: J. Boehm, MSc
 thesis, University of Maryland, 2019. Takes some 200 s of processor time.

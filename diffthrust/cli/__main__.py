@@ -3,6 +3,7 @@
 import atexit
 import os
 import sys
+from contextlib import suppress
 
 from diffthrust.cli._interrupt import ended_soon
 
@@ -16,20 +17,22 @@ def entry() -> None:
         try:
             main()
         except SystemExit as ended:
-            _leave(ended)
+            watched = sys.getprofile() or sys.gettrace() or sys.flags.interactive
+            if watched or not isinstance(ended.code, int | None):
+                raise
+            _leave(ended.code or 0)
 
 
-def _leave(ended: SystemExit) -> None:
+def _leave(status: int) -> None:
     """End the process without the interpreter's own end, which takes as long as a small fit.
 
     It frees one after the other what JAX has traced and compiled: a sixth of `diffthrust fit`.
     """
-    if isinstance(ended.code, str):
-        raise ended
     atexit._run_exitfuncs()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(ended.code or 0)
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):  # closed, or none at all
+            stream.flush()
+    os._exit(status)
 
 
 if __name__ == "__main__":

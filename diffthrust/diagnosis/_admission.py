@@ -81,10 +81,8 @@ def admit(
         fewer, fitted = added, refitted_stage(context, added)
     if refusal := no_better(last, fitted):
         return refusal
-    if idle := idle_effects(fitted, last.effects):
-        fewer = without_effects(fewer, idle)
-        fitted = refitted_stage(context, fewer)
-    return record_stage(context, fewer, fitted, candidate.effect)
+    recorded = record_stage(context, fewer, fitted, candidate.effect)
+    return without_idle(context, recorded) if recorded.stages[-1] is fitted else recorded
 
 
 def idle_effects(stage: Stage, names: Sequence[str]) -> tuple[str, ...]:
@@ -98,17 +96,31 @@ def idle_effects(stage: Stage, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(e.name for e in effects if does_nothing(e, values))
 
 
-def without_effects(state: SearchState, names: Sequence[str]) -> SearchState:
-    """The search without some effects of its model, which whole runs do not bear out."""
-    for name in names:
-        trial = state.current.without(name)
-        current = CurrentModel(state.current.fitter, trial)
-        why = Refusal.NO_BETTER_RUNS, trial.effects
-        turned_down = {**state.turned_down, name: why}
-        state = replace(
-            state, current=current, dropped=(*state.dropped, name), turned_down=turned_down
-        )
-    return state
+def without_idle(context: SearchContext, state: SearchState) -> SearchState:
+    """The search without the older effects that do nothing in the fit of its last stage.
+
+    The model without them is fitted again, from that fit, which is its own optimum. Where it ends
+    worse all the same, they stay.
+    """
+    fitter, trial, stage = context.fitter, state.current.trial, state.stages[-1]
+    idle = idle_effects(stage, state.stages[-2].effects)
+    if not idle:
+        return state
+    values = trial.values
+    for name in idle:
+        values = fitter.absent(name, values)
+    kept = tuple(n for n in trial.effects if n not in idle)
+    settled = fitter.settled(kept, values, trial.initial_states, trial.clip)
+    why = {name: (Refusal.IDLE, kept) for name in idle}
+    fewer = replace(
+        state,
+        current=CurrentModel(fitter, settled),
+        turned_down={**state.turned_down, **why},
+    )
+    fitted = refitted_stage(context, fewer)
+    if no_better(state.stages[-2], fitted) or missed(stage, fitted):
+        return state
+    return replace(fewer, stages=(*state.stages[:-1], fitted))
 
 
 def reject_if_negligible(

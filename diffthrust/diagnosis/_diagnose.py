@@ -128,7 +128,7 @@ def diagnose(
     # what the first model lacks is judged with errors clipped as they are at the end
     baseline = replace(baseline, clip=state.current.trial.clip)
     search = with_equivalents(context, state, baseline)
-    say("what no known effect explains", SOUGHT)
+    say("what none of the effects tried explains", SOUGHT)
     outcome = add_law(context, assessed(context, search), baseline)
     outcome = add_change(context, add_state_terms(context, outcome))
     outcome = add_headroom(context, outcome)

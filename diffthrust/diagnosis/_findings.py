@@ -47,6 +47,7 @@ class Refusal(StrEnum):
     ALL_RUNS = (
         "predicts the next sample better, and whole runs worse, unseen and training ones together"
     )
+    IDLE = "predicts the next sample better, and does nothing in whole runs beside a later effect"
     NO_BETTER_RUNS = "predicts the next sample better, and whole runs no better at that value"
 
     @property
@@ -203,7 +204,7 @@ class Assessment(Brief):
         after: the last stage, held against the same.
         trained: the model as given and the last stage, held against the training logs.
         one_step: standard deviation of the last stage's one-step errors, by channel.
-        remaining: structure that no known effect explains.
+        remaining: structure that none of the effects tried explains.
         odd_logs: logs that disagree with the others.
         apart: where something is open and odd logs carry much of the error, the last stage without
             these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against

@@ -116,7 +116,7 @@ class Missing(Brief):
 
 @dataclass(frozen=True)
 class Remaining:
-    """Structure that no known effect explains.
+    """Structure that none of the effects tried explains.
 
     Args:
         port: where it enters.

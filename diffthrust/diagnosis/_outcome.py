@@ -130,7 +130,7 @@ def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Out
     remaining = search.state.current.remaining
     if remaining is None:
         return outcome
-    context.say("learning what no known effect explains", LEARNING)
+    context.say("learning what none of the effects tried explains", LEARNING)
     with context.clock("learned"):
         learned = learned_law(context, search, baseline)
     if learned is None:

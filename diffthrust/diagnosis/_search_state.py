@@ -129,7 +129,7 @@ class Refit:
         if substeps:
             options["substeps"] = substeps
         with self.clock("refit"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", CoarseStepWarning)  # the notes of the fit tell it
+            warnings.simplefilter("ignore", CoarseStepWarning)  # the notes of a checked fit tell it
             chosen = FitOptions(**options)
             fitted = fit_records(model, *records, chosen, progress, self.first_substeps)
         return _with_its_steps(fitted)

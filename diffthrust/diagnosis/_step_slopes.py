@@ -105,7 +105,7 @@ def _input_names(numbers: Any, index: int) -> tuple[str, ...]:
     return tuple(sorted(numbers.batches[index].inputs))
 
 
-@program(1, seldom=True)
+@program(1, quick_compile=True)
 def _linearised(layout: Any, numbers: Any, z: Any, paths: Any) -> Any:
     shared, starts = numbers.split(z, layout.shared)
     out = []

@@ -220,8 +220,8 @@ def fit_records(
         guesses=tuple(options.guesses),
         rng=np.random.default_rng(options.seed),
         tell=reporter(progress),
-        brief=first_substeps is not None,
-        unchecked=bool(first_substeps and substeps),
+        quick_compile=first_substeps is not None,
+        checked=not (first_substeps and substeps),
     )
     optimum, notes = optimum_of(task, model, substeps, first_substeps or 1)
     for note in optimum.coarse:

@@ -90,7 +90,7 @@ def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
     return [by_log[index] for index in range(len(problem.records))]
 
 
-@program(1, seldom=True)
+@program(1, quick_compile=True)
 def _errors(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[Any]:
     shared, starts = numbers.split(z, layout.shared)
     out = []

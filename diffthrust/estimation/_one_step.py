@@ -126,7 +126,7 @@ def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
     return replace(problem, numbers=replace(problem.numbers, clip=clip, reach=reach))
 
 
-@program(1, seldom=True)
+@program(1, quick_compile=True)
 def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> Any:
     """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
     assert isinstance(layout.likelihood, Innovations)

@@ -36,8 +36,8 @@ class Task(NamedTuple):
         guesses: values of parameters that are starts, too.
         rng: draws the other starts.
         tell: is called with the progress.
-        brief: whether its programs are to compile quickly; see `Problem`.
-        unchecked: whether it is not looked at if the optimum needs finer steps.
+        quick_compile: see `Problem`.
+        checked: whether it is looked at if the optimum needs finer steps.
     """
 
     records: tuple[Record, ...]
@@ -49,8 +49,8 @@ class Task(NamedTuple):
     guesses: tuple[Mapping[str, float], ...]
     rng: np.random.Generator
     tell: Progress
-    brief: bool = False
-    unchecked: bool = False
+    quick_compile: bool = False
+    checked: bool = True
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
         initial="measured" if task.initial == "measured" else "estimate",
         segmented=any(h is not None for h in horizons),
         likelihood=task.likelihood,
-        brief=task.brief,
+        quick_compile=task.quick_compile,
     )
     problem = arrange(model)
     if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
@@ -209,7 +209,7 @@ def _ended(
     failed = not np.isfinite(search.best.quadratic.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
     needed = substeps
-    if not task.unchecked:
+    if task.checked:
         # the log with the longest step tells how many integrator steps all of them need
         k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
         choice = step_choice(model, runs[k])

@@ -58,8 +58,8 @@ class Problem:
         held: measured initial states stay at their measured values.
         nuisance: parameters of the observer or of the noise, estimated with the model's.
         chosen: the coordinates that are moved, where the layout has a width.
-        brief: it is solved for one model among many, each of which is compiled anew: to compile
-            counts more than to run.
+        quick_compile: it is solved for one model among many, each of which is compiled anew: to
+            compile counts more than to run.
     """
 
     model: Model
@@ -70,7 +70,7 @@ class Problem:
     held: bool = False
     nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
     chosen: tuple[str, ...] | None = None
-    brief: bool = False
+    quick_compile: bool = False
 
     @property
     def free(self) -> tuple[str, ...]:

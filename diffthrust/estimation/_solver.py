@@ -147,7 +147,7 @@ def solved_by_passes(
     return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
 
 
-_solved_briefly = Programs(solved_by_passes.function, 1, seldom=True)
+_solved_quickly_compiled = Programs(solved_by_passes.function, 1, quick_compile=True)
 
 
 @program(1)
@@ -194,7 +194,7 @@ def solve(
     side_by_side = shared_runs()
     if side_by_side is None:
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        search = _solved_briefly if problem.brief else solved_by_passes
+        search = _solved_quickly_compiled if problem.quick_compile else solved_by_passes
         value, quadratic, settled, steps = search(layout, numbers, z, *bounds)
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
         return Solved(np.asarray(value), quadratic, bool(settled), int(steps))

@@ -55,3 +55,28 @@ def test_memory_maps_are_given_back():
 
     once = maps(100)
     assert maps(100 + KEPT) < once + KEPT  # one program alone has several
+
+
+def test_within_a_trace_a_program_is_a_part_of_the_other():
+    doubled = program(1)(lambda factor, x: factor * x)
+    assert jax.grad(lambda x: doubled(2.0, x))(1.0) == 2.0
+    assert jax.jit(lambda x: doubled(3.0, x))(1.0) == 3.0
+    assert doubled.traces == 0
+
+
+def test_options_that_xla_does_not_know_are_left_out(monkeypatch):
+    programs._understood.cache_clear()
+    monkeypatch.setattr(programs, "_OPTIONS", {"xla_no_such_option": 1})
+    assert programs._understood(False) is None
+    assert programs._understood(True) == programs._QUICK_OPTIONS
+    programs._understood.cache_clear()
+
+
+def test_a_program_is_optimised_where_it_works_on_much(monkeypatch):
+    asked = []
+    monkeypatch.setattr(programs, "_understood", lambda quick: asked.append(quick))
+    monkeypatch.setattr(programs, "program_store", lambda: None)
+    for size in (10, programs._QUICK + 1):
+        program(0, quick_compile=True)(jnp.sum)(np.zeros(size))
+        program(0)(jnp.sum)(np.zeros(size))
+    assert asked == [True, False, False, False]

@@ -1,4 +1,4 @@
-"""Learning what no known effect explains: evidence, closed forms, and a whole diagnosis."""
+"""Learning what no effect explains: evidence, closed forms, and a whole diagnosis."""
 
 import re
 import tomllib

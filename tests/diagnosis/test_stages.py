@@ -369,16 +369,40 @@ def test_a_fit_ended_worse_where_what_it_maximises_is_lower():
     assert admission_module.ended_worse(ended(errors, -65.3), before, by=0.0)
 
 
-def test_an_effect_whose_fit_to_whole_runs_returned_to_its_null_leaves_its_stage():
-    absent, there = (dft.effects.AxialFlow(loss=value) for value in (0.0, 0.1))
-    for effect, idle in ((absent, ("axial_flow",)), (there, ())):
-        model = dft.Thruster() + effect + "command_deadband"
-        stage = SimpleNamespace(fit=SimpleNamespace(model=model, parameters=model.parameters))
-        assert admission_module.idle_effects(stage, ["axial_flow"]) == idle
-    trial = SimpleNamespace(effects=("command_deadband",))
-    current = SimpleNamespace(fitter=None, without=lambda name: trial)
-    known = SearchState(current, (object(),), {})
-    left = admission_module.without_effects(known, ["axial_flow"])
-    assert left.current.trial is trial
-    assert left.dropped == ("axial_flow",)
-    assert left.turned_down == {"axial_flow": (Refusal.NO_BETTER_RUNS, ("command_deadband",))}
+def flowing(loss, nrmse):
+    """A stage with an axial flow of some loss, and a dead band, and its errors."""
+    model = dft.Thruster() + dft.effects.AxialFlow(loss=loss) + "command_deadband"
+    channels = {"speed": SimpleNamespace(rmse=nrmse)}
+    train = SimpleNamespace(nrmse=nrmse, channels=channels)
+    fit = SimpleNamespace(model=model, parameters=model.parameters)
+    names = tuple(effect.name for effect in model.effects)
+    return SimpleNamespace(fit=fit, effects=names, train=train, holdout=None)
+
+
+@pytest.mark.parametrize(
+    ("loss", "again", "left"), [(0.0, 0.2, True), (0.0, 0.3, False), (0.1, 0.2, False)]
+)
+def test_an_older_effect_that_a_fit_to_whole_runs_returns_to_its_null_leaves(
+    monkeypatch, loss, again, left
+):
+    fitted = flowing(loss, 0.2)
+    smaller = SimpleNamespace(effects=("command_deadband",), train=flowing(0.0, again).train)
+    smaller.holdout = None
+    monkeypatch.setattr(admission_module, "refitted_stage", lambda context, state: smaller)
+    trial = SimpleNamespace(
+        effects=fitted.effects, values={"axial_flow.loss": 0.4}, initial_states=None, clip=None
+    )
+    fitter = SimpleNamespace(
+        absent=lambda name, values: {**values, f"{name}.loss": 0.0},
+        settled=lambda names, values, *further: SimpleNamespace(effects=names, values=values),
+    )
+    before = SimpleNamespace(effects=("axial_flow",), train=flowing(0.1, 0.5).train, holdout=None)
+    known = SearchState(SimpleNamespace(trial=trial), (before, fitted), {})
+    after = admission_module.without_idle(SimpleNamespace(fitter=fitter), known)
+    if not left:  # it does something, or the model errs more without it
+        assert after is known
+        return
+    assert after.stages == (before, smaller)
+    assert after.current.trial.effects == ("command_deadband",)
+    assert after.current.trial.values == {"axial_flow.loss": 0.0}
+    assert after.turned_down == {"axial_flow": (Refusal.IDLE, ("command_deadband",))}

@@ -7,8 +7,9 @@ allows 65 530, and beyond them the process ends with a segmentation fault.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Sequence
-from functools import lru_cache, partial, wraps
+from functools import cache, lru_cache, partial, wraps
 from typing import Any, NamedTuple
 
 import jax
@@ -20,14 +21,18 @@ from diffthrust._support._running.stored import Jit, program_store
 KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""
 
-_COMPILED = {"xla_cpu_parallel_codegen_split_count": 1}
+_OPTIONS = {"xla_cpu_parallel_codegen_split_count": 1}
 """Options for XLA: by default it shares out some seventy kernels among 32 modules, each of which
 passes the compiler at a price. A trial's program compiled in 12.2 s of processor time with them,
 in 10.4 with one; the kernel that takes half of it is a module of its own in any case."""
 
-_COMPILED_QUICKLY = {**_COMPILED, "xla_backend_optimization_level": 0}
+_QUICK_OPTIONS = {**_OPTIONS, "xla_backend_optimization_level": 0}
 """For programs that run a few times: the slopes of a trial compile in 2.8 s for 5.5, and run in
 0.11 s for 0.03; a search for optima, which runs for minutes, would be four times as slow."""
+
+_QUICK = 300_000
+"""Numerics: numbers that a program works on beyond which it runs long enough to be optimised. Over
+20 000 a pass took 3 ms longer, some 300 of a diagnosis 0.7 s, and a dozen compiled in 12 s less."""
 
 _SETTINGS = "jax_enable_x64", "jax_default_matmul_precision"
 """Of JAX, that change what is traced."""
@@ -43,27 +48,46 @@ class Programs:
     Args:
         function: of arguments that fix the code, hashable, and of pytrees of numbers.
         static: how many arguments fix the code.
-        seldom: whether it runs so few times that its compilation is to be short.
+        quick_compile: whether it runs so few times that to compile counts more than to run.
 
     Attributes:
         traces: how often it was traced.
     """
 
-    def __init__(self, function: Callable[..., Any], static: int, *, seldom: bool = False) -> None:
+    def __init__(
+        self, function: Callable[..., Any], static: int, *, quick_compile: bool = False
+    ) -> None:
         wraps(function)(self)
         self.function, self.static, self.traces = function, static, 0
-        self.options = _COMPILED_QUICKLY if seldom else _COMPILED
+        self.quick_compile = quick_compile
 
     def __call__(self, *arguments: Any) -> Any:
         """The function's result; the last arguments are numbers."""
         static, numbers = arguments[: self.static], arguments[self.static :]
         leaves, tree = jax.tree.flatten(numbers)
+        if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):  # part of another program
+            return self.function(*arguments)
         return _kept(self, static, tree, tuple(map(_shape, leaves)))(*leaves)
 
 
-def program(static: int, *, seldom: bool = False) -> Callable[[Callable[..., Any]], Programs]:
+def program(
+    static: int, *, quick_compile: bool = False
+) -> Callable[[Callable[..., Any]], Programs]:
     """A decorator that makes `Programs` whose first ``static`` arguments fix the code."""
-    return lambda function: Programs(function, static, seldom=seldom)
+    return lambda function: Programs(function, static, quick_compile=quick_compile)
+
+
+@cache
+def _understood(quick: bool) -> dict[str, Any] | None:
+    """The options for XLA on a CPU; none where this version, or another device, has others."""
+    options = _QUICK_OPTIONS if quick else _OPTIONS
+    if jax.default_backend() != "cpu":
+        return None
+    try:
+        jax.jit(lambda: 0, compiler_options=options).lower().compile()
+    except Exception:  # of a class that has changed its place between versions of JAX
+        return None
+    return options
 
 
 @lru_cache(maxsize=KEPT)
@@ -77,7 +101,9 @@ def _kept(
 
     # A new function for each program: dropping it from the cache frees what JAX compiled for it,
     # which a shared jitted function would keep for all shapes.
-    compiled = partial(jax.jit, compiler_options=program.options)
+    size = sum(math.prod(shape.shape) for shape in shapes)
+    quick = program.quick_compile and size <= _QUICK
+    compiled = partial(jax.jit, compiler_options=_understood(quick))
     code = program.function, static, tree
     return _stored(traced, code, shapes, compiled) or compiled(traced)
 

@@ -24,13 +24,13 @@ _EFFECT_USE = """
 
 
 def own_effect(model: Model, remaining: Remaining, missing: Sequence[Missing]) -> str:
-    """Python code of an effect for what no known effect explains, its port and signal filled in.
+    """Python code of an effect for what is left, its port and signal filled in.
 
     It runs as it stands: a term in proportion to the signal, in place of which the user puts a law.
 
     Args:
         model: the model of the last stage.
-        remaining: what no known effect explains.
+        remaining: what none of the effects tried explains.
         missing: the missing signals, which know the units of their ports.
     """
     adds, signal, port = remaining.manner == "adds", remaining.signal, remaining.port

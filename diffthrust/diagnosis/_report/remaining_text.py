@@ -106,7 +106,7 @@ def other_model_words(diag: Findings) -> list[str]:
 
 
 def remaining_words(diag: Findings) -> str:
-    """What no known effect explains: where it enters and on what it depends."""
+    """What none of the effects tried explains: where it enters and on what it depends."""
     remaining = diag.remaining
     if diag.changed:
         return _changed_words(diag, diag.changed)
@@ -220,7 +220,7 @@ def missing_words(missing: Missing, model: Model, remaining: Remaining | None = 
     Args:
         missing: the signal.
         model: the model as given.
-        remaining: what no known effect explains, which may enter at this very port.
+        remaining: what none of the effects tried explains, which may enter at this very port.
     """
     place = place_words(model, missing.port)
     if not missing.shows:

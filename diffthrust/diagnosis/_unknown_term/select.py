@@ -1,4 +1,4 @@
-"""Learn what no known effect explains: the likeliest term, fitted to whole runs and named.
+"""Learn what no effect explains: the likeliest term, fitted to whole runs and named.
 
 One-step evidence is linearised; simulation decides close calls. Effects that were found without the
 term may only have imitated it: they are put beside it, and eliminated if it does their work.
