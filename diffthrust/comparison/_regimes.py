@@ -30,6 +30,7 @@ class Regime:
         share_of_samples: share of the channel's samples in it.
         p_value: how often chance gives as much, with the search and the correlation of the
             residual in time accounted for.
+        outside: whether it leaves out the samples of a regime that was named before.
     """
 
     channel: str
@@ -37,6 +38,7 @@ class Regime:
     share_of_error: float
     share_of_samples: float
     p_value: float
+    outside: bool = False
 
     @property
     def signal(self) -> str:
@@ -62,9 +64,10 @@ class Regime:
     def sentence(self) -> str:
         """The regime in plain words, with units."""
         place = " and ".join(interval.phrase for interval in self.where)
+        outside = "Outside that, " if self.outside else ""
         return (
-            f"{percent(self.share_of_error)} of the squared {self.channel} error lies where "
-            f"{place}, {percent(self.share_of_samples)} of the samples."
+            f"{outside}{percent(self.share_of_error)} of the squared {self.channel} error lies "
+            f"where {place}, {percent(self.share_of_samples)} of the samples."
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -141,7 +144,7 @@ def worst_regimes(
                 where, p, inside = [*where, closer[0]], max(p, closer[1]), both
         error = float(remaining.energy[inside].sum()) / everything
         share = float(inside.sum()) / outside.size
-        regimes.append(Regime(channel, tuple(where), error, share, p))
+        regimes.append(Regime(channel, tuple(where), error, share, p, outside=bool(regimes)))
         outside[np.flatnonzero(outside)[inside]] = False
     return tuple(regimes)
 

@@ -211,7 +211,7 @@ class LinearDamping(Effect):
     """
 
     name = "linear_damping"
-    in_words = "friction in proportion to speed, {rate}"
+    in_words = "a brake in proportion to speed (friction or back-EMF), {rate}"
     port = "shaft"
     rate: float = parameter(
         0.3, "1/s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 2.0)

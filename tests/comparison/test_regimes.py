@@ -251,3 +251,19 @@ def test_a_table_has_regimes_by_value_only():
     assert comparison.tests == {}
     assert "time" not in comparison.report()
     assert len(comparison.plot_residuals().axes) == 2
+
+
+def test_a_second_regime_says_that_it_leaves_out_the_first():
+    rng = np.random.default_rng(3)
+    runs = [run(seed) for seed in range(4)]
+    level = np.quantile(np.concatenate([s["command"] for s in runs]), 0.8)
+    sizes = [4.0 * (np.abs(s["command"]) < 0.3) + 2.0 * (s["command"] > level) + 0.3 for s in runs]
+    rests = [size * rng.standard_normal(size.size) for size in sizes]
+    first, second = found(runs, rests)
+    assert not first.sentence.startswith("Outside")
+    assert second.sentence.startswith("Outside that, ")
+    energy = np.concatenate(rests) ** 2
+    commands = np.concatenate([s["command"] for s in runs])
+    inside = first.where[0].holds(np.abs(commands))
+    later = second.where[0].holds(commands) & ~inside
+    assert second.share_of_error == pytest.approx(energy[later].sum() / energy.sum(), abs=0.05)
