@@ -357,9 +357,12 @@ def is_at_null(fitter: CandidateFitter, trial: TrialFit) -> bool:
 
 def does_nothing(effect: Effect, values: Mapping[str, float]) -> bool:
     """Whether an effect is absent at the values of a model's parameters."""
-    nulls = {name: p for name, p in effect._parameters.items() if p.null is not None}
-    away = (abs(values[f"{effect.name}.{n}"] - p.null) / p.scale for n, p in nulls.items())
-    return bool(nulls) and all(distance < _AT_NULL for distance in away)
+    away = [
+        abs(values[f"{effect.name}.{name}"] - p.null) / p.scale
+        for name, p in effect._parameters.items()
+        if p.null is not None
+    ]
+    return bool(away) and max(away) < _AT_NULL
 
 
 # -- limits, which do nothing until a signal reaches them ------------------------------------------

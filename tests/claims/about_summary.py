@@ -26,7 +26,7 @@ FAR = 3.0
 
 
 @claim(r"(?P<label>Missing|Unexplained): something unknown"
-       r"(?P<place> .+? that depends on (?P<on>[^\n]+?))?"
+       r"(?P<place> (?:in|at) [^\n]+?(?: that depends on (?P<on>[^\n]+?))?)?"
        r"(?P<repeats>; the error of (?P<channels>.+?) repeats from run to run)?\.")  # fmt: skip
 def _unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "unexplained" or diag.laws:
@@ -135,7 +135,7 @@ def _wording(effect: Any, fit: Any) -> str:
     return "".join(pieces)
 
 
-@claim(r"Nothing is missing(?: that these logs show: "
+@claim(r"The model is good enough(?: for these logs: "
        r"(?:none of (?P<count>\d+) effects|no effect) helps)?\.")  # fmt: skip
 def _nothing(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "adequate":
@@ -264,7 +264,7 @@ def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- how sure, and what to do ----------------------------------------------------------------------
 
 
-@claim(r"(?:It could as well be|Instead of (?P<effect>.+?) it could be) "
+@claim(r"(?:It could as well be|These logs cannot tell (?P<effect>.+?) from) "
        rf"(?P<rivals>[^\n.]+?){MORE}\.")  # fmt: skip
 def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     groups = dict(zip(diag.added, diag.groups, strict=True))
@@ -275,7 +275,7 @@ def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"groups: {diag.groups}"
 
 
-@claim(r"Measure the (?P<channel>[a-z ]+?): it could look like "
+@claim(r"Measure the (?P<channel>[a-z ]+?): it could be what looks like "
        rf"(?P<effect>[^\n.]+?){MORE}\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")

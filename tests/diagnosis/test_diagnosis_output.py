@@ -148,7 +148,7 @@ def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     assert words not in " ".join(caution_words(diag))  # once is enough
     top = diagnosis_page(diag).replace("&#39;", "'").partition("<details>")[0]
     assert words in top
-    assert "Caution: its fit did not converge." in diag.summary
+    assert "Caution: the last fit did not converge: fit again before copying." in diag.summary
 
 
 def test_a_page_begins_with_the_answer_and_the_lines_to_copy_and_folds_all_tables(full, sketched):

@@ -49,7 +49,7 @@ def test_it_is_short_and_every_line_is_so(made_up):
                           "Unseen error: thrust 3.4 N, speed 5.6 rad/s.",
                           "Possibly also: command dead band.",
                           "Next: repeat one run with the same inputs; what recurs is physics."]),
-        (made.adequate, ["Nothing is missing that these logs show: no effect helps.",
+        (made.adequate, ["The model is good enough for these logs: no effect helps.",
                          "Training error: thrust 0.42 N, speed 0.29 rad/s."]),
     ],
 )  # fmt: skip
@@ -222,7 +222,7 @@ def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like(
         stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
         untestable={"inflow_thrust_loss": reason, "inflow_load_relief": reason},
     )  # fmt: skip
-    words = "Measure the inflow: it could look like a reverse thrust asymmetry."
+    words = "Measure the inflow: it could be what looks like a reverse thrust asymmetry."
     assert words in told.summary.splitlines()[1:3]  # beside what was found
     still = replace(told, one_step={n: e.rmse for n, e in told.after.errors.channels.items()})
     assert "Unmeasured" not in still.summary  # nothing is left that an inflow would leave

@@ -48,9 +48,9 @@ _SUSPECT = {
 """What a doubt comes to, by its kind."""
 _UNFINISHED = {
     Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
-    Status.STARTS_DISAGREE: "it depends on where the fit starts",
-    Status.NOT_CONVERGED: "its fit did not converge",
-    Status.SIMULATION_FAILED: "its simulation failed",
+    Status.STARTS_DISAGREE: "the last fit depends on where it starts",
+    Status.NOT_CONVERGED: "the last fit did not converge: fit again before copying",
+    Status.SIMULATION_FAILED: "the last fit could not be simulated",
 }
 
 
@@ -191,7 +191,7 @@ def _adequate(diag: Findings) -> Part:
     count = len({c.effect for c in diag.ranking} | {*diag.silent})
     tried = f"none of {count} effects helps" if count > 1 else "no effect helps"
     return _part(
-        (4, f"Nothing is missing that these logs show: {tried}"), (12, "Nothing is missing")
+        (4, f"The model is good enough for these logs: {tried}"), (12, "The model is good enough")
     )
 
 
@@ -243,7 +243,7 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
 def _unmeasured(diag: Findings) -> Part:
     """Channels that no log has, and that could be what was found."""
     sentences = [
-        f"Measure the {channel}: it could look like {an_effect(name)}"
+        f"Measure the {channel}: it could be what looks like {an_effect(name)}"
         for name, channel in unmeasured_rivals(diag).items()
     ]
     if not sentences:
@@ -256,12 +256,9 @@ def _rivals(diag: Findings) -> Part:
     """What these logs cannot tell from an added effect."""
     sentences = []
     for name, words in rival_words(diag).items():
-        instead = (
-            "It could as well be"
-            if len(diag.best) == 1
-            else (f"Instead of {an_effect(name)} it could be")
-        )
-        sentences.append(f"{instead} {words}")
+        alone = len(diag.best) == 1
+        told = "It could as well be" if alone else f"These logs cannot tell {an_effect(name)} from"
+        sentences.append(f"{told} {words}")
     if not sentences:
         return ()
     several = "These logs do not tell all effects from others"
@@ -292,9 +289,10 @@ def _left(diag: Findings) -> Part:
         start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
         return _part((5, f"{words}, {start} -> {end} {unit}".rstrip()), (6, words))
     if diag.verdict == "unexplained" and not diag.laws:
-        return _part(
-            (5, _unknown_words(diag, "Unexplained")), (6, "Unexplained: something unknown")
-        )
+        words = "Unexplained: something unknown"
+        if remaining := diag.remaining:
+            words = f"{words} {place_of(diag.model, remaining.port)}"
+        return _part((5, _unknown_words(diag, "Unexplained")), (6, words))
     name = _grown(diag)
     if not name:
         return ()
