@@ -362,7 +362,7 @@ def does_nothing(effect: Effect, values: Mapping[str, float]) -> bool:
         for name, p in effect._parameters.items()
         if p.null is not None
     ]
-    return bool(away) and max(away) < _AT_NULL
+    return bool(away) and all(distance < _AT_NULL for distance in away)
 
 
 # -- limits, which do nothing until a signal reaches them ------------------------------------------

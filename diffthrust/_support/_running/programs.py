@@ -13,6 +13,7 @@ from functools import cache, lru_cache, partial, wraps
 from typing import Any, NamedTuple
 
 import jax
+from jax.core import Tracer
 
 from diffthrust._support._running.cache import enable_compilation_cache
 from diffthrust._support._running.digest import NoDigest, digest, environment
@@ -65,7 +66,7 @@ class Programs:
         """The function's result; the last arguments are numbers."""
         static, numbers = arguments[: self.static], arguments[self.static :]
         leaves, tree = jax.tree.flatten(numbers)
-        if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):  # part of another program
+        if any(isinstance(leaf, Tracer) for leaf in leaves):  # part of another program
             return self.function(*arguments)
         return _kept(self, static, tree, tuple(map(_shape, leaves)))(*leaves)
 
