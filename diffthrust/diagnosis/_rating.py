@@ -50,7 +50,7 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
     fitter, present = context.fitter, state.current.trial
     names = [n for n in (*fitter.candidates, *fitter.constants) if n not in present.effects]
     stage = f"stage {state.number + 1}"
-    context.say(f"{stage}: trying {len(names)} effects", state.share(0.0))
+    context.say(f"{stage}: trying {len(names)} candidates", state.share(0.0))
     promising, untestable = [], dict(state.untestable)
     levels, fallback = levels_of(fitter, present), other_values(context, state)
     for name, trial in screened(fitter, names, present, levels, fallback).items():
