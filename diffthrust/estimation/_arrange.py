@@ -27,12 +27,6 @@ _WASTE = 1.0
 batch has its own part in the compiled code, and takes seconds, and what is padded is left out of
 the simulation."""
 
-_QUICK = 30_000
-"""Numerics: a search compiles quickly if its integrator steps times its coordinates are no more.
-For a thruster on 3 000 samples that saved 2.6 s, a step of the search took 3.5 ms for 1.5, and
-there are some hundred. For a vessel on as many (33 000) it saved 1.7 s, and a step took 26 ms for
-6."""
-
 
 def build(
     model: Model,
@@ -44,7 +38,6 @@ def build(
     likelihood: Likelihood | None = None,
     width: int | None = None,
     compact: bool = False,
-    quick_compile: bool = False,
 ) -> Problem:
     """Arrange a model and its records for estimation.
 
@@ -112,18 +105,8 @@ def build(
             n: (np.asarray(p.mean, float), np.asarray(p.std, float)) for n, p in priors.items() if p
         },
     )
-    size = sum(map(len, records)) * substeps * (len(free) + len(starts))
-    return _for_noise(
-        Problem(
-            model,
-            tuple(records),
-            layout,
-            numbers,
-            tuple(order),
-            nuisance=nuisance,
-            quick_compile=quick_compile and size <= _QUICK,
-        )
-    )
+    problem = Problem(model, tuple(records), layout, numbers, tuple(order), nuisance=nuisance)
+    return _for_noise(problem)
 
 
 def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> Problem:
