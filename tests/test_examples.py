@@ -154,7 +154,7 @@ def test_open_loop_thrust(tmp_path):
     data_folder("ngs_thruster")
     text = run("open_loop_thrust", tmp_path)
     assert "Verdict: undecided" in text
-    assert re.search(r"These logs also show axial flow \([^)]*\)", text)
+    assert re.search(r"Left out: axial flow \([^)]*\)", text)
     assert "while the logs prescribe 'speed'" in text
     figure(tmp_path, "open_loop_stages.png")
 

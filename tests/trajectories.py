@@ -43,6 +43,7 @@ from diffthrust.simulation._overflow import (  # private: the sentences alone
     too_large,
 )
 from diffthrust.simulation._record import (  # private: what a model reads of a log
+    are_tables,
     bind,
     input_ranges,
     measured_outputs,
@@ -56,7 +57,6 @@ from diffthrust.simulation._runge_kutta import (  # private: the weights alone
     with_push,
 )
 from diffthrust.simulation._runs import (  # private: as a fit
-    are_tables,
     pooled_errors,
     runs_over,
     with_steps,

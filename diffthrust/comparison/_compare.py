@@ -28,10 +28,9 @@ from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
-from diffthrust.simulation._record import bind
+from diffthrust.simulation._record import are_tables, bind
 from diffthrust.simulation._runs import (
     Run,
-    are_tables,
     failures,
     pooled_errors,
     runs_over,
@@ -226,7 +225,7 @@ class Comparison(Result):
             >>> dft.compare(fit, unseen).tabular
             False
         """
-        return are_tables(self.model, self.runs)
+        return are_tables(run.record for run in self.runs)
 
     @showing
     def plot(self, runs: Sequence[str] | None = None) -> Figure:

@@ -13,7 +13,8 @@ from diffthrust.comparison._derived_signals import derived_signals, signals_of, 
 from diffthrust.comparison._regimes import Regime
 from diffthrust.comparison._residual_tests import ResidualTests
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._runs import Run, are_tables
+from diffthrust.simulation._record import are_tables
+from diffthrust.simulation._runs import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +46,7 @@ def residual_figure(
     """
     from matplotlib.figure import Figure
 
-    tabular = are_tables(model, runs)
+    tabular = are_tables(run.record for run in runs)
     derived = [(run, _signals(model, run, tabular)) for run in runs]
     across = 2 if tabular else 4
     figure = Figure(figsize=(4.4 * across, 0.9 + 3.5 * len(channels)), layout="constrained")

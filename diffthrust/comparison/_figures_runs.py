@@ -10,7 +10,8 @@ import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, thinned, unboxed
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._runs import Run, Trace, are_tables
+from diffthrust.simulation._record import are_tables
+from diffthrust.simulation._runs import Run, Trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +49,7 @@ def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
         shared = None
         last = [name for name in channels if name in run.channels][-1]
         above = block * len(heights)
-        static = are_tables(model, [run])
+        static = are_tables([run.record])
         for j, names in enumerate(drives):
             driven = figure.add_subplot(grid[above + j, column], sharex=shared)
             shared = shared or driven

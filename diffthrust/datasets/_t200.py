@@ -117,6 +117,7 @@ def _staircase(table: Log, held: float) -> Log:
         units={"command": "V", "supply_voltage": "V", "speed": "rad/s", "thrust": "N"},
         name=table.name,
         notes=[f"a static table: each of its points is held for {held:g} s."],
+        static=True,
     )
 
 
@@ -157,4 +158,5 @@ def _log(sheets: dict[str, Any], title: str, name: str) -> Log:
         unsigned=("speed",),
         name=f"t200 {title}",
         notes=["a static table: its samples are counted, not timed."],
+        static=True,
     )

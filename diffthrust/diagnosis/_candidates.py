@@ -17,11 +17,14 @@ from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
 from diffthrust.models._base.signals import Signals
+from diffthrust.simulation._dependence import enters
 from diffthrust.simulation._linearise import Reading, slopes_at
-from diffthrust.simulation._record import Record
+from diffthrust.simulation._record import Record, are_tables
 from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
+TAKES_TIME = "takes time, and these tables have none"
+"""Why static tables cannot test an effect."""
 _EVERY = "all"
 """The word for the whole catalogue."""
 
@@ -53,6 +56,7 @@ def candidates_of(
     passed = {*records[0].inputs_for(model)}
     unseen = unseen_at(model, records[0], measured)
     prescribed = [name for name in model.states if name in records[0].inputs]
+    timeless = are_tables(records)
     tried: list[Effect] = []
     untestable: dict[str, str] = {}
     for effect in chosen:
@@ -85,6 +89,8 @@ def candidates_of(
             untestable[effect.name] = (
                 f"reads the channel {listing(unread)}, which the model {model.name} does not take"
             )
+        elif timeless and _takes_time(model, effect, inputs):
+            untestable[effect.name] = TAKES_TIME
         elif all(p in model.outputs and p not in measured for p in effect.ports):
             untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
         elif remembered:
@@ -105,6 +111,11 @@ def candidates_of(
         else:
             tried.append(effect)
     return tried, untestable
+
+
+def _takes_time(model: Model, effect: Effect, inputs: Collection[str]) -> bool:
+    """Whether an effect has states, remembers, or reads the clock."""
+    return bool(effect.states) or effect.memory or enters("time", model + effect, inputs)
 
 
 def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import Size
+from diffthrust.simulation._record import are_tables
 from diffthrust.simulation._runs import Run, runs_over, shown_of, with_steps
 
 _STEP = 1e-4
@@ -105,7 +106,8 @@ def changed_size(
     if not (places and unseen):
         return None
     fitted, held = _slopes(fit, names, training), _slopes(fit, names, unseen)
-    change = _best(fitted, places, _shared([*fitted, *held], fit.model.angles))
+    timeless = are_tables(run.record for run in (*training, *unseen))
+    change = _best(fitted, places, _shared([*fitted, *held], fit.model.angles, timeless))
     if change is None:
         return None
     step = _step(fitted, change)
@@ -129,10 +131,13 @@ def _shown(runs: Sequence[Run], signal: str, level: float) -> Size:
     return Size(float(low), units.unit(signal, unit)) if high > low else Size(level, unit)
 
 
-def _shared(rows: Sequence[_Slopes], angles: Collection[str]) -> list[str]:
-    """The signals of all rows, without angles: the heading of a boat that circles is a clock."""
+def _shared(rows: Sequence[_Slopes], angles: Collection[str], timeless: bool) -> list[str]:
+    """The signals of all rows, without angles: the heading of a boat that circles is a clock.
+
+    Of static tables without the time.
+    """
     others = set.intersection(*(set(row.signals) for row in rows)) - {TIME, *angles}
-    return [TIME, *sorted(others)]
+    return [*[TIME][timeless:], *sorted(others)]
 
 
 def _slopes(fit: Fit, names: Sequence[str], runs: Sequence[Run]) -> list[_Slopes]:

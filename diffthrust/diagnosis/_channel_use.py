@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
-from typing import Any
-
-import jax
-import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.words import humanize, joined
 from diffthrust.logs._log import Log
 from diffthrust.models import MODELS, Vessel
-from diffthrust.models._base.effect import Effect, Ports
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
-from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._commands import adopted
+from diffthrust.simulation._dependence import enters
 from diffthrust.simulation._record import Record, bind
-from diffthrust.simulation._runge_kutta import plain_rate
-from diffthrust.simulation._trajectory import equations_of
 
 
 def base_models() -> tuple[Model, ...]:
@@ -130,18 +124,7 @@ def _in_equations(
     So it shows what they read without declaring it, as the wind on a vessel reads a vane.
     """
     whole = model + [effect for effect in effects if {*effect.needs} <= {*inputs}]
-    names = sorted({"time", *inputs, *whole.all_states})
-
-    def run(*values: Any) -> Any:
-        s = Signals(dict(zip(names, values, strict=True)))
-        return [
-            [plain_rate(value) for value in part.values()]
-            for part in equations_of(whole, s, Ports(whole.effects, s))
-        ]
-
-    program = jax.make_jaxpr(run)(*(jnp.asarray(0.5) for _ in names)).jaxpr
-    place = program.invars[names.index(name)]
-    return any(place is taken for step in program.eqns for taken in step.invars)
+    return enters(name, whole, inputs)
 
 
 def _use_elsewhere(name: str, model: Model) -> str:

@@ -66,11 +66,13 @@ class ErrorRecord(NamedTuple):
         time: [s], ``(n,)``.
         signals: by name, ``(n,)`` each.
         error: ``(n,)``; NaN where nothing was measured.
+        static: it is of a static table, whose points have no past.
     """
 
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
     error: np.ndarray
+    static: bool = False
 
     def columns(self, names: Sequence[str]) -> np.ndarray:
         """Some signals side by side, ``(n, d)``."""
@@ -83,7 +85,7 @@ class Features:
 
     Args:
         names: signals that are used.
-        lags: time constants of the filters [s].
+        lags: time constants of the filters [s]; none where the records have no past.
         centre: of each signal and filtered signal, ``(d (1 + filters),)``.
         scale: likewise.
         seed: of the random features.
@@ -145,6 +147,7 @@ def features_for(records: Sequence[ErrorRecord], seed: int) -> Features:
     step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
     longest = max(float(r.time[-1] - r.time[0]) for r in records)
     lags = tuple(np.geomspace(2.0 * step, max(4.0 * step, longest / 10.0), _FILTERS))
+    lags = () if all(record.static for record in records) else lags
     moving = [
         name
         for name in records[0].signals
@@ -191,6 +194,8 @@ def learners_for(records: Sequence[ErrorRecord], features: Features) -> list[Lea
     """A learner for each rung above none, where its equations have a solution."""
     learners = []
     for rung in list(Rung)[1:]:
+        if rung.dynamic and not features.lags:
+            continue
         blocks, basis = regression(records, features, rung)
         losses = _left_out(blocks)
         if np.all(np.isfinite(losses)):

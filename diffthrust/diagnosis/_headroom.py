@@ -210,7 +210,7 @@ def _record(model: Model, run: Run, name: str) -> ErrorRecord:
             signals |= {f"cos {key}": np.cos(values), f"sin {key}": np.sin(values)}
         elif run.units.get(key) != "m":  # a vessel's errors do not depend on where it is
             signals[key] = values
-    return ErrorRecord(run.time, signals, run.channels[name].residual)
+    return ErrorRecord(run.time, signals, run.channels[name].residual, run.record.log.static)
 
 
 def _thinned(records: list[ErrorRecord]) -> list[ErrorRecord]:
@@ -251,7 +251,10 @@ def _cut(record: ErrorRecord, into: int) -> list[ErrorRecord]:
     edges = np.linspace(0, record.time.size, into + 1).astype(int)
     return [
         ErrorRecord(
-            record.time[a:b], {n: v[a:b] for n, v in record.signals.items()}, record.error[a:b]
+            record.time[a:b],
+            {n: v[a:b] for n, v in record.signals.items()},
+            record.error[a:b],
+            record.static,
         )
         for a, b in pairwise(edges)
     ]

@@ -25,6 +25,7 @@ from diffthrust.diagnosis._missing import (
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._linearise import slopes_at
+from diffthrust.simulation._record import are_tables
 
 _MEAN_SAMPLES = (20, 100)
 """Numerics: samples over which the past of a signal is averaged: states that the model lacks follow
@@ -139,13 +140,16 @@ def candidate_signals(
     """The signals on which something missing at a place may depend, log by log.
 
     All are known before the sample whose error they are to explain: the rate of a state is the one
-    that the model predicts, as a smoothed rate would contain that very error.
+    that the model predicts, as a smoothed rate would contain that very error. Of static tables
+    neither rates nor the time.
     """
     paths, model = observed.paths, fitter.model
     common = set.intersection(*(set(path) for path in paths))
     names = [n for n in (*model.inputs, *model.optional_inputs) if n in common]
     names += [n for n in model.states if n in common and n in fitter.channels]
     out = {SignalForm(n): [path[n] for path in paths] for n in dict.fromkeys(names)}
+    if are_tables(fitter.records):
+        return out
     for driving in fitter.places:
         if driving.state and place.state in (driving.state, None):
             rate = SignalForm(driving.state, rate=True)
@@ -273,7 +277,8 @@ def _suspects(fitter: CandidateFitter, trial: TrialFit) -> list[Suspect]:
     for place in fitter.places:
         signals = candidate_signals(fitter, place, observed)
         factors = _factors(downstream_ports(fitter, place), observed.ports)
-        functions = hat_bases({**signals, **_past(signals, step)})
+        past = {} if are_tables(fitter.records) else _past(signals, step)
+        functions = hat_bases({**signals, **past})
         bases = {form: series for form, (series, _) in functions.items()}
         for form, series in {**bases, **waves}.items():
             suspects.append(Suspect(place, place.port, form, "adds", series))

@@ -14,7 +14,8 @@ from diffthrust.estimation._likelihood import Quadratic, errors_at
 from diffthrust.estimation._problem import Problem
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import simulate_fixed
-from diffthrust.simulation._runs import Run, are_tables
+from diffthrust.simulation._record import are_tables
+from diffthrust.simulation._runs import Run
 
 GRADIENT_LIMIT = 1e-5
 """A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""
@@ -296,7 +297,7 @@ def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> t
         z: its optimum.
         runs: the fit over its training logs.
     """
-    white = problem.layout.likelihood.whiteness(are_tables(problem.model, runs))
+    white = problem.layout.likelihood.whiteness(are_tables(run.record for run in runs))
     if white.whole_runs:
         errors = [{n: t.residual for n, t in run.channels.items()} for run in runs]
     else:

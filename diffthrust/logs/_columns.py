@@ -233,6 +233,7 @@ def fields_of_columns(
     name: str,
     interpolate_inputs: bool,
     notes: Iterable[str],
+    static: bool,
     at: PlaceOf,
 ) -> dict[str, Any]:
     """The fields of a log whose channels were read from a file.
@@ -246,6 +247,7 @@ def fields_of_columns(
         name: of the log.
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         notes: sentences to keep with the log.
+        static: whether its rows were not recorded in time.
         at: names a place of the file for a message.
 
     Raises:
@@ -268,6 +270,7 @@ def fields_of_columns(
         written={key: written for key, (_, written, _) in read.items()},
         rails={key: ends for key in measured if (ends := columns[key].rails) is not None},
         censored=[key for key in measured if columns[key].censored],
+        static=static,
         at=at,
     )
 

@@ -51,6 +51,8 @@ class Log:
             detected; ``(-inf, inf)`` says that a channel has none.
         censored: measured channels whose samples at a rail count as "at least" or "at most" it
             in fits of the simulation error with white Gaussian noise, instead of being ignored.
+        static: the rows are points of a table that were not recorded in time: ``time`` counts them,
+            or holds each for a while, so that a diagnosis tries no effect that takes time.
 
     Attributes:
         time: time stamps [s], shape (n,).
@@ -89,6 +91,7 @@ class Log:
     written: Mapping[str, Written]
     rails: Mapping[str, tuple[float, float]]
     censored: frozenset[str]
+    static: bool
     name: str
     notes: tuple[str, ...]
     file: LogFile | None = field(default=None, init=False)
@@ -108,6 +111,7 @@ class Log:
         written: Mapping[str, Written] | None = None,
         rails: Mapping[str, Sequence[float]] | None = None,
         censored: Collection[str] = (),
+        static: bool = False,
     ) -> None:
         checked = checked_fields(
             time=time,
@@ -123,6 +127,7 @@ class Log:
             written=written or {},
             rails=rails or {},
             censored=censored,
+            static=static,
             at=partial(_place, name),
         )
         self._set(checked)
@@ -150,6 +155,7 @@ class Log:
         start: float | None = None,
         stop: float | None = None,
         name: str = "log",
+        static: bool = False,
     ) -> "Log":
         """Make a log from a pandas DataFrame.
 
@@ -165,6 +171,7 @@ class Log:
             start: first moment to keep, in seconds after the first.
             stop: last moment to keep, in seconds after the first.
             name: a name for messages and figures.
+            static: the rows are points of a table that were not recorded in time.
 
         Raises:
             InputError: as in `read_log`; or the index only counts rows.
@@ -184,7 +191,7 @@ class Log:
         source = read_frame(frame, name)
         clock = time_of(frame, name) if time is None else time
         request = TableRequest(
-            name, clock, inputs, measured, missing_values, interpolate_inputs, start, stop
+            name, clock, inputs, measured, missing_values, interpolate_inputs, start, stop, static
         )
         return cls.of_checked(request.fields(source, name))
 
@@ -275,6 +282,8 @@ class Log:
             >>> log.holds
             {}
         """
+        if self.static:  # equal rows are equal points
+            return {}
         held = {n: held_readings(v, self.inputs.values()) for n, v in self.measured.items()}
         return {name: hold for name, hold in held.items() if hold is not None}
 

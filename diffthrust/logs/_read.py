@@ -27,6 +27,7 @@ def read_log(
     stop: float | None = None,
     rate: float | None = None,
     name: str | None = None,
+    static: bool = False,
 ) -> Log:
     """Read a log from a file with a table: CSV, Excel, Parquet, MATLAB or HDF5.
 
@@ -38,7 +39,7 @@ def read_log(
         path: a text file (.csv, .tsv, .txt), an Excel file (.xlsx), .parquet, .mat, or .h5.
         time: the time column, in seconds where no unit is given; dates become seconds after the
             first. A number is the step [s] of samples without time stamps. None for a static table,
-            whose samples are then counted 0, 1, 2, ...
+            whose rows are then counted 0, 1, 2, ...
         inputs: the column of each input, by channel name. In MATLAB's files ``"run.speed"`` is a
             field of a struct and ``"data(:,2)"`` a column of a matrix.
         measured: the column of each measured channel, by channel name; its empty cells become NaN.
@@ -50,6 +51,7 @@ def read_log(
         rate: samples a second to bring the log to, as by `Log.resampled`: for rows that were merged
             from messages of several rates, or come much faster than the motion.
         name: name of the log; by default the file's name.
+        static: the rows are points of a static table, each held for the step that ``time`` gives.
 
     Returns:
         The log, in the library's units.
@@ -69,7 +71,7 @@ def read_log(
     """
     file = Path(path)
     request = TableRequest(
-        file.name, time, inputs, measured, missing_values, interpolate_inputs, start, stop
+        file.name, time, inputs, measured, missing_values, interpolate_inputs, start, stop, static
     )
     kind = kind_of(file)
     if kind.messages:
@@ -83,9 +85,9 @@ def read_log(
     log = Log.of_checked({**fields, "file": log_file(file)})
     if rate is None:
         return log
-    if time is None:
+    if log.static:
         raise InputError(
-            f"{file.name}: a table without time has no rate, found rate = {rate!r}.",
+            f"{file.name}: a static table has no rate, found rate = {rate!r}.",
             "leave rate out, or name the time column.",
         )
     return log.resampled(rate)

@@ -232,6 +232,7 @@ def checked_fields(
     written: Mapping[str, Written],
     rails: Mapping[str, Any],
     censored: Collection[str],
+    static: bool,
     at: PlaceOf,
 ) -> dict[str, Any]:
     """Check, copy and convert the fields of a log.
@@ -305,6 +306,7 @@ def checked_fields(
         written={key: written.get(key) or Written(units.get(key) or "") for key in stored},
         rails=ends,
         censored=frozenset(censored),
+        static=bool(static),
         name=name,
         notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
     )

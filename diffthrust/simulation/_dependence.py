@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import jax
 
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._trajectory import rates_of, read_out
+from diffthrust.simulation._runge_kutta import plain_rate
+from diffthrust.simulation._trajectory import equations_of, rates_of, read_out
 
 
 def states_behind(
@@ -51,6 +53,28 @@ def states_behind(
         wave = set().union(*(rows[states.index(n)] for n in wave)) - behind
         behind |= wave
     return tuple(name for name in states if name in behind)
+
+
+def enters(name: str, model: Model, inputs: Collection[str]) -> bool:
+    """Whether an input, or the time, enters the equations of a model.
+
+    Args:
+        name: the input, or "time".
+        model: the model, with its effects.
+        inputs: all that logs give.
+    """
+    names = sorted({"time", *inputs, *model.all_states})
+
+    def run(*values: Any) -> Any:
+        s = Signals(dict(zip(names, values, strict=True)))
+        return [
+            [plain_rate(value) for value in part.values()]
+            for part in equations_of(model, s, Ports(model.effects, s))
+        ]
+
+    program = jax.make_jaxpr(run)(*(jax.numpy.asarray(0.5) for _ in names)).jaxpr
+    place = program.invars[names.index(name)]
+    return any(place is taken for step in program.eqns for taken in step.invars)
 
 
 def dependence(jaxpr: Any) -> list[set[int]]:

@@ -9,7 +9,7 @@ any values of the parameters.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -276,6 +276,11 @@ def _check_length(model: Model, log: Log) -> None:
             f"found {len(log)}.",
             "Give a longer log, or leave this one out; to simulate a short one, use simulate.",
         )
+
+
+def are_tables(records: Iterable[Record]) -> bool:
+    """Whether all records are static tables, without a time of their own."""
+    return all(record.log.static for record in records)
 
 
 def _measured_start(log: Log, states: Mapping[str, str]) -> dict[str, float]:

@@ -165,13 +165,6 @@ def _given_start(run: Run) -> dict[str, float]:
     return {name: value for name, value in run.start.items() if name not in run.estimated}
 
 
-def are_tables(model: Model, runs: Sequence[Run]) -> bool:
-    """Whether all runs are tables of readings, without a time of their own."""
-    # `read_log(time=None)` counts the rows of a static table 0, 1, 2, ... in place of seconds.
-    counted = all(np.array_equal(run.time, np.arange(run.time.size)) for run in runs)
-    return counted and not model.states
-
-
 def _run(
     model: Model,
     record: Record,

@@ -103,6 +103,8 @@ class LogsPart(_Part):
     """Files that the fit does not see."""
     time: Annotated[TimePart | float | None, BeforeValidator(_as_time)] = TimePart(column="time")
     """The time column, a step [s] where there is none, or false for samples without time."""
+    static: bool = False
+    """The rows are points of a table, not recorded in time, each held for the step of ``time``."""
     sheet: str | None = None
     """The sheet of an Excel file."""
     missing_values: Annotated[list[str | float], BeforeValidator(_as_list)] = []

@@ -130,7 +130,7 @@ class Spec(Brief):
         """The reader of a file, and the keys of ``[logs]`` that only this reader has."""
         logs = self.file.logs
         robot = kind_of(path).messages
-        foreign = ("time", "sheet") if robot else ("base", "gap", "faster", "stamps")
+        foreign = ("time", "static", "sheet") if robot else ("base", "gap", "faster", "stamps")
         for key in foreign:
             if key in logs.model_fields_set:
                 raise InputError(
@@ -140,7 +140,11 @@ class Spec(Brief):
                     f"Remove {key}" + (", and choose a time base: base." if robot else "."),
                 )
         if not robot:
-            return read_log, {"time": self._clock(), "sheet": logs.sheet}
+            return read_log, {
+                "time": self._clock(),
+                "static": logs.static,
+                "sheet": logs.sheet,
+            }
         if logs.base is None and logs.rate is None:
             raise InputError(
                 f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "

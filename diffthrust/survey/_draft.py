@@ -101,7 +101,11 @@ def _logs(
     elif choice.step is not None:
         yield f"time = {choice.step:g} # [s] a row"
     elif choice.time is None:
-        yield "time = 0.5 # [s] a row" if choice.held else "time = false # a table without time"
+        if choice.held:
+            yield "time = 0.5 # [s] for which each row is held"
+            yield "static = true # a table without time"
+        else:
+            yield "time = false # a table without time"
     else:
         yield from _doubts(choice.time)
         clock = choice.time.field

@@ -105,8 +105,8 @@ def _nothing_sure(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
                 yield f"{name} removes {shares}"
 
 
-@claim(r"These logs also show (?P<list>.+?): certain from one sample to the next, but over whole "
-       r"runs without a change that surely matters\.")  # fmt: skip
+@claim(r"Left out: (?P<list>.+?)\. With (?:it|each of them) the next (?:sample|row) is predicted "
+       r"better, and whole runs are not, or not by enough to matter\.")  # fmt: skip
 def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for name in diag.detectable:
         if in_words(name) not in m["list"]:

@@ -218,10 +218,10 @@ def _change(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"Undecided: over whole runs of (?P<logs>[a-z ]+?) (?P<level>the [a-zA-Z ]+? error is "
-       rf"{NUMBER} ?[^()]*?\(NRMSE {NUMBER}\)), (?P<multiple>\S+) times that from one sample to "
-       rf"the next; (?:these logs cannot tell a disturbance from missing physics|where logs repeat "
-       rf"their inputs, (?P<recurs>{WORTH}) of its square recurs(?P<forces>: most of it comes from "
-       r"random forces)?)\.")  # fmt: skip
+       rf"{NUMBER} ?[^()]*?\(NRMSE {NUMBER}\)), (?P<multiple>\S+) times that from one "
+       rf"(?:sample|row) to the next; (?:these logs cannot tell a disturbance from missing physics|"
+       rf"where logs repeat their inputs, (?P<recurs>{WORTH}) of its square recurs(?P<forces>: "
+       r"most of it comes from random forces)?)\.")  # fmt: skip
 def _undecided(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "undecided":
         yield f"verdict {diag.verdict}"

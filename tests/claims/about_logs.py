@@ -9,6 +9,8 @@ from typing import Any
 from reference import equations
 from reference import whole_runs as wr
 
+import diffthrust as dft
+
 from .about_errors import SIMULATED, levels
 from .page import Page
 from .parsing import NUMBER, SHARE, WORTH, claim, is_said, worth_is
@@ -50,6 +52,16 @@ def _stopped(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{e.value:.4g} is at the other end of {low:.4g} to {high:.4g}"
     elif stopped[0].endswith((".share", ".fraction")) and shown[stopped[0]].value in (-1.0, 1.0):
         yield f"{stopped[0]} is whole: nothing lies beyond"
+
+
+@claim(r"(?:The logs are tables without time|These logs are tables without time: what takes time, "
+       r"as a lag does, was not tried)\.")  # fmt: skip
+def _tables(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if not all(run.log.static for run in diag.before.runs):
+        yield "the logs have a time"
+    for name in {*diag.added, *diag.detectable, *(tried.effect for tried in diag.ranking)}:
+        if name in dft.effects.EFFECTS and dft.effects.EFFECTS[name].states:
+            yield f"{name} takes time, and was tried"
 
 
 @claim(rf"Log (?P<log>.+?) deviates from the others: (?P<evidence>.+?)\. It carries "

@@ -71,7 +71,10 @@ def test_a_run_may_lack_a_channel():
 
 def test_a_table_is_drawn_by_sample():
     table = dft.Log(
-        time=np.arange(4), inputs={"depth": np.arange(4)}, measured={"reading": np.arange(4)}
+        time=np.arange(4),
+        inputs={"depth": np.arange(4)},
+        measured={"reading": np.arange(4)},
+        static=True,
     )
     figure = dft.compare(dft.LinearSensor(), table).plot()
     assert figure.axes[-1].get_xlabel() == "sample"

@@ -244,7 +244,10 @@ def test_the_residual_figure_shows_every_channel():
 def test_a_table_has_regimes_by_value_only():
     depth = np.linspace(0, 5, 60)
     table = dft.Log(
-        time=np.arange(60.0), inputs={"depth": depth}, measured={"reading": 0.1901 * depth - 0.0973}
+        time=np.arange(60.0),
+        inputs={"depth": depth},
+        measured={"reading": 0.1901 * depth - 0.0973},
+        static=True,
     )
     comparison = dft.compare(dft.LinearSensor(), table)
     assert comparison.tabular

@@ -157,10 +157,10 @@ def test_what_matters_leads_and_what_does_not_is_told_as_such():
     text = diag.details
     assert text.index("an actuator lag") < text.index("a command dead band of")
     assert "actuator lag 70 % (60 % to 80 %) and command dead band 20 % (10 % to 30 %)" in text
-    assert "also show a thrust sensor lag (it removes 1 % (0.5 % to 2 %)" in text
+    assert "Left out: a thrust sensor lag (it removes 1 % (0.5 % to 2 %)" in text
     assert contradictions(diag) == []
     alike = replace(diag, detectable_groups=(("thrust_sensor_lag", "thrust_sensor_delay"),))
-    assert "also show a thrust sensor lag or a thrust sensor delay (it removes" in alike.details
+    assert "Left out: a thrust sensor lag or a thrust sensor delay (it removes" in alike.details
     assert alike.to_json()["detectable_groups"] == [["thrust_sensor_lag", "thrust_sensor_delay"]]
 
 
@@ -179,7 +179,7 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
     both = replace(diag, worth={"command_deadband": joint})
     assert "whole runs of training and unseen logs command dead band removes 5 %" in both.details
     minor = replace(diag, detectable=("actuator_lag",), worth={"actuator_lag": unsure})
-    assert "also show an actuator lag (no sure effect on whole runs): certain" in minor.details
+    assert "Left out: an actuator lag (no sure effect on whole runs). With it" in minor.details
     for each in (none, both, minor):
         assert claims.contradictions(each) == []
 

@@ -103,7 +103,7 @@ def test_a_rate_that_cannot_be_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"fewer than 3 samples"):
         log.resampled(1.0)
     (tmp_path / "table.csv").write_text("u,n\n1,2\n2,3\n3,4\n4,5\n")
-    with pytest.raises(InputError, match="without time has no rate"):
+    with pytest.raises(InputError, match="a static table has no rate"):
         read_log(
             tmp_path / "table.csv",
             time=None,

@@ -45,6 +45,7 @@ def details(diag: Findings) -> str:
     sentences = [
         *leading_doubt_words(diag),
         *hint_words(diag),
+        *table_words(diag),
         *stopped_words(diag),
         *_verdict_sentences(diag),
         *other_model_words(diag),
@@ -69,6 +70,13 @@ def hint_words(diag: Findings) -> list[str]:
     if diag.helpful_mends or not diag.before.hints:
         return []
     return ["A channel may not mean what its name says:", *diag.before.hints[:_HINTS]]
+
+
+def table_words(diag: Findings) -> list[str]:
+    """That static tables say nothing of what takes time."""
+    if not diag.before.tabular:
+        return []
+    return ["These logs are tables without time: what takes time, as a lag does, was not tried."]
 
 
 def _verdict_sentences(diag: Findings) -> list[str]:

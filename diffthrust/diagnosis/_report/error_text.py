@@ -90,9 +90,10 @@ def worth_words(diag: Findings) -> list[str]:
             " or ".join(map(an_effect, group)) + _detectable_share(diag, group[0])
             for group in groups
         )
+        each = "it" if len(groups) == 1 else "each of them"
         sentences.append(
-            f"These logs also show {listed}: certain from one sample to the next, but over whole "
-            "runs without a change that surely matters."
+            f"Left out: {listed}. With {each} the next {sample_word(diag)} is predicted better, "
+            "and whole runs are not, or not by enough to matter."
         )
     return sentences
 
@@ -116,6 +117,11 @@ def _removed_words(shares: list[tuple[str, Worth]]) -> str:
     return f"{words} {'remove' if words.endswith(' together') else 'removes'} {worth}"
 
 
+def sample_word(diag: Findings) -> str:
+    """What follows one another in these logs: samples, or the rows of a table."""
+    return "row" if diag.before.tabular else "sample"
+
+
 def _detectable_share(diag: Findings, name: str) -> str:
     worth = diag.worth.get(name)
     if worth is None:
@@ -132,8 +138,10 @@ def growth_words(diag: Findings) -> list[str]:
     """How much larger errors are over whole runs than from sample to sample, and why.
 
     Over whole runs with what was learned: a law that removes 99 % of the error leaves next to
-    nothing that could add up.
+    nothing that could add up. Nothing of static tables, in which nothing does.
     """
+    if diag.before.tabular:
+        return []
     logs, errors = judged_errors(diag)
     learned = ""
     for law in diag.laws:

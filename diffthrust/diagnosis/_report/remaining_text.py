@@ -20,7 +20,7 @@ from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._missing import Missing, Remaining
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
-from diffthrust.diagnosis._report.error_text import error_size, judged_logs, levels
+from diffthrust.diagnosis._report.error_text import error_size, judged_logs, levels, sample_word
 from diffthrust.diagnosis._report.text import (
     amount,
     an_effect,
@@ -58,7 +58,7 @@ def undecided_words(diag: Findings) -> list[str]:
         )
     return [
         f"Undecided: over whole runs of {logs} the {humanize(name)} error is {error_size(error)}, "
-        f"{multiple} times that from one sample to the next; {cause}.",
+        f"{multiple} times that from one {sample_word(diag)} to the next; {cause}.",
         *possible_words(diag),
         deciding,
     ]

@@ -65,6 +65,7 @@ def summary(diag: Findings) -> str:
     """
     parts = [
         _logs(diag),
+        _tables(diag),
         _odd_logs(diag),
         _caution(diag),
         _bounds(diag),
@@ -105,6 +106,11 @@ def _logs(diag: Findings) -> Part:
     if diag.before.hints:
         return _part((11, "Check the logs: a channel may not mean what its name says"))
     return ()
+
+
+def _tables(diag: Findings) -> Part:
+    """That static tables say nothing of what takes time."""
+    return _part((4, "The logs are tables without time")) if diag.before.tabular else ()
 
 
 def _odd_logs(diag: Findings) -> Part:
@@ -310,6 +316,8 @@ def _last_errors(diag: Findings) -> Errors:
 
 def _grown(diag: Findings) -> str:
     """The channel that errs most over whole runs against one sample ahead; "" for none."""
+    if diag.before.tabular:
+        return ""
     errors = _last_errors(diag)
     growth = {
         n: _finite(e.rmse / diag.one_step[n])

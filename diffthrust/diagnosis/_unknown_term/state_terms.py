@@ -38,7 +38,7 @@ from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._levels import port_readings
-from diffthrust.simulation._record import Record
+from diffthrust.simulation._record import Record, are_tables
 
 _BENDS = (0.3, 0.6, 0.8)
 """Numerics: places of the bends, over the range of a state."""
@@ -107,6 +107,8 @@ def state_terms(context: SearchContext, baseline: Fit) -> tuple[LearnedLaw, ...]
     states = _moving_states(context)
     places = [place for place in fitter.places if place.state]
     hidden = [name for name in states if name not in fitter.channels]
+    if are_tables(fitter.records):
+        return ()
     if not (context.unseen and hidden) or len(places) * len(states) > _MOST_FUNCTIONS:
         return ()
     guess = {n: v for n, v in context.guess.items() if n in baseline.model.parameters}

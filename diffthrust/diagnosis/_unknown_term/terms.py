@@ -30,6 +30,7 @@ from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._levels import port_readings
+from diffthrust.simulation._record import are_tables
 
 CLOCK = "integral(1)"
 """The time since the log began."""
@@ -217,8 +218,14 @@ def _terms_of_signals(
 
 
 def _signals(space: TermSpace, port: str, times: str) -> Iterator[tuple[str, Parameters]]:
-    """Signals, plain and with a memory, with first guesses of the parameters of the memory."""
+    """Signals, plain and with a memory, with first guesses of the parameters of the memory.
+
+    Of static tables only what they list: a memory and the net push on a state take time.
+    """
     fitter, place, regressors, waves = space
+    if are_tables(fitter.records):
+        yield from ((name, {}) for name in _readable(fitter, regressors.current))
+        return
     step = float(np.median(np.diff(regressors.current.paths[0]["time"])))
     names, units = _readable(fitter, regressors.current), units_at(fitter, port)
     for name in names:

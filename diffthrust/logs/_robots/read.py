@@ -142,6 +142,7 @@ def read_robot_log(
         name=in_line(file.name if name is None else str(name)),
         interpolate_inputs=interpolate_inputs,
         notes=notes,
+        static=False,
         at=at,
     )
     log = Log.of_checked({**fields, "file": log_file(file)})

@@ -32,6 +32,7 @@ class TableRequest:
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         start: first moment to keep [s after the first].
         stop: last moment to keep [s after the first].
+        static: the rows were not recorded in time; so it is where ``time`` is None.
 
     Raises:
         InputError: a channel, column or number is invalid.
@@ -47,6 +48,7 @@ class TableRequest:
         interpolate_inputs: bool,
         start: float | None,
         stop: float | None,
+        static: bool,
     ) -> None:
         self.columns = channel_columns(Path(file), inputs, measured)
         self.inputs, self.measured = inputs or {}, measured or {}
@@ -71,6 +73,7 @@ class TableRequest:
                     f"{file}: expected {word} in seconds, found {value!r}.", "give a number."
                 )
         self.start, self.stop = start, stop
+        self.static = static or time is None
 
     @property
     def wanted(self) -> list[str]:
@@ -113,6 +116,7 @@ class TableRequest:
             name=name,
             interpolate_inputs=self.interpolate_inputs,
             notes=table.notes,
+            static=self.static,
             at=at,
         )
 

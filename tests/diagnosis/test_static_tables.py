@@ -1,0 +1,66 @@
+"""Static tables have no time: what takes time is neither tried nor told of them."""
+
+import claims
+import numpy as np
+import pytest
+
+import diffthrust as dft
+
+CANDIDATES = ["thrust_sensor_lag", "axial_flow", "thrust_degradation", "reverse_thrust_asymmetry"]
+TIMED = {*CANDIDATES} - {"reverse_thrust_asymmetry"}
+
+
+def table(seed, static=True):
+    """A settled thruster, weaker astern, with commands in rising order: rows of a map."""
+    rng = np.random.default_rng(seed)
+    command = np.linspace(-4.0, 4.0, 81)
+    speed = np.sign(command) * np.sqrt(40.0 * np.abs(command) / 0.04)
+    thrust = 0.02 * speed * np.abs(speed) * np.where(speed < 0, 0.7, 1.0)
+    # lines of a map bend where the model does not: neighbours err alike
+    speed = speed * (1.0 + 0.03 * np.sin(1.5 * command)) + 0.1 * rng.standard_normal(81)
+    thrust = thrust + 0.05 * rng.standard_normal(81)
+    held = {"command": np.append(command, command[-1])}
+    measured = {"speed": np.append(speed[0], speed), "thrust": np.append(thrust[0], thrust)}
+    return dft.Log(0.5 * np.arange(82), held, measured, name=f"map {seed}", static=static)
+
+
+@pytest.fixture(scope="module")
+def diag():
+    model = dft.Thruster(alpha=0.04, beta=40.0, ct=0.02).fix("alpha")
+    logs = table(1), table(2), table(3)
+    return dft.diagnose(model, logs[:2], holdout=logs[2:], candidates=CANDIDATES, experiment=False)
+
+
+def test_what_takes_time_is_not_tried(diag):
+    assert {*diag.untestable} == TIMED
+    assert not TIMED & {c.effect for c in diag.ranking}
+    assert diag.added == ("reverse_thrust_asymmetry",)
+    trusted = dft.diagnosis.headroom(diag.fit, table(1), holdout=table(2))
+    assert all(not channel.rung.dynamic for channel in trusted.channels.values())
+
+
+def test_nothing_is_said_of_time(diag):
+    text = diag.details + diag.summary + diag.report()
+    assert "These logs are tables without time: what takes time" in diag.details
+    assert "The logs are tables without time." in diag.summary
+    for words in ("the last ", "d(speed)/dt", "from one sample", "persists for", "s before"):
+        assert words not in text
+    assert not any(s.rate or s.past for m in diag.missing if (s := m.signal))
+    assert claims.contradictions(diag) == []
+
+
+def test_a_log_knows_that_it_is_a_table(tmp_path):
+    path = tmp_path / "map.csv"
+    path.write_text("volts,rpm\n-1,-300\n0,0\n0,0\n1,310\n")
+    channels = {"inputs": {"command": "volts"}, "measured": {"speed": "rpm"}}
+    assert dft.read_log(path, time=None, **channels).static
+    held = dft.read_log(path, time=0.5, static=True, **channels)
+    assert held.static
+    assert held.slice(0.4).static
+    assert not dft.read_log(path, time=0.5, **channels).static
+    with pytest.raises(dft.InputError, match="a static table has no rate"):
+        dft.read_log(path, time=0.5, static=True, rate=1.0, **channels)
+    steps = np.repeat(np.random.default_rng(0).standard_normal(60), 10)
+    flat = dft.Log(np.arange(600.0), {}, {"speed": steps}, static=True)
+    assert not flat.holds  # equal rows are equal points, and no sensor that repeats its reading
+    assert dft.Log(flat.time, {}, dict(flat.measured)).holds
