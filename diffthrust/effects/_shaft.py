@@ -7,6 +7,7 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 
+from diffthrust._support.words import percent
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -106,6 +107,13 @@ class SupplyVoltageSag(Effect):
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The drive at the present supply."""
         return value * (1.0 + self.share * (s.supply_voltage / self.nominal - 1.0))
+
+    def over_logs(self, ranges: Mapping[str, tuple[float, float]]) -> str:
+        """The drive at the lowest voltage of the logs against that at the highest."""
+        ends = ranges["supply_voltage"]
+        low, high = (1.0 + self.share * (volts / self.nominal - 1.0) for volts in ends)
+        least, most = (f"{volts:.3g} V" for volts in ends)
+        return f"the drive at {least} is {percent(low / high)} of that at {most}"
 
 
 @registered

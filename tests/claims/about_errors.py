@@ -132,6 +132,9 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if moving := re.search(rf"\({MOVING}\)", named):
         named = named.replace(moving[0], "")
         yield from moving_water(moving, diag)
+    if sagging := re.search(SAGGING, named):
+        named = named.replace(sagging[0], "")
+        yield from sagging_drive(sagging, diag)
     for name in diag.added:
         if in_words(name) not in named:
             yield f"{name} was added"
@@ -145,6 +148,25 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             if not page.hidden & {name, *group}:
                 yield f"nothing of {name} is hidden"
     yield from _changes(m["gain"], diag, page)
+
+
+SAGGING = (
+    rf"\(the drive at (?P<least>{NUMBER}) V is (?P<share>\d+) % of that at (?P<most>{NUMBER}) V\)"
+)
+
+
+def sagging_drive(m: re.Match, diag: Any) -> Iterator[str]:
+    """The drive at two voltages of the logs, by the law of the effect."""
+    share, nominal = (
+        diag.fit.parameters[f"supply_voltage_sag.{n}"].value for n in ("share", "nominal")
+    )
+    ends = [float(m["least"]), float(m["most"])]
+    low, high = (1.0 + share * (volts / nominal - 1.0) for volts in ends)
+    if not is_said(m["share"], 100.0 * low / high, 1e-2):
+        yield f"the drive at {ends[0]} V is {low / high:.3f} of that at {ends[1]} V"
+    seen = np.concatenate([run.log.inputs["supply_voltage"] for run in diag.before.runs])
+    if not np.allclose(ends, [seen.min(), seen.max()], rtol=0.01):
+        yield f"the logs hold {seen.min():.3g} to {seen.max():.3g} V"
 
 
 UNEVEN = r"\(the (?P<weak>left|right) thruster gives (?P<share>\d+) % of the \w+ one's force\)"

@@ -8,7 +8,14 @@ import claims
 import made_diagnosis as made
 import numpy as np
 import pytest
-from claims.about_errors import MOVING, UNEVEN, moving_water, uneven_thrusters
+from claims.about_errors import (
+    MOVING,
+    SAGGING,
+    UNEVEN,
+    moving_water,
+    sagging_drive,
+    uneven_thrusters,
+)
 from one_truth import contradictions
 from reference import whole_runs as wr
 from steps import (
@@ -18,6 +25,7 @@ from steps import (
     growth_words,
     headroom_between,
     missing_words,
+    sized_words,
     verdict_evidence,
     verdict_of,
 )
@@ -289,6 +297,20 @@ def test_a_share_that_is_whole_has_no_bound_to_widen(limit, said):
         "more beyond it. Widen the bound, if physically possible."
     )
     assert (claims.contradictions(diag, text=words) == []) is said
+
+
+@pytest.mark.parametrize(("said", "right"), [("60 %", True), ("89 %", False)])
+def test_a_sag_is_told_in_the_voltages_of_the_logs(said, right):
+    """The maps of a T200, from 10 to 18 V, told of "a sag of 0.89": of a drive at 24 V."""
+    sag = dft.effects.SupplyVoltageSag(share=0.886, nominal=24.0)
+    model = dft.Thruster() + sag
+    fit = SimpleNamespace(model=model, parameters=model.parameters)
+    words = sized_words(sag.name, fit, {"supply_voltage": (9.6, 18.0)})
+    assert words == "a supply voltage sag (the drive at 9.6 V is 60 % of that at 18 V)"
+    log = SimpleNamespace(inputs={"supply_voltage": np.array([18.0, 9.6])})
+    diag = SimpleNamespace(fit=fit, before=SimpleNamespace(runs=[SimpleNamespace(log=log)]))
+    wrong = [*sagging_drive(re.search(SAGGING, words.replace("60 %", said)), diag)]
+    assert (wrong == []) is right
 
 
 def test_what_has_no_size_does_not_show():

@@ -29,6 +29,7 @@ from diffthrust.diagnosis._report.text import (
     sized_words,
     stopped_words,
 )
+from diffthrust.simulation._record import input_ranges
 
 _HINTS = 2
 """Hints of the comparison that the details repeat."""
@@ -84,8 +85,9 @@ def _verdict_sentences(diag: Findings) -> list[str]:
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
         rivals = rival_words(diag)
+        ranges = input_ranges(diag.fit.model, [run.record for run in diag.before.runs])
         lacking = joined(
-            sized_words(name, diag.fit)
+            sized_words(name, diag.fit, ranges)
             + (f" (these logs cannot tell it from {rivals[name]})" if name in rivals else "")
             for name in leading(diag)
         )

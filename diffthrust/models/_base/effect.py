@@ -163,6 +163,21 @@ class Effect(Component):
         """
         return ""
 
+    def over_logs(self, ranges: Mapping[str, tuple[float, float]]) -> str:
+        """Its size in what the logs contain, where its numbers refer to something else.
+
+        Empty by default.
+
+        Args:
+            ranges: the smallest and the largest value of each input in the logs.
+
+        Example:
+            >>> sag = dft.effects.SupplyVoltageSag(share=1.0, nominal=24.0)
+            >>> sag.over_logs({"supply_voltage": (10.0, 20.0)})
+            'the drive at 10 V is 50 % of that at 20 V'
+        """
+        return ""
+
     def of_sampling(self, step: float) -> str:
         """What a log's held samples do to the numbers, beyond their errors; "" by default.
 
