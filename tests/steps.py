@@ -41,6 +41,7 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
 )
 from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and on given trials
     alike_by_shares,
+    errs_as_little,
     refuted,
     unrefuted,
 )
@@ -320,6 +321,7 @@ __all__ = [
     "edge_of",
     "effect_words",
     "error_changes",
+    "errs_as_little",
     "evidence",
     "explainable",
     "explained_share",

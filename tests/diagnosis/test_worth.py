@@ -12,6 +12,7 @@ from steps import (
     Errors,
     Worth,
     alike_by_shares,
+    errs_as_little,
     explained_share,
     far_above_noise,
     harms,
@@ -205,6 +206,17 @@ def test_a_rival_is_refuted_where_whole_runs_are_surely_better_with_the_effect()
     assert refuted(wind, drag, ahead(0.6))
     assert not refuted(wind, drag, ahead(-0.1))  # it may be chance
     assert not refuted(wind, other, ahead(0.6))  # within a tenth of the error
+
+
+@pytest.mark.parametrize(("thrust", "alike"), [(0.15, True), (0.7, False)])
+def test_a_rival_must_err_as_little_in_every_channel(thrust, alike):
+    """A saturation, thrust error 3.6 N, was named as what a weaker thrust astern (2.0) may be."""
+    by_channel = {"speed": Worth(0.02, -0.1, 0.1), "thrust": Worth(thrust, -0.1, 0.9)}
+    everywhere, unseen = Worth(0.1, -0.1, 0.2, by_channel), Worth(0.1, -0.1, 0.2)
+    assert errs_as_little(unseen, everywhere) is alike
+    assert errs_as_little(everywhere, unseen) is alike
+    assert not errs_as_little(Worth(0.18, -0.1, 0.3), unseen)  # 1.1 times the error leaves 0.174
+    assert errs_as_little(Worth(-3.0, -9.0, -1.0), unseen)  # the rival is ahead
 
 
 def test_errors_are_surely_less_in_one_channel_where_no_other_suffers():
