@@ -240,7 +240,8 @@ def _change(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"Undecided: over whole runs of (?P<logs>[a-z ]+?) (?P<level>the [a-zA-Z ]+? error is "
-       rf"{NUMBER} ?[^()]*?\(NRMSE {NUMBER}\)), (?P<multiple>\S+) times that from one "
+       rf"{NUMBER} ?[^()]*?\(NRMSE {NUMBER}\)); over those of the training logs it is "
+       rf"(?P<multiple>\S+) times that from one "
        rf"(?:sample|row) to the next; (?:these logs cannot tell a disturbance from missing physics|"
        rf"where logs repeat their inputs, (?P<recurs>{WORTH}) of its square recurs(?P<forces>: "
        r"most of it comes from random forces)?)\.")  # fmt: skip
@@ -249,7 +250,8 @@ def _undecided(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"verdict {diag.verdict}"
     yield from levels(m["level"], diag, diag.judged, None if diag.apart else page)
     channel = LEVEL.search(m["level"])["channel"].replace(" ", "_")
-    multiple = error_of(diag.judged, channel)[0] / diag.one_step.get(channel, np.nan)
+    trained = diag.apart[0].errors if diag.apart else diag.fit.train
+    multiple = trained.channels[channel].rmse / diag.one_step.get(channel, np.nan)
     if not is_said(m["multiple"], multiple, SIMULATED):
         yield f"{m['multiple']} is {multiple:.3g}"
     yield from _recurs(m["recurs"], channel, diag)
@@ -276,20 +278,21 @@ def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"From one sample to the next the (?P<channel>[a-zA-Z ]+?) is predicted to within "
-       rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of [a-z ]+?(?P<learned>, with what was "
-       rf"learned,)? to (?P<run>{NUMBER}) ?[^:]*?: (?P<why>missing physics adds up, and a "
-       r"disturbance may, too|no signal of these logs surely explains the difference\. It is a "
+       rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of the training logs"
+       rf"(?P<learned>, with what was learned,)? to (?P<run>{NUMBER}) ?[^:]*?: (?P<why>"
+       r"missing physics adds up, and a disturbance may, too|no signal of these logs surely explains the difference\. It is a "
        r"disturbance, a lasting error of a sensor, or physics that these logs do not "
        r"show)\.")  # fmt: skip
 def _growth(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     per = diag.judged.errors.channels[channel].per
-    run = error_of(diag.judged, channel)[0]
+    trained = diag.apart[0].errors if diag.apart else diag.fit.train
+    run = trained.channels[channel].rmse
     if bool(m["learned"]) != bool(diag.laws):
         yield f"learned: {diag.laws}"
     elif diag.laws:
         fit = diag.laws[-1].reported
-        run = (fit.holdout or fit.train).channels[channel].rmse
+        run = fit.train.channels[channel].rmse
     for number, value in zip((m["step"], m["run"]), (diag.one_step[channel], run), strict=True):
         if not is_said(number, per * value, SIMULATED):
             yield f"{number} is {per * value:.3g}"

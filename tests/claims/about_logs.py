@@ -64,6 +64,20 @@ def _tables(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{name} takes time, and was tried"
 
 
+@claim(r"Beside (?P<what>[^:]+?) (?P<names>\w+(?:(?:, | and )\w+)*) go(?:es)? to zero: the model "
+       r"does as well without (?:its term|their terms)\.")  # fmt: skip
+def _vanished(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    for name in re.split(", | and ", m["names"]):
+        estimate = diag.fit.parameters[name]
+        usual = diag.stages[0].fit.parameters[name].value
+        if not (estimate.at_bound and abs(estimate.value) < 1e-6 * abs(usual)):
+            yield f"{name} is {estimate.value:.3g}"
+        without = diag.fit.model.replace({name: 1e-30 * usual})
+        again = dft.compare(without, [run.log for run in diag.before.runs])
+        if again.errors.nrmse > 1.01 * diag.after.errors.nrmse:
+            yield f"without {name} the NRMSE is {again.errors.nrmse:.3g}"
+
+
 @claim(rf"Log (?P<log>.+?) deviates from the others: (?P<evidence>.+?)\. It carries "
        rf"(?P<share>{SHARE}) of the squared (?P<channel>.+?) error of all logs\. Check how it was "
        r"recorded\.")  # fmt: skip

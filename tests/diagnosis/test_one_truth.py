@@ -217,6 +217,18 @@ def test_errors_do_not_add_up_where_a_law_removes_them():
     assert ", with what was learned, to" in growth_words(replace(diag, laws=(large,)))[0]
 
 
+def test_errors_from_sample_to_sample_are_held_against_runs_of_the_same_logs():
+    """Of training logs 0.49 N stood beside 3.2 N of unseen ones, whose manoeuvres were larger."""
+    fit = made.unexplained().fit
+    trained = fit.train.channels["thrust"].rmse
+    assert fit.holdout.channels["thrust"].rmse > 1.02 * trained
+    steps = {"thrust": trained / 4.01}
+    (words,) = growth_words(replace(made.unexplained(), one_step=steps))
+    assert f"whole runs of the training logs to {trained:.2g} N" in words
+    steps = {"thrust": trained / 3.99}
+    assert growth_words(replace(made.unexplained(), one_step=steps)) == []
+
+
 def test_shares_that_add_up_to_more_than_all_are_seen():
     share = Worth(0.7, 0.6, 0.8)
     diag = of_two(command_deadband=share, actuator_lag=share)
@@ -311,6 +323,23 @@ def test_a_sag_is_told_in_the_voltages_of_the_logs(said, right):
     diag = SimpleNamespace(fit=fit, before=SimpleNamespace(runs=[SimpleNamespace(log=log)]))
     wrong = [*sagging_drive(re.search(SAGGING, words.replace("60 %", said)), diag)]
     assert (wrong == []) is right
+
+
+def test_a_term_of_the_model_that_effects_have_brought_to_zero_is_told():
+    """On the bench of the NGS the quadratic load went beside a linear one; only a note said so."""
+    diag = made.found()
+    fit = diag.stages[1].fit
+    gone = {**fit.parameters, "alpha": replace(fit.parameters["alpha"], value=1e-19, at_bound=True)}
+    without = replace(fit, parameters=gone, model=fit.model.replace(alpha=1e-19))
+    diag = replace(diag, stages=(diag.stages[0], replace(diag.stages[1], fit=without)))
+    words = (
+        "Beside a command dead band alpha goes to zero: the model does as well without its term."
+    )
+    assert words in diag.details
+    assert words in diag.summary
+    (wrong,) = claims.contradictions(diag, text=words)  # that loads of this shaft are quadratic
+    assert wrong.startswith("without alpha the NRMSE is")
+    assert "goes to zero" not in made.found().details
 
 
 def test_what_has_no_size_does_not_show():

@@ -28,6 +28,7 @@ from diffthrust.diagnosis._report.text import (
     rival_words,
     sized_words,
     stopped_words,
+    vanished_words,
 )
 from diffthrust.simulation._record import input_ranges
 
@@ -51,6 +52,7 @@ def details(diag: Findings) -> str:
         *_verdict_sentences(diag),
         *other_model_words(diag),
         *held_words(diag),
+        *vanished_words(diag),
         *added_bound_words(diag),
         *worth_words(diag),
     ]

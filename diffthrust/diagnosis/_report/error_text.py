@@ -8,7 +8,6 @@ from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._report.text import (
     an_effect,
     errors_of,
-    judged_errors,
     leading,
     rank,
     with_unit,
@@ -134,29 +133,36 @@ def judged_logs(diag: Findings, everywhere: bool) -> str:
     return "training and unseen logs" if everywhere else errors_of(diag)[0]
 
 
+def trained_errors(diag: Findings) -> Errors:
+    """Of the last stage on the training logs on which the verdict rests."""
+    return diag.apart[0].errors if diag.apart else diag.fit.train
+
+
+def growth_of(diag: Findings, errors: Errors) -> dict[str, float]:
+    """By channel how many times those from one sample to the next errors over whole runs are."""
+    return {n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step}
+
+
 def growth_words(diag: Findings) -> list[str]:
     """How much larger errors are over whole runs than from sample to sample, and why.
 
-    Over whole runs with what was learned: a law that removes 99 % of the error leaves next to
-    nothing that could add up. Nothing of static tables, in which nothing does.
+    Both on the training logs, of which the errors from sample to sample are. Over whole runs with
+    what was learned: a law that removes 99 % of the error leaves next to nothing that could add up.
+    Nothing of static tables, in which nothing does.
     """
     if diag.before.tabular:
         return []
-    logs, errors = judged_errors(diag)
-    learned = ""
+    errors, learned = trained_errors(diag), ""
     for law in diag.laws:
-        logs, errors = errors_of(diag)[0], law.reported.holdout or law.reported.train
-        learned = ", with what was learned,"
-    growth = {
-        n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step
-    }
+        errors, learned = law.reported.train, ", with what was learned,"
+    growth = growth_of(diag, errors)
     name = max(growth, key=lambda n: rank(growth[n]), default="")
     if not name or not growth[name] > SETTINGS.verdict.far_above_one_step:
         return []
     size, unit = errors.channels[name].shown
     words = (
         f"From one sample to the next the {humanize(name)} is predicted to within "
-        f"{with_unit(size / growth[name], unit)}, over whole runs of {logs}{learned} to "
+        f"{with_unit(size / growth[name], unit)}, over whole runs of the training logs{learned} to "
         f"{with_unit(size, unit)}"
     )
     if diag.verdict == "unexplained":

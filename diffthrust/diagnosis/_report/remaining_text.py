@@ -20,7 +20,14 @@ from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._missing import Missing, Remaining
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
-from diffthrust.diagnosis._report.error_text import error_size, judged_logs, levels, sample_word
+from diffthrust.diagnosis._report.error_text import (
+    error_size,
+    growth_of,
+    judged_logs,
+    levels,
+    sample_word,
+    trained_errors,
+)
 from diffthrust.diagnosis._report.text import (
     amount,
     an_effect,
@@ -43,7 +50,7 @@ def undecided_words(diag: Findings) -> list[str]:
     logs, errors = judged_errors(diag)
     name = next(iter(diag.far), next(iter(errors.channels)))
     error = errors.channels[name]
-    multiple = number(error.rmse / diag.one_step.get(name, math.nan), 2)
+    multiple = number(growth_of(diag, trained_errors(diag)).get(name, math.nan), 2)
     cause, recurring = "these logs cannot tell a disturbance from missing physics", None
     if recurring := diag.recurring.get(name):
         cause = f"where logs repeat their inputs, {recurring} of its square recurs"
@@ -57,8 +64,9 @@ def undecided_words(diag: Findings) -> list[str]:
             "recur are physics, the others are a disturbance."
         )
     return [
-        f"Undecided: over whole runs of {logs} the {humanize(name)} error is {error_size(error)}, "
-        f"{multiple} times that from one {sample_word(diag)} to the next; {cause}.",
+        f"Undecided: over whole runs of {logs} the {humanize(name)} error is {error_size(error)}; "
+        f"over those of the training logs it is {multiple} times that from one "
+        f"{sample_word(diag)} to the next; {cause}.",
         *possible_words(diag),
         deciding,
     ]

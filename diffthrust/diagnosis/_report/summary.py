@@ -26,6 +26,7 @@ from diffthrust.diagnosis._report.text import (
     rival_words,
     stopped_parameters,
     unmeasured_rivals,
+    vanished_words,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._model_lines import effects_line
@@ -69,6 +70,7 @@ def summary(diag: Findings) -> str:
         _odd_logs(diag),
         _caution(diag),
         _bounds(diag),
+        _vanished(diag),
         _held(diag),
         _missing(diag),
         _unmeasured(diag),
@@ -139,6 +141,11 @@ def _bounds(diag: Findings) -> Part:
     name, amount = stopped[0]
     words, more = f"{name} is at its bound", _more(len(stopped) - 1)
     return _part((3, f"{words} of {amount}: widen it{more}"), (6, f"{words}: widen it{more}"))
+
+
+def _vanished(diag: Findings) -> Part:
+    """That the model does without a term with which it was given."""
+    return _part(*((4, words.removesuffix(".")) for words in vanished_words(diag)))
 
 
 def _held(diag: Findings) -> Part:

@@ -12,6 +12,7 @@ from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.effect import EFFECTS
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import Errors
 
 
@@ -219,13 +220,39 @@ def stopped_parameters(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
     for full, p in fit.model.parameters.items():
         e, (low, high) = fit.parameters[full], p.limits
         above = abs(e.value - high) < abs(e.value - low)
-        vanished = e.value == p.null or (p.transform == "log" and low <= 0 and not above)
+        vanished = e.value == p.null or _is_zero(e, p)
         effect, _, name = full.rpartition(".")
         if e.at_bound and not vanished and not is_whole(effect, name, e.value):
             words = capitalised(f"{humanize(name)} of {an_effect(effect)}") if effect else name
             value = amount(f"{e.shown[0]:.4g}", e.shown[2])
             stopped[full] = words, value, "higher" if above else "lower"
     return stopped
+
+
+def vanished_words(diag: Findings) -> list[str]:
+    """The parameters of the model as given that effects have brought to zero, and their terms."""
+    first, last = ({*vanished_parameters(s.fit)} for s in (diag.stages[0], diag.stages[-1]))
+    names = [n for n in diag.model.parameters if n in last - first]
+    if not names:
+        return []
+    go, terms = ("goes", "its term") if len(names) == 1 else ("go", "their terms")
+    return [
+        f"Beside {joined(map(an_effect, diag.added))} {joined(names)} {go} to zero: the model does "
+        f"as well without {terms}."
+    ]
+
+
+def vanished_parameters(fit: Fit) -> tuple[str, ...]:
+    """The parameters at the zero of a logarithm, where their terms are absent."""
+    described = fit.model.parameters
+    return tuple(n for n, e in fit.parameters.items() if e.at_bound and _is_zero(e, described[n]))
+
+
+def _is_zero(estimate: Estimate, parameter: Parameter) -> bool:
+    """Whether a parameter at a bound is at the zero of a logarithm."""
+    low, high = parameter.limits
+    above = abs(estimate.value - high) < abs(estimate.value - low)
+    return parameter.transform == "log" and low <= 0 and not above
 
 
 def is_whole(effect: str, name: str, value: float) -> bool:
