@@ -41,7 +41,9 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
 )
 from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and on given trials
     alike_by_shares,
+    alike_when_refitted,
     errs_as_little,
+    near_over_whole_runs,
     refuted,
     unrefuted,
 )
@@ -154,6 +156,7 @@ from diffthrust.diagnosis._report.sections import (  # private: sentences alone,
 )
 from diffthrust.diagnosis._report.tables import (  # private: its cells
     log_rows,
+    worth_rows,
 )
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     added_bound_words,
@@ -300,6 +303,7 @@ __all__ = [
     "admission_module",
     "adopted",
     "alike_by_shares",
+    "alike_when_refitted",
     "as_estimated",
     "as_formula",
     "best_match",
@@ -353,6 +357,7 @@ __all__ = [
     "missing_figure",
     "missing_words",
     "models_fed_by",
+    "near_over_whole_runs",
     "negligible",
     "next_stage",
     "no_better",
@@ -414,4 +419,5 @@ __all__ = [
     "with_jump",
     "within_budget",
     "words_in",
+    "worth_rows",
 ]

@@ -20,7 +20,6 @@ from diffthrust.diagnosis._simulation_fit import (
     change_between,
     fitted_beside,
     fitted_to_runs,
-    share_between,
     simulation_fitter,
 )
 from diffthrust.diagnosis._stepwise import simulation_is_poor
@@ -68,9 +67,9 @@ def _groups_of(
         if name in state.detectable:  # it does next to nothing to whole runs
             groups.append((name, *near))
             continue
-        early = _alike_over_whole_runs(context, state, name, {*near} | barred)
+        early = near_over_whole_runs(context, state, name, {*near} | barred)
         alike = unrefuted(context, state.stages[-1], name, near)
-        alike += _alike_when_refitted(context, state.stages[-1], name, early)
+        alike += alike_when_refitted(context, state.stages[-1], name, early)
         groups.append((name, *alike))
     return tuple(groups)
 
@@ -98,10 +97,10 @@ def _alike_by_one_step(
     return {rival: near[rival] for rival in sorted(near, key=lambda rival: apart[rival])}
 
 
-def _alike_over_whole_runs(
+def near_over_whole_runs(
     context: SearchContext, state: SearchState, name: str, excluded: Collection[str]
 ) -> dict[str, TrialFit]:
-    """The rivals of an effect, when it was added, that do nearly the same to whole runs.
+    """The rivals of an effect, when it was added, with which whole runs erred little more.
 
     Where these stay poor the model is wrong in more than this, and the likelihood of the next
     sample, in which random forces take up what is wrong, does not tell them apart. Not those in
@@ -120,11 +119,13 @@ def _alike_over_whole_runs(
     simulation = simulation_fitter(fitter)
     fitted = fitted_to_runs(fitter, stage)
     without = fitted_to_runs(fitter, stage, [n for n in stage.effects if n != name])
-    effect = share_between(fitter, without, fitted)
     started = screened(simulation, rivals, without, levels_of(fitter, without))
     ended = {rival: simulation.further(trial) for rival, trial in started.items()}
-    shares = {rival: share_between(fitter, without, trial) for rival, trial in ended.items()}
-    return {rival: ended[rival] for rival in alike_by_shares(effect, shares)}
+    ahead = {r: change_between(fitter, t, fitted).everywhere.share for r, t in ended.items()}
+    most = 1.0 - 1.0 / SETTINGS.equivalence.near_error**2
+    order = sorted(ended, key=lambda rival: ahead[rival])
+    near = [rival for rival in order if ahead[rival] <= most]
+    return {rival: ended[rival] for rival in near[: SETTINGS.equivalence.most_named]}
 
 
 def unrefuted(
@@ -157,7 +158,7 @@ def unrefuted(
     return alike
 
 
-def _alike_when_refitted(
+def alike_when_refitted(
     context: SearchContext, stage: FittedStage, name: str, rivals: Mapping[str, TrialFit]
 ) -> list[str]:
     """The rivals of an effect that err about as little in its place in the last stage.

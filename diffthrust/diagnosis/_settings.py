@@ -210,6 +210,12 @@ class Equivalence:
     its group.
     Origin: chosen, the tenth by which errors count as equal. Lower: rivals that do less of the
     work. Higher: noise in the parameters separates equals."""
+    near_error: float = 1.2
+    """Rivals with which whole runs erred by no more than this factor when the effect was added are
+    fitted from several starts in its place in the last stage.
+    Origin: twice the tenth by which errors count as equal, for trials have coarse steps and one
+    start: a linear damping, as good as the load exponent of a T200, was 1.13 times behind.
+    Lower: rivals that are as good in the end are not asked. Higher: minutes, for none."""
     most_compared: int = 4
     """The number of rivals of an effect that are held against whole runs in its place, the nearest
     by one-step errors first.

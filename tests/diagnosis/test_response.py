@@ -10,12 +10,17 @@ from problems import jacobians
 from reference import inputs, noise, thruster
 from steps import (
     CandidateFitter,
+    Clock,
+    FittedStage,
     Programs,
+    Refit,
+    alike_when_refitted,
     bind,
     change_between,
     error_changes,
     fitted_beside,
     fitted_to_runs,
+    near_over_whole_runs,
     predicted_gains,
     shift_of,
     simulation_fitter,
@@ -213,6 +218,26 @@ def test_a_rival_that_lowers_nothing_over_whole_runs_is_told_from_an_effect(know
     # a lag of zero does nothing to whole runs: they have no say in what else it may be
     friction = {name: start_search(trials, name)}
     assert unrefuted(context, without, rival, friction) == [name]
+
+
+def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkeypatch):
+    """So of a T200 a linear damping, which was refused by one-step errors, for a load exponent."""
+    monkeypatch.setattr("diffthrust.diagnosis._equivalence.simulation_is_poor", lambda *_: True)
+    given, trials, (name, rival) = (
+        dft.Thruster(),
+        known.trials,
+        ("coulomb_friction", "actuator_lag"),
+    )
+    logs = tuple(bind(given, each) for each in (known.train, known.unseen))
+    refit = Refit(*logs, {"seed": 0}, Clock())
+    context = SimpleNamespace(given=given, fitter=trials, refit=refit, say=lambda *_: None)
+    for effect, other, alike in ((name, rival, []), (rival, name, [name])):
+        stages = [FittedStage(names, *refit(given + list(names))) for names in ((), (effect,))]
+        ranking = [SimpleNamespace(effect=other, stage=0, delta_bic=-50.0)]
+        state = SimpleNamespace(stages=stages, ranking=ranking)
+        assert [*near_over_whole_runs(context, state, effect, ())] == alike
+        rivals = {other: start_search(trials, other)}
+        assert alike_when_refitted(context, stages[1], effect, rivals) == alike
 
 
 def test_a_value_that_one_step_errors_want_is_kept_where_whole_runs_are_asked(known):
