@@ -21,9 +21,9 @@ SURE = 5e-4
 """A smaller lower end of an interval is printed as zero."""
 
 
-@claim(rf"Of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error over whole runs of (?P<logs>unseen "
-       rf"logs|the training logs|training and unseen logs) (?:each removes: )?(?P<list>.+? "
-       rf"{WORTH})\.")  # fmt: skip
+@claim(rf"Of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error (?:of all channels )?as given over "
+       rf"whole runs of (?P<logs>unseen logs|the training logs|training and unseen logs) "
+       rf"(?:each removes: )?(?P<list>.+? {WORTH})\.")  # fmt: skip
 def _each_removes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = (m["channel"] or "").replace(" ", "_")
     everywhere = m["logs"] == "training and unseen logs"
@@ -121,8 +121,8 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{first} has an effect on whole runs"
 
 
-@claim(rf"Possible, judged by whole runs alone, with the share of the squared error on "
-       rf"(?P<logs>[a-z ]+?) that each would remove"
+@claim(rf"Possible, judged by whole runs alone, with the share of the squared error of all "
+       rf"channels that is left on (?P<logs>[a-z ]+?) that each would remove"
        rf"(?: beside what was learned)?: (?P<list>.+? {WORTH}[a-z ]*)\.")  # fmt: skip
 def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     said = (
@@ -191,8 +191,9 @@ def _shown_by_whole_runs(m: re.Match, diag: Any, page: Page | None) -> Iterator[
 
 
 @claim(rf"Learned from whole runs, of states that are not measured too: (?P<terms>.+?)\. Of the "
-       rf"squared error over whole runs of unseen logs they remove (?P<worth>{WORTH}); with them "
-       rf"the NRMSE there is (?P<last>{NUMBER}), as given (?P<first>{NUMBER})\.")  # fmt: skip
+       rf"squared error of all channels as given over whole runs of unseen logs they remove "
+       rf"(?P<worth>{WORTH}); with them the NRMSE there is (?P<last>{NUMBER}), as given "
+       rf"(?P<first>{NUMBER})\.")  # fmt: skip
 def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     told = m["terms"].split("; ")
     if len(told) != len(diag.laws):
@@ -209,8 +210,9 @@ def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str
 
 @claim(rf"Learned: at (?P<place>.+?'(?P<port>\w+)'.*?) (?P<manner>what passes is scaled by a curve "
        r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare>, for which no closed form was found)?\. "
-       rf"Of the squared error over whole runs of [a-z ]+? it removes (?P<worth>{WORTH}); with it "
-       rf"the NRMSE there is (?P<last>{NUMBER}), as given (?P<first>{NUMBER})\."
+       rf"Of the squared error of all channels as given over whole runs of [a-z ]+? it removes "
+       rf"(?P<worth>{WORTH}); with it the NRMSE there is (?P<last>{NUMBER}), as given "
+       rf"(?P<first>{NUMBER})\."
        r"(?: Valid from .+? to .+?\.(?=\s|$))?")  # fmt: skip
 def _learned(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     laws = [law for law in diag.laws if law.curve.port == m["port"]]

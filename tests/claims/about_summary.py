@@ -235,8 +235,8 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
        rf"(?: after the start of a log)?"
        rf"(?:[,:] (?P<before>{NUMBER})(?: ->| (?P<up>before|below),) (?P<after>{NUMBER})"
        rf"[^\n.]*?(?P<beyond>after|above)?)?\."
-       rf"(?: By the slopes of the fit that removes (?P<share>{WORTH}) of the squared error over "
-       r"whole runs of (?P<logs>[^.]+)\.)?")  # fmt: skip
+       rf"(?: By the slopes of the fit that removes (?P<share>{WORTH}) of the squared error of all "
+       r"channels that is left over whole runs of (?P<logs>[^.]+)\.)?")  # fmt: skip
 def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     changed = diag.changed
     if changed is None:

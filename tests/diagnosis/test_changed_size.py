@@ -117,7 +117,8 @@ def test_the_summary_says_when_and_by_how_much():
     diag = replace(diag, changed=changed, verdict="unexplained")
     assert "Unexplained: the half-width of a command dead band changes at 12 s" in diag.summary
     assert "at 12 s after the start of a log: 0.30 before, 0.50 V after." in diag.details
-    assert "removes 60 % (50 % to 70 %) of the squared error over whole runs of" in diag.details
+    share = "removes 60 % (50 % to 70 %) of the squared error of all channels that is left over "
+    assert share + "whole runs of" in diag.details
     assert claims.contradictions(diag) == []
     with pytest.raises(dft.InputError, match="the size of an added effect changes"):
         diag.plot_learned()

@@ -196,9 +196,9 @@ def test_an_effect_of_several_parameters_names_each(full):
     parameters = {
         **full.fit.parameters, "command_deadband.restored": replace(freed, value=0.5, fixed=False),
     }  # fmt: skip
-    words = sized_words("command_deadband", replace(full.fit, parameters=parameters), {})
+    words = sized_words("command_deadband", replace(full.fit, parameters=parameters))
     assert words == "a command dead band (half-width 0.399 V, restored 0.50)"
-    assert sized_words("swapped_thrusters", full.fit, {}) == "swapped thrusters"
+    assert sized_words("swapped_thrusters", full.fit) == "swapped thrusters"
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))

@@ -28,6 +28,7 @@ from steps import (
     sized_words,
     verdict_evidence,
     verdict_of,
+    worth_rows,
 )
 
 import diffthrust as dft
@@ -177,7 +178,10 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
     speed = {"speed": Worth(0.83, 0.7, 0.9), "thrust": Worth(0.0, -0.1, 0.1)}
     diag = made.found()
     text = replace(diag, worth={"command_deadband": Worth(0.1, -0.05, 0.22, speed)}).details
-    assert "Of the squared speed error over whole runs of unseen logs command dead band " in text
+    assert (
+        "Of the squared speed error as given over whole runs of unseen logs command dead band "
+        in text
+    )
     assert "dead band removes 83 % (70 % to 90 %)." in text
     assert "each removes" not in text
     unsure = Worth(0.02, -0.01, 0.03)
@@ -233,6 +237,28 @@ def test_shares_that_add_up_to_more_than_all_are_seen():
     share = Worth(0.7, 0.6, 0.8)
     diag = of_two(command_deadband=share, actuator_lag=share)
     assert any("more is removed" in words for words in claims.contradictions(diag))
+
+
+def test_every_share_says_of_which_error_it_is():
+    """On one page stood shares of three wholes, one of them under "Removes" without a word."""
+    unsure, sure = Worth(0.02, -0.01, 0.03), Worth(0.05, 0.01, 0.08)
+    speed = Worth(0.1, -0.1, 0.2, {"speed": Worth(0.8, 0.7, 0.9), "thrust": unsure})
+    diag = of_two(command_deadband=speed, actuator_lag=replace(unsure, everywhere=sure))
+    diag = replace(diag, possible={"coulomb_friction": sure}, detectable=("thrust_sensor_lag",))
+    diag = replace(diag, worth={**diag.worth, "thrust_sensor_lag": SMALL})
+    table = {row[0]: row[-1] for row in worth_rows(diag).blocks[0]}
+    assert table == {
+        "command dead band": "squared speed error as given, unseen logs",
+        "actuator lag": "squared error of all channels as given, training and unseen logs",
+        "Coulomb friction": "squared error of all channels that is left, unseen logs",
+        "thrust sensor lag": "squared error of all channels as given, unseen logs",
+    }
+    text = diag.details
+    assert "Of the squared speed error as given over whole runs of unseen logs" in text
+    assert "Of the squared error of all channels as given over whole runs of training and" in text
+    assert "removes 1 % (0.5 % to 2 %) of the squared error of all channels as given)" in text
+    assert "share of the squared error of all channels that is left on unseen logs" in text
+    assert claims.contradictions(diag) == []
 
 
 def test_undecided_says_what_is_possible_and_which_record_would_decide():
@@ -316,11 +342,12 @@ def test_a_sag_is_told_in_the_voltages_of_the_logs(said, right):
     """The maps of a T200, from 10 to 18 V, told of "a sag of 0.89": of a drive at 24 V."""
     sag = dft.effects.SupplyVoltageSag(share=0.886, nominal=24.0)
     model = dft.Thruster() + sag
-    fit = SimpleNamespace(model=model, parameters=model.parameters)
-    words = sized_words(sag.name, fit, {"supply_voltage": (9.6, 18.0)})
-    assert words == "a supply voltage sag (the drive at 9.6 V is 60 % of that at 18 V)"
     log = SimpleNamespace(inputs={"supply_voltage": np.array([18.0, 9.6])})
-    diag = SimpleNamespace(fit=fit, before=SimpleNamespace(runs=[SimpleNamespace(log=log)]))
+    ranges = {"supply_voltage": (9.6, 18.0)}
+    fit = SimpleNamespace(model=model, parameters=model.parameters, ranges=ranges, logs=[log])
+    words = sized_words(sag.name, fit)
+    assert words == "a supply voltage sag (the drive at 9.6 V is 60 % of that at 18 V)"
+    diag = SimpleNamespace(fit=fit)
     wrong = [*sagging_drive(re.search(SAGGING, words.replace("60 %", said)), diag)]
     assert (wrong == []) is right
 

@@ -30,7 +30,6 @@ from diffthrust.diagnosis._report.text import (
     stopped_words,
     vanished_words,
 )
-from diffthrust.simulation._record import input_ranges
 
 _HINTS = 2
 """Hints of the comparison that the details repeat."""
@@ -87,9 +86,8 @@ def _verdict_sentences(diag: Findings) -> list[str]:
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
         rivals = rival_words(diag)
-        ranges = input_ranges(diag.fit.model, [run.record for run in diag.before.runs])
         lacking = joined(
-            sized_words(name, diag.fit, ranges)
+            sized_words(name, diag.fit)
             + (f" (these logs cannot tell it from {rivals[name]})" if name in rivals else "")
             for name in leading(diag)
         )

@@ -75,8 +75,8 @@ def worth_words(diag: Findings) -> list[str]:
         else:
             unsure.append(words)
     sentences = [
-        f"Of the squared {humanize(channel)}{' ' * bool(channel)}error over whole runs of "
-        f"{judged_logs(diag, everywhere)} {_removed_words(shares)}."
+        f"Of the {squared_error(channel)} over whole runs of {judged_logs(diag, everywhere)} "
+        f"{_removed_words(shares)}."
         for (channel, everywhere), shares in wholes.items()
         if len(diag.added) > 1 or channel or everywhere
     ]
@@ -116,6 +116,17 @@ def _removed_words(shares: list[tuple[str, Worth]]) -> str:
     return f"{words} {'remove' if words.endswith(' together') else 'removes'} {worth}"
 
 
+def squared_error(channel: str = "", *, left: bool = False) -> str:
+    """What a share is a share of; every share of a page is told of it in these words.
+
+    Args:
+        channel: of its error; of that of all channels where empty.
+        left: of what is left with all that was added; else of what the model has as it is given.
+    """
+    of = f"squared {humanize(channel)} error" if channel else "squared error of all channels"
+    return f"{of} {'that is left' if left else 'as given'}"
+
+
 def sample_word(diag: Findings) -> str:
     """What follows one another in these logs: samples, or the rows of a table."""
     return "row" if diag.before.tabular else "sample"
@@ -125,7 +136,7 @@ def _detectable_share(diag: Findings, name: str) -> str:
     worth = diag.worth.get(name)
     if worth is None:
         return ""
-    sure = f"it removes {worth} of the squared error"
+    sure = f"it removes {worth} of the {squared_error()}"
     return f" ({sure if worth.above_zero else 'no sure effect on whole runs'})"
 
 

@@ -11,6 +11,7 @@ from diffthrust._support.words import capitalised, humanize, joined, number, per
 from diffthrust.diagnosis._candidates import place_words, words_and_unit
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+from diffthrust.diagnosis._report.error_text import squared_error
 from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
@@ -48,9 +49,9 @@ def learned_words(diag: Findings) -> list[str]:
         first, last = (f.holdout if unseen and f.holdout else f.train for f in (baseline, updated))
         sentences.append(
             f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
-            f"{'' if law.form else ', for which no closed form was found'}. Of the squared error "
-            f"over whole runs of {logs} it removes {law.worth}; with it the NRMSE "
-            f"there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
+            f"{'' if law.form else ', for which no closed form was found'}. Of the "
+            f"{squared_error()} over whole runs of {logs} it removes {law.worth}; with it the "
+            f"NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
         )
         if valid := valid_words(law):
             sentences.append(f"{capitalised(valid)}.")
@@ -79,9 +80,9 @@ def _together_words(diag: Findings) -> list[str]:
     baseline, updated = diag.stages[0].fit, laws[0].reported
     last, first = ((fit.holdout or fit.train) for fit in (updated, baseline))
     return [
-        f"Learned from whole runs, of states that are not measured too: {terms}. Of the squared "
-        f"error over whole runs of unseen logs they remove {laws[0].worth}; with them the NRMSE "
-        f"there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
+        f"Learned from whole runs, of states that are not measured too: {terms}. Of the "
+        f"{squared_error()} over whole runs of unseen logs they remove {laws[0].worth}; with them "
+        f"the NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
     ]
 
 

@@ -26,6 +26,7 @@ from diffthrust.diagnosis._report.error_text import (
     judged_logs,
     levels,
     sample_word,
+    squared_error,
     trained_errors,
 )
 from diffthrust.diagnosis._report.text import (
@@ -86,8 +87,8 @@ def possible_words(diag: Findings) -> list[str]:
         return []
     beside = " beside what was learned" if diag.laws else ""
     return [
-        "Possible, judged by whole runs alone, with the share of the squared error on "
-        f"{errors_of(diag)[0]} that each would remove{beside}: {shares}."
+        f"Possible, judged by whole runs alone, with the share of the {squared_error(left=True)} "
+        f"on {errors_of(diag)[0]} that each would remove{beside}: {shares}."
     ]
 
 
@@ -155,8 +156,8 @@ def _changed_words(diag: Findings, changed: ChangedSize) -> str:
         since, first, then = " after the start of a log", "before", "after"
     return (
         f"{capitalised(changed_parameter(changed))}{since}: {low} {first}, {amount(high, unit)} "
-        f"{then}. By the slopes of the fit that removes {changed.worth} of the squared error over "
-        f"whole runs of {errors_of(diag)[0]}."
+        f"{then}. By the slopes of the fit that removes {changed.worth} of the "
+        f"{squared_error(left=True)} over whole runs of {errors_of(diag)[0]}."
     )
 
 

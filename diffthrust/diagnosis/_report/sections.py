@@ -80,8 +80,9 @@ def diagnosis_report(diag: Findings) -> Report:
             "What each effect removes of the squared error over whole runs",
             *_explained(
                 tables.worth_rows(diag),
-                "All channels together, each in units of its own spread; the interval comes from "
-                "resampled logs and blocks of time.",
+                "As given: of the model without any of them. Where channels stand together, each "
+                "is in units of its own spread. The interval comes from resampled logs and blocks "
+                "of time.",
             ),
         ),
         _headroom(diag),

@@ -8,6 +8,7 @@ from diffthrust._support.report import Rows
 from diffthrust._support.words import humanize, joined, number, with_error
 from diffthrust.diagnosis._explained_share import Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, Stage
+from diffthrust.diagnosis._report.error_text import judged_logs, squared_error
 from diffthrust.diagnosis._report.text import (
     leading,
     stage_words,
@@ -42,26 +43,22 @@ def worth_rows(diag: Findings) -> Rows:
     }
     worth = {**diag.worth, **diag.possible}
     rows = (
-        (humanize(name), kind, *_sure_cells(worth[name]))
+        (humanize(name), kind, *_sure_cells(diag, worth[name], kind == "possible"))
         for kind, names in kinds.items()
         for name in names
         if name in worth
     )
-    headings = ("Effect", "", "Removes", "90 % interval", "Of the error")
+    headings = ("Effect", "", "Removes", "90 % interval", "Of the")
     return Rows.of(headings, rows, numbers=(2, 3))
 
 
-def _sure_cells(worth: Worth) -> tuple[str, str, str]:
+def _sure_cells(diag: Findings, worth: Worth, left: bool) -> tuple[str, str, str]:
     sure = sure_share(worth)
     if sure is None:
         return "nothing sure", worth.cells[1], ""
     others = [humanize(name) for name in worth.together]
-    words = (
-        humanize(sure.channel),
-        "of all logs" * sure.everywhere,
-        f"({joined(others)} together)" * bool(others),
-    )
-    return *sure.worth.cells, " ".join(filter(None, words))
+    of = f"{squared_error(sure.channel, left=left)}, {judged_logs(diag, sure.everywhere)}"
+    return *sure.worth.cells, of + f" ({joined(others)} together)" * bool(others)
 
 
 def stage_rows(diag: Findings) -> Rows:
@@ -120,7 +117,8 @@ def other_model_rows(diag: Findings) -> Rows:
         for fit in (other.plain, other.extended)
         if fit is not None
     )
-    headings = ("Model", "with", "NRMSE training", "unseen", "Removes", "90 % interval")
+    removes = "Removes of what is left"
+    headings = ("Model", "with", "NRMSE training", "unseen", removes, "90 % interval")
     return Rows.of(headings, rows, numbers=(2, 3, 4, 5))
 
 

@@ -41,16 +41,11 @@ def an_effect(name: str) -> str:
     return an(humanize(name))
 
 
-def sized_words(name: str, fit: Fit, ranges: Mapping[str, tuple[float, float]]) -> str:
+def sized_words(name: str, fit: Fit) -> str:
     """An effect with the values that the fit found, and what they come to.
 
-    Args:
-        name: the effect.
-        fit: with its estimates.
-        ranges: of the inputs in the logs.
-
     Example:
-        >>> sized_words("command_deadband", fit, {"command": (-2.0, 2.0)})
+        >>> sized_words("command_deadband", fit)
         'a command dead band of ±0.40 V'
     """
     estimates = {
@@ -60,7 +55,7 @@ def sized_words(name: str, fit: Fit, ranges: Mapping[str, tuple[float, float]]) 
     }
     effect = next((effect for effect in fit.model.effects if effect.name == name), None)
     form = effect.form if effect else {}
-    if effect and (of_logs := effect.over_logs(ranges)):
+    if effect and (of_logs := effect.over_logs(fit.ranges)):
         return f"{an_effect(name)} ({of_logs})"
     formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
     if effect and effect.free_starts:
