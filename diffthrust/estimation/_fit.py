@@ -306,6 +306,7 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
             *of_logs,
         ),
         "correlation": correlated,
+        "coarse": optimum.coarse,
         "doubts": doubts if doubted else silent_doubts(little, (), model, runs),
     }
 

@@ -84,6 +84,7 @@ class Fit(Result):
         origin: when and with which versions it was made, and of which logs.
         correlation: the notes that say why standard errors, and all that follows from them, are
             too small.
+        coarse: the note that says that the optimum needs finer integrator steps than it has.
         doubts: what in the logs is probably not what its name, unit or clock says
             (`diffthrust.soundness.doubts`), channels of which the fit explains little, and
             parameters that ran very far from where they began. They are looked for at the first
@@ -130,6 +131,7 @@ class Fit(Result):
     hold: Mapping[str, str] = field(default_factory=dict, repr=False)
     written: Mapping[str, Written] = field(default_factory=dict, repr=False)
     correlation: tuple[str, ...] = field(default=(), repr=False)
+    coarse: tuple[str, ...] = field(default=(), repr=False)
     doubts: tuple[Doubt, ...] | Later[Doubt] = field(default=(), repr=False)
     logs: tuple[Log, ...] = field(default=(), repr=False, compare=False, metadata={"saved": False})
 

@@ -395,7 +395,10 @@ def _deviates(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"Caution: (?P<why>[^\n]+?)\.")
 def _caution(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if diag.fit.status.ok:
+    steps = m["why"] == "the last fit needs finer integrator steps"
+    if steps and not diag.fit.coarse:
+        yield "its steps are fine enough"
+    elif not steps and diag.fit.status.ok:
         yield f"the fit has the status {diag.fit.status}"
 
 

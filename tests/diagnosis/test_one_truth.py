@@ -369,6 +369,15 @@ def test_a_term_of_the_model_that_effects_have_brought_to_zero_is_told():
     assert "goes to zero" not in made.found().details
 
 
+def test_a_last_fit_with_too_coarse_steps_is_a_caution():
+    diag = made.found()
+    rough = replace(diag.fit, coarse=("At the optimum the model needs more steps.",))
+    rough = replace(diag, stages=(diag.stages[0], replace(diag.stages[1], fit=rough)))
+    assert "Caution: the last fit needs finer integrator steps." in rough.summary
+    assert claims.contradictions(rough) == []
+    assert claims.contradictions(diag, text="Caution: the last fit needs finer integrator steps.")
+
+
 def test_what_has_no_size_does_not_show():
     """A force that reaches no measurement was told as "a signal of 0.0 rad/s^2 is missing"."""
     (missing,) = made.found().missing

@@ -127,7 +127,11 @@ def _odd_logs(diag: Findings) -> Part:
 def _caution(diag: Findings) -> Part:
     """That the fit from which all numbers come may not be what it should."""
     status = diag.fit.status
-    return () if status.ok else _part((11, f"Caution: {_UNFINISHED[status]}"))
+    if not status.ok:
+        return _part((11, f"Caution: {_UNFINISHED[status]}"))
+    if not diag.fit.coarse:
+        return ()
+    return _part((11, "Caution: the last fit needs finer integrator steps"))
 
 
 def _bounds(diag: Findings) -> Part:
