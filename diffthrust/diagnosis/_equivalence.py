@@ -52,8 +52,9 @@ def _groups_of(
 ) -> tuple[tuple[str, ...], ...]:
     """For each of some effects of the present model those that, in its place, explain as much.
 
-    Not those against which whole runs speak. The signals' levels are those of ``first``, the
-    trial of the model as given.
+    Those that one-step errors name, unless whole runs speak against them beside the effect, and
+    those that whole runs name in its place. The signals' levels are those of ``first``, the trial
+    of the model as given.
     """
     fitter, present = context.fitter, state.current.trial
     barred = {name for name, why in state.refused.items() if why.by_whole_runs}
@@ -67,8 +68,8 @@ def _groups_of(
         if name in state.detectable:  # it does next to nothing to whole runs
             groups.append((name, *near))
             continue
-        early = near_over_whole_runs(context, state, name, {*near} | barred)
         alike = unrefuted(context, state.stages[-1], name, near)
+        early = near_over_whole_runs(context, state, name, alike)
         alike += alike_when_refitted(context, state.stages[-1], name, early)
         groups.append((name, *alike))
     return tuple(groups)
@@ -104,7 +105,7 @@ def near_over_whole_runs(
 
     Where these stay poor the model is wrong in more than this, and the likelihood of the next
     sample, in which random forces take up what is wrong, does not tell them apart. Not those in
-    ``excluded``, which are known already.
+    ``excluded``, which are known already, nor what the last stage has.
     """
     fitter = context.fitter
     at, stage = next((k, s) for k, s in enumerate(state.stages) if name in s.effects)
@@ -113,7 +114,8 @@ def near_over_whole_runs(
         for c in state.ranking
         if c.stage == at - 1 and c.delta_bic < -SETTINGS.admission.least_bic_gain
     ]
-    rivals = [rival for rival in tried if rival not in {*excluded, *stage.effects}]
+    present = {*stage.effects, *state.stages[-1].effects}  # what was added later is told apart
+    rivals = [rival for rival in tried if rival not in {*excluded, *present}]
     if not rivals or not simulation_is_poor(context, state, state.stages[-1]):
         return {}
     simulation = simulation_fitter(fitter)

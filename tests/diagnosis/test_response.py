@@ -236,6 +236,9 @@ def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkey
         ranking = [SimpleNamespace(effect=other, stage=0, delta_bic=-50.0)]
         state = SimpleNamespace(stages=stages, ranking=ranking)
         assert [*near_over_whole_runs(context, state, effect, ())] == alike
+        both = SimpleNamespace(effects=(name, rival))  # the rival was added later
+        later = SimpleNamespace(stages=[*stages, both], ranking=ranking)
+        assert near_over_whole_runs(context, later, effect, ()) == {}
         rivals = {other: start_search(trials, other)}
         assert alike_when_refitted(context, stages[1], effect, rivals) == alike
 
