@@ -173,11 +173,12 @@ def alike_when_refitted(
     alike = []
     for rival, trial in rivals.items():
         names = tuple(rival if n == name else n for n in stage.effects)
-        model = with_values(
-            with_candidates(context.given, names, context.fitter.candidates), trial.values
-        )
+        model = with_candidates(context.given, names, context.fitter.candidates)
         free = {n for n, p in model.parameters.items() if not p.fixed}
         last = {n: e.value for n, e in stage.fit.parameters.items() if n in free}
+        # the model's own parameters as the rival wants them, what came later as it is now
+        later = {n: value for n, value in last.items() if n.rpartition(".")[0]}
+        model = with_values(model, {**trial.values, **later})
         context.say(f"fitting with {rival} in place of {name}", SOUGHT)
         instead = FittedStage(names, *context.refit(model, [last]))
         trained = errors_between(instead.runs, stage.runs)
