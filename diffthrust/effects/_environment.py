@@ -83,7 +83,7 @@ class Wind(Effect):
         >>> effect = dft.effects.Wind(along=0.01)
         >>> model = dft.Vessel() + effect
         >>> model.parameters["wind.along"].range_text()
-        '[0, inf) N s^2/m^2'
+        '[0, inf) N s^2/m^2/A'
     """
 
     name = "wind"

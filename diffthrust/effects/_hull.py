@@ -50,7 +50,7 @@ class QuadraticSurgeDrag(Effect):
         >>> effect = dft.effects.QuadraticSurgeDrag(drag=1)
         >>> model = dft.Vessel() + effect
         >>> model.parameters["quadratic_surge_drag.drag"].range_text()
-        '[0, inf) N s^2/m^2'
+        '[0, inf) N s^2/m^2/A'
     """
 
     name = "quadratic_surge_drag"
@@ -83,7 +83,7 @@ class QuadraticSwayDrag(Effect):
         >>> effect = dft.effects.QuadraticSwayDrag(drag=2)
         >>> model = dft.Vessel() + effect
         >>> model.parameters["quadratic_sway_drag.drag"].range_text()
-        '[0, inf) N s^2/m^2'
+        '[0, inf) N s^2/m^2/A'
     """
 
     name = "quadratic_sway_drag"
@@ -116,7 +116,7 @@ class QuadraticYawDrag(Effect):
         >>> effect = dft.effects.QuadraticYawDrag(drag=0.5)
         >>> model = dft.Vessel() + effect
         >>> model.parameters["quadratic_yaw_drag.drag"].range_text()
-        '[0, inf) N m s^2/rad^2'
+        '[0, inf) N m s^2/rad^2/A'
     """
 
     name = "quadratic_yaw_drag"
@@ -157,7 +157,7 @@ class SwayYawCoupling(Effect):
         >>> effect = dft.effects.SwayYawCoupling(mass=0.1)
         >>> model = dft.Vessel() + effect
         >>> model.parameters["sway_yaw_coupling.mass"].range_text()
-        '(-inf, inf) kg m'
+        '(-inf, inf) kg m/A'
     """
 
     name = "sway_yaw_coupling"

@@ -1,5 +1,6 @@
 """A surface vessel in three degrees of freedom."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Literal, Self
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
-from diffthrust.models._base.model import Model
+from diffthrust.models._base.model import C, Model
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
@@ -23,16 +24,17 @@ _PORTS = {
     "sway_through_water": "speed through the water along y [m/s]",
     "revolutions": "speed at which the propeller turns [rev/s]",
     "rudder": "angle at which the propeller or rudder stands [rad]",
-    "propulsion": "force of the drive along its axis, in units of A (twin: the sum)",
-    "steering": "force of the drive across, at the lever arm behind, in units of A",
-    "surge_force": "force along x, in units of A",
-    "sway_force": "force along y, in units of A",
-    "yaw_moment": "moment about z, in units of A m",
+    "propulsion": "force of the drive along its axis (twin: the sum) [N]",
+    "steering": "force of the drive across, at the lever arm behind [N]",
+    "surge_force": "force along x [N]",
+    "sway_force": "force along y [N]",
+    "yaw_moment": "moment about z [N m]",
     "surge_acceleration": "rate of the speed over ground along x [m/s^2]",
     "sway_acceleration": "rate of the speed over ground along y [m/s^2]",
     "yaw_acceleration": "rate of the yaw rate [rad/s^2]",
 }
-_RATIOS = ("m11", "m22", "i33", "d11", "d22", "d33")
+_OF_FORCE = ("N", "kg")
+"""What the units of masses, dampings and forces begin with: all that is divided by A."""
 _HINGED = ("revolutions", "rudder", "steering")
 """Ports that a vessel with two fixed thrusters does not have."""
 
@@ -118,11 +120,9 @@ class Vessel(Model):
             raise InputError(
                 f"Vessel: expected drive 'propeller' or 'twin', found {drive!r}.", "Correct it."
             )
-        absent = _HINGED if drive == "twin" else ()
-        ports = {name: text for name, text in _PORTS.items() if name not in absent}
         inputs, commanded = _INPUTS[drive], _COMMANDED[drive]
         commands = (inputs[commanded[0]], "effort")
-        self._set(drive=drive, inputs=inputs, ports=ports, commands=commands, commanded=commanded)
+        self._set(drive=drive, inputs=inputs, commands=commands, commanded=commanded)
         if drive == "twin":  # near enough for most maps from effort to force
             parameters.setdefault("exponent", 1.0)
         super().__init__(command=command, **parameters)
@@ -130,18 +130,40 @@ class Vessel(Model):
     def commanded_in(self, unit: str) -> Self:
         """The vessel with its drive given in another unit; see `Model.commanded_in`."""
         converted = super().commanded_in(unit)
-        forces = self.drive == "twin" and unit == "N"
-        described = {
-            name: replace(p, unit=p.unit.removesuffix("/A") + ("" if forces else "/A"))
-            if name in _RATIOS
-            else p
-            for name, p in converted._parameters.items()
+        forces = converted._in_forces
+        absent = _HINGED if self.drive == "twin" else ()
+        ports = {
+            name: text if forces else re.sub(r" \[N( m)?\]$", r", in units of A\1", text)
+            for name, text in _PORTS.items()
+            if name not in absent
         }
+        described = dict(converted._parameters)
         if self.drive == "twin" and forces:  # no power law is left to estimate
             described["exponent"] = Parameter(1.0, fixed=True)
         elif self.drive == "twin" and described["exponent"].fixed:
             described["exponent"] = replace(self.declared["exponent"], value=1.0)
-        return converted._copy(_parameters=described, exponent=described["exponent"].value)
+        exponent = described["exponent"].value
+        return converted._copy(ports=ports, _parameters=described, exponent=exponent)
+
+    @property
+    def _in_forces(self) -> bool:
+        """Whether the drive is given in newtons; all that is a force is in units of A else."""
+        return self.command == "N"
+
+    def _with_its_units(self, component: C) -> C:
+        """Masses, dampings and forces, of an effect too, divided by A where the drive is no force.
+
+        A cross-flow drag of 390 N s^2/m^2 stood as 7861 beside masses in kg/A.
+        """
+        per = "" if self._in_forces else "/A"
+        component = super()._with_its_units(component)
+        described = {
+            name: replace(p, unit=p.unit.removesuffix("/A") + per)
+            if p.unit.startswith(_OF_FORCE)
+            else p
+            for name, p in component._parameters.items()
+        }
+        return component._copy(_parameters=described)
 
     def _power(self, command: Signal) -> Signal:
         """A command by the power law of the force, with a derivative also at rest."""

@@ -147,3 +147,44 @@ def test_states_and_units_of_a_model_with_effects():
     assert twin.commanded_in("N").parameters["exponent"].fixed
     kept = dft.Vessel("twin", command="effort", exponent=1.3).commanded_in("effort")
     assert kept.parameters["exponent"].value == 1.3
+
+
+def test_what_acts_on_a_vessel_has_its_units_of_force():
+    """A cross-flow drag stood as 7861 N s^2/m^2 beside masses in kg/A; it was some 390."""
+
+    class Tow(dft.Effect):
+        """A rope with a given pull; a user's own."""
+
+        name = "tow"
+        port = "surge_force"
+        pull: float = dft.parameter(1.0, "N", null=0.0)
+        length: float = dft.parameter(5.0, "m")
+
+        def __call__(self, value, s):
+            return value - self.pull
+
+    added = ["quadratic_sway_drag", "sway_yaw_coupling", "wind", Tow()]
+    names = (
+        "m11",
+        "quadratic_sway_drag.drag",
+        "sway_yaw_coupling.mass",
+        "wind.turning",
+        "wind.direction",
+        "tow.pull",
+        "tow.length",
+    )
+
+    def units(model):
+        return [model.parameters[name].unit for name in names]
+
+    forces = ["kg", "N s^2/m^2", "kg m", "N s^2/m", "rad", "N", "m"]
+    ratios = ["kg/A", "N s^2/m^2/A", "kg m/A", "N s^2/m/A", "rad", "N/A", "m"]
+    twin = dft.Vessel("twin") + added
+    assert units(twin) == forces
+    assert units(twin.commanded_in("effort")) == ratios
+    assert units(twin.commanded_in("effort").commanded_in("N")) == forces
+    assert units(dft.Vessel() + added) == ratios
+    assert twin.ports["yaw_moment"] == "moment about z [N m]"
+    assert "steering" not in twin.ports
+    assert dft.Vessel().ports["yaw_moment"] == "moment about z, in units of A m"
+    assert twin.commanded_in("effort").ports["surge_force"] == "force along x, in units of A"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 from jax.typing import ArrayLike
 
@@ -18,6 +18,8 @@ from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.readable import reported_at
 from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
+
+C = TypeVar("C", bound=Component)
 
 
 class Model(Component):
@@ -101,9 +103,12 @@ class Model(Component):
             )
         inputs = {**self.inputs, **dict.fromkeys(self.commanded, unit)} if unit else self.inputs
         converted = self._copy(inputs=inputs, command=unit)
-        units = converted.channel_units
-        effects = tuple(effect._in_units(units) for effect in self.effects)
-        return converted._in_units(units)._copy(effects=effects)
+        effects = tuple(map(converted._with_its_units, self.effects))
+        return converted._with_its_units(converted)._copy(effects=effects)
+
+    def _with_its_units(self, component: C) -> C:
+        """The model, or an effect of it, with the units that follow those of this model."""
+        return component._in_units(self.channel_units)
 
     @property
     def channel_units(self) -> dict[str, str]:
@@ -309,7 +314,7 @@ class Model(Component):
                     raise effect.unread(name, port, signals)
         always = {*self.inputs, *self.states}
         needs = [n for n in effect.reads if n in self.optional_inputs and n not in always]
-        effect = effect._in_units(self.channel_units)
+        effect = self._with_its_units(effect)
         return effect._copy(needs=tuple({*effect.needs, *needs})) if needs else effect
 
     def signals_at(self, port: str) -> tuple[str, ...]:
