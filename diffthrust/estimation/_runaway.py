@@ -8,7 +8,7 @@ steps end, and the number says nothing but that.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +41,14 @@ VERY_FAR = 1e3
 within the two decades over which starts are drawn are doubted. Higher: of a channel in mN that was
 declared in N, whose factor the parameter takes on, nothing is said."""
 
+MOST_OF = 0.5
+"""Power of a parameter with which another follows it that grew for the same reason. Of a tanker's
+model masses and dampings follow its inertia with 0.72 to 0.83, the exponent of the force with 0.25.
+Lower: what merely answers is told to grow with it. Higher: the dampings are not."""
+SOMEWHAT = 1.5
+"""What a scale is multiplied by that several parameters share. That tanker's masses grew by so much
+once the wind was added; three times as much, along a straight valley, leaves the bent one."""
+
 
 def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
     """The fit with what is to be said of parameters that ran away.
@@ -54,21 +62,66 @@ def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
     far = [name for name, value in _suspects(fit, VERY_FAR)] if doubts else []
     if not far:
         return fit
-    added, others = [_doubt_on(name, fit) for name in far], fit.doubts
+    added, told, others = [], set(), fit.doubts
+    for name in far:
+        if name not in told:
+            shared = _sharing(fit, name)
+            added.append(_doubt_on(name, shared, fit, runs))
+            told.update(shared)
     pointer = f" But {joined(far)} ran very far from the first guess: look at the doubts."
     return replace(fit, message=fit.message + pointer, doubts=Later(lambda: (*others, *added)))
 
 
-def _doubt_on(name: str, fit: Fit) -> Doubt:
+def _doubt_on(name: str, shared: Sequence[str], fit: Fit, runs: Sequence[Run]) -> Doubt:
+    """The doubt on a parameter, or on the scale that it shares with others."""
     value, unit = fit.parameters[name].value, f" {fit.parameters[name].unit}".rstrip()
-    return Doubt(
-        name,
-        "runaway",
-        f"it began at {number(fit.guess[name])} and ended at {number(value)}{unit}, more than "
-        f"{VERY_FAR:g} times as far from zero.",
+    start, end = number(fit.guess[name]), f"{number(value)}{unit}"
+    if len(shared) == 1:
+        evidence = f"it began at {start} and ended at {end}, more than {VERY_FAR:g} times as far"
+        return Doubt(name, "runaway", f"{evidence} from zero.", _mend({name: value}))
+    grew = f"{joined(shared)} grew together, {name} from {start} to {end}: they share one scale"
+    larger = fit.model.replace(_along(fit, name, SOMEWHAT))
+    if _error(fit, larger, runs) <= AS_LITTLE * _error(fit, fit.model, runs):
+        return Doubt(
+            name,
+            "runaway",
+            f"{grew}, which these logs do not tell well. {SOMEWHAT:g} times as much errs as little "
+            "where the other parameters follow.",
+            f'hold one of them at what you know of it, model.replace({{"{shared[0]}": ...}})'
+            f'.fix("{shared[0]}"), or fit logs that tell the others from it.',
+        )
+    return Doubt(name, "runaway", f"{grew}.", _mend({n: fit.parameters[n].value for n in shared}))
+
+
+def _mend(values: Mapping[str, float]) -> str:
+    begun = ", ".join(f'"{name}": {value:.3g}' for name, value in values.items())
+    return (
         "look at the units and scales of the channels, whose mistakes a parameter takes on; if the "
-        f'value is right, begin there: model.replace({{"{name}": {value:.3g}}}).',
+        f"value is right, begin there: model.replace({{{begun}}})."
     )
+
+
+def _sharing(fit: Fit, name: str) -> tuple[str, ...]:
+    """The parameters that grew with one that ran very far, itself among them."""
+    followers = {n for n, power in _powers(fit, name).items() if power >= MOST_OF}
+    grown = {n for n, _ in _suspects(fit, FAR)}
+    return tuple(n for n in fit.free if n == name or n in followers & grown)
+
+
+def _powers(fit: Fit, name: str) -> dict[str, float]:
+    """With which power of a parameter each other one follows it, where it errs least."""
+    at = fit.free.index(name)
+    value = [fit.parameters[n].value for n in fit.free]
+    row = fit.covariance[at] / fit.covariance[at, at]
+    powers = {n: row[k] * value[at] / value[k] for k, n in enumerate(fit.free) if value[k] != 0}
+    return {n: float(power) for n, power in powers.items() if np.isfinite(power)}
+
+
+def _along(fit: Fit, name: str, times: float) -> dict[str, float]:
+    """The values of all parameters where one is so many times as large, within their bounds."""
+    values = {n: fit.parameters[n].value * times**power for n, power in _powers(fit, name).items()}
+    ends = {n: fit.model.parameters[n].limits for n in values}
+    return {n: min(max(value, ends[n][0]), ends[n][1]) for n, value in values.items()}
 
 
 def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:

@@ -84,3 +84,55 @@ def test_a_converged_fit_that_explains_less_than_a_fifth_of_a_channel_is_doubted
     assert fit.train.channels["level"].fit_percent < 20
     assert any(doubt.channel == "level" for doubt in fit.doubts)
     assert "of level: look at the doubts first" in fit.message
+
+
+class Pushed(dft.Model):
+    """A speed against drag, pushed by a power of turns; mass and drag are divided by its size."""
+
+    name = "pushed"
+    inputs = {"turns": "rev/s"}
+    states = {"speed": "m/s"}
+    outputs = {"speed": "m/s"}
+    mass: float = dft.parameter(1.0, "kg/A", bounds=(0, None))
+    drag: float = dft.parameter(0.5, "N s/m/A", bounds=(0, None))
+    exponent: float = dft.parameter(0.3, bounds=(0.05, 6.0), transform="log")
+
+    def equations(self, s, port):
+        push = s.turns**self.exponent
+        return {"speed": (push - self.drag * s.speed) / self.mass}, {"speed": s.speed}
+
+
+def pushed(turns, mass=2000.0, drag=1000.0, exponent=2.9):
+    """A log at 5 Hz of a speed that is pushed, with a tenth of noise."""
+    rng, push = np.random.default_rng(3), turns**exponent
+    speed, keep = np.zeros(turns.size), np.exp(-0.2 * drag / mass)
+    for k in range(turns.size - 1):
+        speed[k + 1] = push[k] / drag + keep * (speed[k] - push[k] / drag)
+    noisy = speed + 0.1 * rng.standard_normal(turns.size)
+    return dft.Log(0.2 * np.arange(turns.size), {"turns": turns}, {"speed": noisy})
+
+
+def test_parameters_that_share_a_scale_which_the_logs_do_not_tell_are_doubted_once():
+    """A tanker's masses and dampings are divided by the propulsion constant: all grew with it."""
+    nearly_even = np.repeat(np.random.default_rng(4).uniform(9.8, 10.2, 20), 15)
+    fit = dft.fit(Pushed(), pushed(nearly_even), starts=4)
+    grown = [fit.parameters[name].value / fit.guess[name] for name in ("mass", "drag")]
+    assert min(grown) > 1e3
+    (doubt,) = [doubt for doubt in fit.doubts if doubt.kind == "runaway"]
+    assert "mass and drag grew together, mass from 1.000 to " in doubt.evidence
+    assert "they share one scale, which these logs do not tell well." in doubt.evidence
+    assert doubt.mend.startswith(
+        'hold one of them at what you know of it, model.replace({"mass": ...}).fix("mass"), or'
+    )
+
+
+def test_a_scale_that_the_logs_tell_is_one_of_the_channels():
+    uneven = np.repeat(np.random.default_rng(4).uniform(2.0, 20.0, 20), 15)
+    fit = dft.fit(Pushed(), pushed(uneven), starts=4)
+    assert fit.parameters["exponent"].value == pytest.approx(2.9, rel=0.02)
+    (doubt,) = [doubt for doubt in fit.doubts if doubt.kind == "runaway"]
+    assert doubt.evidence.endswith("they share one scale.")
+    assert "units and scales of the channels" in doubt.mend
+    begun = eval(doubt.mend.split("begin there: ")[1].rstrip("."), {"model": Pushed()})
+    assert begun.mass > 1e3
+    assert begun.drag > 500
