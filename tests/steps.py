@@ -87,6 +87,7 @@ from diffthrust.diagnosis._innovations_fit import (  # private: as a diagnosis m
 )
 from diffthrust.diagnosis._learned import (  # private: a law without a diagnosis
     LearnedLaw,
+    TriedForm,
 )
 from diffthrust.diagnosis._linear_response import (  # private: the test alone
     project_out,
@@ -297,6 +298,7 @@ __all__ = [
     "Slopes",
     "Stage",
     "TriedEffect",
+    "TriedForm",
     "Wording",
     "Worth",
     "added_bound_words",

@@ -77,17 +77,19 @@ def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 def _reach(law: Any, unit: str) -> float:
     """How far a law goes at the samples of the logs: in its unit, or in per cent.
 
-    By the splines of its curve; where the closed form is multiplied by something else, by its
-    expression as it is printed.
+    By its closed form as it is printed; by the splines of its curve where it has none.
     """
-    if law.form and not law.together and law.form.times != law.curve.times:
+    if law.form and not law.together:
         names = {"tanh": np.tanh, "exp": np.exp, "abs": np.abs, "sign": np.sign,
                  "max": np.maximum, "min": np.minimum, "sin": np.sin}  # fmt: skip
         own = f"{law.form.formula.name}."
         names |= {n.removeprefix(own): e.value for n, e in law.form.fit.parameters.items()
                   if n.startswith(own)}  # fmt: skip
-        names |= {law.curve.signal: law.samples, "value": 1.0 if "%" in unit else 0.0}
-        values = np.broadcast_to(eval(law.form.formula.expression, names), law.samples.shape)
+        names |= {"at": law.samples, "value": 1.0 if "%" in unit else 0.0}
+        signal, text = law.curve.signal, law.form.formula.expression
+        text = re.sub(rf"(?<!\w){re.escape(signal)}(?!\w)", "at", text)
+        values = np.broadcast_to(eval(text, names), law.samples.shape)
+        values = values - law.samples * (signal == "value")
     else:
         values = np.array([float(law.curve.at_signal(x)) for x in law.samples]) + ("%" in unit)
     low, middle, high = np.quantile(values, [0.0, 0.5, 1.0])

@@ -5,6 +5,8 @@ import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
+import claims
+import made_diagnosis as made
 import numpy as np
 import pytest
 from command_line import run
@@ -15,6 +17,8 @@ from steps import (
     LearnedLaw,
     Match,
     PortSeries,
+    TriedForm,
+    Worth,
     as_estimated,
     as_formula,
     best_match,
@@ -296,6 +300,43 @@ def test_two_humps_that_nearly_cancel_are_one_rise_and_fall():
     assert abs(v[np.argmax(np.abs(once))]) == pytest.approx(peak, abs=1e-3)
     assert rise.name in humps.plain
     assert rise.is_odd
+
+
+def friction_as_told(name, values, curve, speeds):
+    """A diagnosis with a law at the load whose form is told, with an offset beside it."""
+    form = next(one for one in FORMS if one.name == name)
+    form = next(one for one in form.companions if one.companion == "constant")
+    formula = as_formula(Match(form, values, 10.0, 1.0), curve, "rad/s^2", "rad/s", "speed")
+    fit = made.found().fit
+    width = fit.parameters["command_deadband.half_width"]
+    sizes = {
+        f"{formula.name}.{n}": replace(width, value=v, per=1.0, shown_unit=formula.given[n]["unit"])
+        for n, v in values.items()
+    }
+    fit = replace(fit, parameters={**fit.parameters, **sizes})
+    tried = TriedForm(form.name, formula, fit, -100.0, 0.0, companion="constant")
+    law = LearnedLaw(
+        curve, fit, Worth(0.5, 0.4, 0.6), 9.0, forms=(tried,), named=True, samples=speeds,
+        signal_unit="rad/s", channel="speed", port_unit="rad/s^2",
+    )  # fmt: skip
+    return replace(made.unexplained(), laws=(law,))
+
+
+def test_the_size_of_a_law_is_that_of_the_form_that_is_told():
+    """The friction of the EMPS axis: "up to 37 N" of the curve, beside a form of 31 N."""
+    speeds = np.linspace(-60.0, 60.0, 241)
+    curve = Curve("load", "speed", -60.0, 60.0, shape=(3.7,) * 9)
+    diag = friction_as_told("rise and fall", {"a": 2.8, "c": 25.0, "d": -0.3}, curve, speeds)
+    assert "up to 3.1 rad/s^2" in diag.summary
+    assert claims.contradictions(diag, text=diag.summary) == []
+
+
+def test_a_form_that_the_model_takes_back_has_no_size():
+    """A dead zone of -16 kN s/m beside a viscous friction of as much more: 18 N of dry friction."""
+    speeds = np.linspace(-60.0, 60.0, 241)
+    curve = Curve("load", "speed", -60.0, 60.0, shape=(1.8,) * 9)
+    diag = friction_as_told("dead zone", {"a": -16.0, "b": 2.0, "d": 0.0}, curve, speeds)
+    assert "up to" not in diag.summary
 
 
 def test_every_form_is_one_that_a_spec_file_may_hold():

@@ -24,6 +24,9 @@ from diffthrust.models._base.model import Model
 _LONGEST_PLACE = 6
 """Display: words of the description of a port that are still read in a sentence; its name else."""
 
+_TAKEN_BACK = 2.0
+"""Display: a form that reaches so many times as far as its curve has no size of its own."""
+
 
 def place_of(model: Model, port: str) -> str:
     """Where something enters, in few words.
@@ -95,18 +98,18 @@ def valid_words(law: LearnedLaw) -> str:
 
 
 def reach_words(law: LearnedLaw) -> str:
-    """How much it does in these logs at most: what it adds, or by how much it scales.
+    """How much it does in these logs at most, in the form that is told: what it adds, or scales by.
 
     Up to the ends of the range in which it is valid: a stall that takes a third of the thrust at
     -40 rad/s took "up to 20 %" between the first and the last per cent of the samples. A factor is
     related to its median: what it is most of the time a parameter of the model has taken up.
     """
-    times, values = _values_of(law)
-    if not values.size or times not in ("", ARRIVING):
+    if not law.samples.size or _times_of(law) not in ("", ARRIVING):
         return ""
-    low, middle, high = np.min(values), np.median(values), np.max(values)
-    if times == "":
-        return f"up to {number(max(abs(low), abs(high)), 2)} {law.port_unit}".rstrip()
+    low, middle, high = _spread(_values_of(law))
+    if _times_of(law) == "":
+        most = max(abs(low), abs(high))
+        return "" if _shared(law, most) else f"up to {number(most, 2)} {law.port_unit}".rstrip()
     less, more = ((1.0 + end) / (1.0 + middle) - 1.0 for end in (low, high))
     if not -1.0 <= less <= more:
         return ""
@@ -114,19 +117,36 @@ def reach_words(law: LearnedLaw) -> str:
     return f"up to {percent(abs(most))} {'more' if most > 0 else 'less'}"
 
 
-def _values_of(law: LearnedLaw) -> tuple[str, np.ndarray]:
-    """By what a law is multiplied, and its values over the samples of the logs, ``(N,)``.
+def _times_of(law: LearnedLaw) -> str:
+    """By what a law is multiplied, as it is told."""
+    return law.form.times if law.form and not law.together else law.curve.times
 
-    Those of the curve, which leaves to the model's parameters what these can do: a dead zone of
-    -16 kN s/m stood for 18 N of dry friction beside a viscous friction of as much more.
-    """
-    if law.form is None or law.together or law.form.times == law.curve.times:
-        return law.curve.times, np.asarray(law.curve.at_signal(law.samples))
+
+def _values_of(law: LearnedLaw) -> np.ndarray:
+    """A law over the samples of the logs, ``(N,)``: of its closed form where that is told."""
+    if law.form is None or law.together:
+        return np.asarray(law.curve.at_signal(law.samples))
     form = form_of(law.form.name, law.form.companion)
     start = f"{law.form.formula.name}."
     estimates = [e.value for n, e in law.form.fit.parameters.items() if n.startswith(start)]
     values = dict(zip(parameter_names(form), estimates, strict=False))
-    return law.form.times, form.over(law.samples, {**values, "r": law.form.reference})
+    return form.over(law.samples, {**values, "r": law.form.reference})
+
+
+def _shared(law: LearnedLaw, most: float) -> bool:
+    """Whether a form reaches so far only because parameters of the model take some of it back.
+
+    The curve leaves to them what they can do: a dead zone of -16 kN s/m stood for 18 N of dry
+    friction beside a viscous friction of as much more.
+    """
+    if law.form is None or law.together or law.form.times != law.curve.times:
+        return False
+    low, _, high = _spread(np.asarray(law.curve.at_signal(law.samples)))
+    return most > _TAKEN_BACK * max(abs(low), abs(high))
+
+
+def _spread(values: np.ndarray) -> tuple[float, float, float]:
+    return float(np.min(values)), float(np.median(values)), float(np.max(values))
 
 
 def manner_words(law: LearnedLaw) -> str:

@@ -157,6 +157,9 @@ def _stages(diag: Findings) -> Section:
             "those of a simulation over whole logs; unseen logs took no part in the fits."
         ),
         tables.stage_rows(diag),
+        "Training runs begin at states that were fitted, unseen runs at measured ones."
+        if diag.stages[0].holdout and diag.stages[0].fit.begins_freely
+        else "",
         f"Added and later removed, superfluous beside a later effect: {removed}."
         if removed
         else "",
