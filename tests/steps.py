@@ -108,6 +108,9 @@ from diffthrust.diagnosis._missing_signal import (  # private: against a known l
 from diffthrust.diagnosis._other_models import (  # private: made by hand
     OtherModel,
 )
+from diffthrust.diagnosis._outcome import (  # private: a search that never ran
+    untested,
+)
 from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
     Slopes,
     deviations,
@@ -409,6 +412,7 @@ __all__ = [
     "trial_programs_module",
     "unexplained_line",
     "unrefuted",
+    "untested",
     "unused_channels",
     "unused_notes",
     "upheld",

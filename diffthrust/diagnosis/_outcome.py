@@ -98,12 +98,9 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
     """The effects that a search has selected, and what became of the other candidates."""
     state, fitter = search.state, context.fitter
     present, last = state.current.trial.effects, state.stages[-1]
-    tested = {candidate.effect for candidate in state.ranking}
     worth = shares_by_effect(state.stages) | {n: state.worth[n] for n in state.detectable}
-    # what lowers the errors of whole runs is tested by them, though not by one-step errors
-    supported = {*present, *state.possible}
-    untestable = {n: why for n, why in state.untestable.items() if n not in supported}
-    listed = {*supported, *untestable, *fitter.constants}
+    untestable = untested(state)
+    listed = {*present, *state.possible, *untestable, *fitter.constants}
     return Selection(
         best=tuple(last.fit.model.effects[len(context.given.effects) :]),
         groups=search.groups,
@@ -112,12 +109,23 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
         untestable=untestable,
         dropped=state.dropped,
         refused={n: why for n, why in state.refused.items() if n not in present},
-        silent=tuple(sorted(state.silent - tested - listed)),
+        silent=tuple(sorted(state.silent - {c.effect for c in state.ranking} - listed)),
         worth={n: share for n, share in worth.items() if n not in fitter.constants},
         detectable=state.detectable,
         detectable_groups=search.detectable_groups,
         held=held_values(context.given, state.current.trial),
     )
+
+
+def untested(state: SearchState) -> dict[str, str]:
+    """The effects that no stage could test, with the reason.
+
+    What lowers the errors of whole runs is tested by them, though not by one-step errors; and what
+    one stage could test, and a later one could not beside more effects, was tried.
+    """
+    tried = {candidate.effect for candidate in state.ranking}
+    tested = {*state.current.trial.effects, *state.possible, *tried}
+    return {name: why for name, why in state.untestable.items() if name not in tested}
 
 
 def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Outcome:

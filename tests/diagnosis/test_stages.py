@@ -26,6 +26,7 @@ from steps import (
     step,
     still_refused,
     stopped,
+    untested,
 )
 
 import diffthrust as dft
@@ -411,3 +412,13 @@ def test_an_older_effect_that_a_fit_to_whole_runs_returns_to_its_null_leaves(
     assert after.current.trial.effects == ("command_deadband",)
     assert after.current.trial.values == {"axial_flow.loss": 0.0}
     assert after.turned_down == {"axial_flow": (Refusal.IDLE, ("command_deadband",))}
+
+
+def test_what_one_stage_could_test_was_tried():
+    """A rudder inflow that was tried beside no wind was listed as untestable, too."""
+    tried = TriedEffect(0, "rudder_inflow", 20.6, -11.7, 1e-4, np.nan, 0.46, 0.57, {})
+    why = "other parameters do the same to what is measured"
+    names = ("rudder_inflow", "propeller_inflow", "wind")
+    trial = SimpleNamespace(effects=("wind",))
+    state = SearchState(SimpleNamespace(trial=trial), (), dict.fromkeys(names, why))
+    assert untested(replace(state, ranking=(tried,))) == {"propeller_inflow": why}
