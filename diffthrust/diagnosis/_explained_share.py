@@ -209,6 +209,13 @@ def negligible(worth: Worth, everywhere: Worth) -> bool:
     )
 
 
+def adds_little(worth: Worth) -> bool:
+    """Whether an effect removes no tenth of the squared error, in all and of no channel."""
+    shares = filter(None, (worth, worth.everywhere))
+    least = SETTINGS.whole_runs.one_channel_share
+    return all(one.share <= least for each in shares for one in (each, *each.channels.values()))
+
+
 def surely_less(everywhere: Worth) -> bool:
     """Whether whole runs surely err less, in all or in one channel, however little, and none more.
 

@@ -41,7 +41,7 @@ class Diagnosis(Result, Findings):
         the report.
 
         Example:
-            >>> print(diag.summary.splitlines()[0])
+            >>> print(diag.summary.splitlines()[1])
             Found: commands within ±0.40 V do nothing.
         """
         from diffthrust.diagnosis._report.summary import summary

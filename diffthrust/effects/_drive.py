@@ -1,7 +1,7 @@
 """Effects in the propulsion and steering of a vessel."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -259,7 +259,7 @@ class DifferentialGain(Effect):
         """What this thruster is in fact commanded."""
         return value * (1.0 + self.gain if port == "left_force" else 1.0 - self.gain)
 
-    def consequence(self, model: Component) -> str:
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
         """How much of the stronger thruster's force the weaker one gives."""
         effort = getattr(model, "command", "") == "effort"
         share = (1.0 - abs(self.gain)) / (1.0 + abs(self.gain))

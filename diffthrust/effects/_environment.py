@@ -1,6 +1,7 @@
 """Effects of the wind and of a current on a vessel."""
 
 import math
+from collections.abc import Collection
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -43,7 +44,7 @@ class WaterCurrent(Effect):
         0.1, "m/s", null=0.0, size=0.3, probes=relative_to("surge", -0.2, 0.2)
     )
 
-    def consequence(self, model: Component) -> str:
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
         """How fast the water moves: logs without a heading do not tell where to."""
         return f"the water moves at {math.hypot(self.to_north, self.to_east):.2g} m/s"
 
@@ -112,6 +113,17 @@ class Wind(Effect):
         0.0, "rad", bounds=(-math.pi, math.pi), size=1.0, probes=(-2.4, -0.8, 0.8, 2.4)
     )
     speed: float = parameter(5.0, "m/s", bounds=(0, None), fixed=True)
+
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
+        """From where it blows and how fast it is taken to be; nothing where logs measure it.
+
+        Logs without a heading do not tell from where.
+        """
+        if "wind_speed" in recorded:
+            return ""
+        degrees = round(math.degrees(self.direction)) % 360
+        origin = f" from {degrees} deg" if "heading" in recorded else ""
+        return f"a wind{origin} pushes the vessel, taken as {self.speed:.2g} m/s"
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """The force or moment with that of the wind."""

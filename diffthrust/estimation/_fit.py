@@ -307,6 +307,7 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
         ),
         "correlation": correlated,
         "coarse": optimum.coarse,
+        "doubts_sought": bool(doubted),
         "doubts": doubts if doubted else silent_doubts(little, (), model, runs),
     }
 

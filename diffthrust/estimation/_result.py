@@ -89,6 +89,7 @@ class Fit(Result):
             (`diffthrust.soundness.doubts`), channels of which the fit explains little, and
             parameters that ran very far from where they began. They are looked for at the first
             look at any of them.
+        doubts_sought: whether the logs are looked at for doubts.
         logs: the training logs, then the unseen ones, for `plot`; empty for a fit from a file or
             from another process.
 
@@ -133,6 +134,7 @@ class Fit(Result):
     correlation: tuple[str, ...] = field(default=(), repr=False)
     coarse: tuple[str, ...] = field(default=(), repr=False)
     doubts: tuple[Doubt, ...] | Later[Doubt] = field(default=(), repr=False)
+    doubts_sought: bool = True
     logs: tuple[Log, ...] = field(default=(), repr=False, compare=False, metadata={"saved": False})
 
     def __getstate__(self) -> dict[str, Any]:

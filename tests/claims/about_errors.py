@@ -135,6 +135,9 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if sagging := re.search(SAGGING, named):
         named = named.replace(sagging[0], "")
         yield from sagging_drive(sagging, diag)
+    if blowing := re.search(rf"\({BLOWING}\)", named):
+        named = named.replace(blowing[0], "")
+        yield from blowing_wind(blowing, diag)
     for name in diag.added:
         if in_words(name) not in named:
             yield f"{name} was added"
@@ -190,6 +193,29 @@ def moving_water(m: re.Match, diag: Any) -> Iterator[str]:
     parts = [diag.fit.parameters[f"water_current.{n}"].value for n in ("to_north", "to_east")]
     if not is_said(m["water"], float(np.linalg.norm(parts))):
         yield f"the water moves at {np.linalg.norm(parts):.4g} m/s"
+
+
+BLOWING = (
+    rf"a wind(?: from (?P<origin>\d+) deg)? pushes the vessel, taken as (?P<wind>{NUMBER}) m/s"
+)
+
+
+def blowing_wind(m: re.Match, diag: Any) -> Iterator[str]:
+    """What is not so in the words on a wind that no log measures."""
+    direction, speed = (diag.fit.parameters[f"wind.{n}"].value for n in ("direction", "speed"))
+    if m["origin"] and np.cos(np.radians(float(m["origin"])) - direction) < np.cos(np.radians(0.6)):
+        yield f"it blows from {direction:.4g} rad"
+    if not is_said(m["wind"], speed):
+        yield f"its speed is {speed:.4g} m/s"
+    if "wind_speed" in recorded(diag.fit):
+        yield "the logs measure it"
+    if m["origin"] and "heading" not in recorded(diag.fit):
+        yield "no log has a heading"
+
+
+def recorded(fit: Any) -> set[str]:
+    """The channels of the logs that the model reads or gives."""
+    return {*fit.ranges, *fit.train.channels}
 
 
 @claim(r"(?:The (?P<model>[^:.]+?) is adequate: (?:none of the (?P<count>\d+) effects that were "

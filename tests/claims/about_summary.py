@@ -12,11 +12,20 @@ import numpy as np
 from reference import equations
 
 from .about_effects import SURE
-from .about_errors import MOVING, SIMULATED, amplitudes, moving_water
+from .about_errors import (
+    BLOWING,
+    MOVING,
+    SIMULATED,
+    amplitudes,
+    blowing_wind,
+    moving_water,
+    recorded,
+)
 from .page import Page
 from .parsing import NUMBER, WORTH, claim, error_of, in_words, is_said, worth_is
 
-MORE = r"(?P<more>, and (?P<count>\w+) more, see below)?"
+KEPT_OUT = "logs kept out of the fit"
+LOGS = rf"{KEPT_OUT}|the training logs"
 COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 FAR = 3.0
 """Errors over whole runs are told to have grown where they are so many times those of one step."""
@@ -98,37 +107,68 @@ def _reach(law: Any, unit: str) -> float:
     return max(abs(low), abs(high))
 
 
-@claim(rf"(?P<label>Found|Perhaps): (?P<what>[^\n]+?){MORE}\.")
+@claim(r"Also: (?P<list>[^\n]+?)\.")
+def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    told = re.findall(r"(?m)^(?:Found|Perhaps|Adds little): (.+)\.$", diag.summary)
+    left = [e for e in diag.best if in_words(e.name) in m["list"]]
+    if len(told) + len(left) < len(diag.added):
+        yield f"added: {diag.added}"
+
+
+@claim(r"(?P<label>Found|Perhaps|Adds little): (?P<what>[^\n]+?)\.")
 def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     effects = [e for e in diag.fit.model.effects if e.name in diag.added]
     said = next((e for e in effects if re.fullmatch(_wording(e, diag.fit), m["what"])), None)
+    named = [e for e in effects if in_words(e.name) in m["what"]]
+    if said is None and m["label"] == "Adds little" and named:
+        said, m = named[0], {**m.groupdict(), "what": ""}
     if said is None:
         yield f"added: {diag.added}"
         return
     worth = diag.worth.get(said.name)
+    if m["label"] == "Adds little":
+        yield from _adds_little(said.name, diag)
     shares = [w for w in (worth, worth and worth.everywhere) if w]
     sure = [w.low >= SURE or any(c.low >= SURE for c in w.channels.values()) for w in shares]
-    if (m["label"] == "Found") != (not shares or any(sure)):
+    if (m["label"] != "Perhaps") != (not shares or any(sure)):
         yield f"{said.name} is worth {worth}"
     if moving := re.search(MOVING, m["what"]):
         yield from moving_water(moving, diag)
+    if blowing := re.search(BLOWING, m["what"]):
+        yield from blowing_wind(blowing, diag)
     values = {n: diag.fit.parameters[f"{said.name}.{n}"] for n in said.declared}
     told = [*[e.shown[0] for e in values.values()], *[100 * abs(e.value) for e in values.values()]]
     for number in re.findall(rf"(?<![\w.^*]){NUMBER}", m["what"]):
         near = [*told, *amplitudes(diag.fit)]
-        if not said.consequence(diag.fit.model) and not any(is_said(number, x, 1e-3) for x in near):
+        if not said.consequence(diag.fit.model, recorded(diag.fit)) and not any(
+            is_said(number, x, 1e-3) for x in near
+        ):
             yield f"no parameter of {said.name} is {number}"
     for word, way in ((" more", 1), (" less", -1)):
         if f" %{word}" in m["what"] and not any(way * e.value > 0 for e in values.values()):
             yield f"{said.name}: {values} is not{word}"
-    named = len(re.findall(r"(?m)^(?:Found|Perhaps): ", diag.summary))
-    if m["more"] and named + COUNTS.index(m["count"]) != len(diag.added):
-        yield f"added: {diag.added}"
+
+
+def _adds_little(name: str, diag: Any) -> Iterator[str]:
+    """It removes no tenth of any squared error, by its shares and by the errors of its stage."""
+    worth = diag.worth[name]
+    shares = [w for w in (worth, worth.everywhere) if w]
+    if any(one.share > 0.1 for each in shares for one in (each, *each.channels.values())):
+        yield f"{name} removes {worth}"
+    at = next(k for k, stage in enumerate(diag.stages) if name in stage.effects)
+    stages = (diag.stages[0], *diag.stages[at - 1 : at + 1])
+    first, before, after = ((s.holdout or s.train).nrmse for s in stages)
+    if not worth.together and (before**2 - after**2) / first**2 > 0.1 * (1 + SIMULATED):
+        yield f"{name}: the NRMSE falls from {before:.3g} to {after:.3g}"
+
+
+def _consequence(effect: Any, fit: Any) -> str:
+    return effect.consequence(fit.model, recorded(fit))
 
 
 def _wording(effect: Any, fit: Any) -> str:
     """How an effect may be told: in its own words with any numbers, or by its name."""
-    if consequence := effect.consequence(fit.model):
+    if consequence := _consequence(effect, fit):
         return re.escape(consequence)
     if not effect.in_words:
         return rf"(?:an? )?{re.escape(in_words(effect.name))}(?: of [^\n]+)?"
@@ -173,11 +213,16 @@ def _either(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- errors ----------------------------------------------------------------------------------------
 
 
-@claim(rf"(?P<runs>Unseen|Training) (?P<channel>[a-zA-Z ]+) error (?P<first>{NUMBER}|inf|nan) -> "
-       rf"(?P<last>{NUMBER}|inf|nan)(?: (?P<unit>[^\n]+?))?\.")  # fmt: skip
+@claim(rf"The (?P<kept>unseen )?(?P<channel>[a-zA-Z ]+?) error(?: on (?P<logs>{LOGS}))? "
+       rf"(?:(?P<verb>falls|rises) from (?P<first>{NUMBER}|inf|nan) to (?P<last>{NUMBER}|inf|nan)"
+       rf"|stays at (?P<same>{NUMBER}))"
+       rf"(?: (?P<unit>[^\n]+?))?\.")  # fmt: skip
 def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    unseen = diag.stages[0].holdout is not None
+    if unseen != bool(m["kept"] or m["logs"] == KEPT_OUT):
+        yield f"unseen logs: {unseen}"
     fits = diag.stages[0].fit, diag.laws[-1].reported if diag.laws else diag.fit
-    errors = [f.holdout if m["runs"] == "Unseen" else f.train for f in fits]
+    errors = [f.holdout if unseen else f.train for f in fits]
     channel = m["channel"].replace(" ", "_")
     if None in errors or channel not in errors[0].channels:
         yield f"no error of {channel}"
@@ -186,18 +231,21 @@ def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"it is in {errors[0].channels[channel].shown.unit}"
     per = errors[0].channels[channel].per
     rmse = [per * e.channels[channel].rmse for e in errors]
-    if m["runs"] == "Unseen" and not diag.laws:
+    if unseen and not diag.laws:
         rmse = [per * error_of(c, channel)[0] for c in (diag.before, diag.after)]
-    for number, value in zip((m["first"], m["last"]), rmse, strict=True):
+    told = (m["first"] or m["same"], m["last"] or m["same"])
+    if m["verb"] and (m["verb"] == "rises") != (rmse[1] > rmse[0]):
+        yield f"{channel}: from {rmse[0]:.4g} to {rmse[1]:.4g}"
+    for number, value in zip(told, rmse, strict=True):
         if np.isfinite(value) and not is_said(number, value, SIMULATED):
             yield f"{channel}: {number} is {value:.4g}"
     falls = {c: errors[0].channels[c].nrmse ** 2 - errors[1].channels[c].nrmse ** 2
              for c in errors[0].channels}  # fmt: skip
     if falls[channel] < max(falls.values()):
         yield f"the error of another channel falls more: {falls}"
-    if page and m["runs"] == "Unseen":
+    if page and unseen:
         spread = rmse[0] / errors[0].channels[channel].nrmse
-        for number, fit in zip((m["first"], m["last"]), fits, strict=True):
+        for number, fit in zip(told, fits, strict=True):
             try:
                 simulated = spread * page.modelled(fit)[channel]
             except equations.Unwritten:
@@ -206,19 +254,21 @@ def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
                 yield f"{channel}: {number} is {simulated:.4g} by an independent simulation"
 
 
-@claim(rf"(?P<runs>Unseen|Training) error: (?P<list>[a-zA-Z ]+ (?:{NUMBER}|inf|nan)[^\n]*)\.")
+@claim(rf"Error on (?P<logs>{LOGS}): (?P<list>[a-zA-Z ]+ (?:{NUMBER}|inf|nan)[^\n]*)\.")
 def _levels(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for text in m["list"].split(", "):
         words, number = re.match(rf"([a-zA-Z ]+) ({NUMBER}|inf|nan)", text).groups()
         channel = words.replace(" ", "_")
         per = diag.stages[0].train.channels[channel].per
-        comparison = diag.after if m["runs"] == "Unseen" or not diag.stages[0].holdout else None
+        comparison = diag.after if m["logs"] == KEPT_OUT or not diag.stages[0].holdout else None
         if comparison and not is_said(number, per * error_of(comparison, channel)[0], SIMULATED):
             yield f"{channel}: {number} is {per * error_of(comparison, channel)[0]:.4g}"
 
 
-@claim(rf"Unexplained: (?P<channel>[a-zA-Z ]+?)(?: off by (?P<size>{NUMBER})[^;\n]*)?; "
-       r"repeat one run\.")  # fmt: skip
+@claim(
+    rf"Unexplained: (?P<rest>what is left of the )?(?P<channel>[a-zA-Z ]+?)(?: error)?"
+    rf"(?: off by (?P<size>{NUMBER})[^;\n]*)?; repeat one run(?:: what recurs is physics)?\."
+)
 def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     per = diag.judged.errors.channels[channel].per
@@ -226,6 +276,8 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.laws:
         fit = diag.laws[-1].reported
         run = (fit.holdout or fit.train).channels[channel].rmse
+    if m["rest"] and f" {m['channel']} error " not in diag.summary.partition("Unexplained")[0]:
+        yield f"the error of {channel} is told nowhere"
     if m["size"] and not is_said(m["size"], per * run, SIMULATED):
         yield f"it is off by {per * run:.3g}"
     if not run > FAR * diag.one_step[channel]:
@@ -267,7 +319,7 @@ def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(r"(?:It could as well be|These logs cannot tell (?P<effect>.+?) from) "
-       rf"(?P<rivals>[^\n.]+?){MORE}\.")  # fmt: skip
+       r"(?P<rivals>[^\n.]+?)\.")  # fmt: skip
 def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     groups = dict(zip(diag.added, diag.groups, strict=True))
     named = [n for n in diag.added if not m["effect"] or in_words(n) in m["effect"]]
@@ -278,7 +330,7 @@ def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(r"Measure the (?P<channel>[a-z ]+?): it could be what looks like "
-       rf"(?P<effect>[^\n.]+?){MORE}\.")  # fmt: skip
+       r"(?P<effect>[^\n.]+?)\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     if any(channel in run.log.inputs for run in diag.before.runs):
@@ -298,7 +350,7 @@ def _some_rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"groups: {diag.groups}"
 
 
-@claim(rf"Possibly also: (?P<list>[^\n]+?){MORE}\.")
+@claim(r"Possibly also: (?P<list>[^\n]+?)\.")
 def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for words in re.split(r", | or ", m["list"]):
         if words not in map(in_words, diag.possible):
@@ -350,6 +402,14 @@ def _other_model(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "it errs no less"
 
 
+@claim(r"The logs look sound\.")
+def _sound(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if not diag.stages[0].fit.doubts_sought:
+        yield "nobody looked"
+    if diag.doubts or diag.before.hints or any(odd.accused for odd in diag.odd_logs):
+        yield f"doubts: {[(d.channel, d.kind) for d in diag.doubts]}, odd logs: {diag.odd_logs}"
+
+
 @claim(r"More below\.")
 def _more(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     return iter(())
@@ -359,7 +419,7 @@ def _more(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"First mend the logs: with (?P<what>.+?) the (?:unseen|training) error falls by "
-       rf"(?P<falls>{NUMBER}) %{MORE}\.")  # fmt: skip
+       rf"(?P<falls>{NUMBER}) %\.")  # fmt: skip
 def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     mend = next((x for x in diag.helpful_mends if x.reading.words == m["what"]), None)
     if mend is None:
@@ -374,7 +434,7 @@ def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"mends: {[x.reading.words for x in diag.helpful_mends]}"
 
 
-@claim(rf"Check the logs: (?P<what>[^\n]+?){MORE}\.")
+@claim(r"Check the logs: (?P<what>[^\n]+?)\.")
 def _check(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if m["what"] == "a channel may not mean what its name says":
         wrong = not diag.before.hints
@@ -385,11 +445,11 @@ def _check(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"doubts: {[(d.channel, d.kind) for d in diag.doubts]}, hints: {diag.before.hints}"
 
 
-@claim(rf"(?:Log (?P<log>[^\n]+?)|A log) deviates from the others(?P<apart>, and is left out of "
-       rf"the verdict)?{MORE}\.(?=\n|$)")  # fmt: skip
+@claim(r"(?:Logs? (?P<log>[^\n]+?)|A log|\w+ logs) deviates? from the others(?P<apart>, and (?:is|"
+       r"are) left out of the verdict)?\.(?=\n|$)")  # fmt: skip
 def _deviates(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     accused = [odd.log for odd in diag.odd_logs if odd.accused]
-    if not accused or (m["log"] and m["log"] not in accused):
+    if not accused or (m["log"] and any(log not in m["log"] for log in accused)):
         yield f"odd logs: {accused}"
     if bool(m["apart"]) and diag.apart is None:
         yield "no log is left out"
@@ -404,7 +464,7 @@ def _caution(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"the fit has the status {diag.fit.status}"
 
 
-@claim(rf"(?P<name>[\w.]+) is at its bound(?: of (?P<bound>[^\n:]+))?: widen it{MORE}\.")
+@claim(r"(?P<name>[\w.]+) is at its bound(?: of (?P<bound>[^\n:]+))?: widen it\.")
 def _bound(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     estimate = diag.fit.parameters.get(m["name"])
     if estimate is None or not estimate.at_bound:
@@ -414,7 +474,7 @@ def _bound(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"(?P<name>[\w.]+) is fixed(?: at (?P<value>{NUMBER}))?; these logs suggest (?:another "
-       rf"value|(?P<wanted>{NUMBER})[^\n]*?{MORE})\.(?=\n|$)")  # fmt: skip
+       rf"value|(?P<wanted>{NUMBER})[^\n]*?)\.(?=\n|$)")  # fmt: skip
 def _held(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     held = diag.held.get(m["name"])
     if held is None:

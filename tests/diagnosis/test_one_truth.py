@@ -9,11 +9,19 @@ import made_diagnosis as made
 import numpy as np
 import pytest
 from claims.about_errors import (
+<<<<<<< HEAD
     MOVING,
     SAGGING,
     UNEVEN,
     moving_water,
     sagging_drive,
+=======
+    BLOWING,
+    MOVING,
+    UNEVEN,
+    blowing_wind,
+    moving_water,
+>>>>>>> 734f060e (The answer as a stranger understood it: logs that look sound, which error falls on which logs, what adds little behind it, the size of what is left, effects by their names, a wind that no log measures)
     uneven_thrusters,
 )
 from one_truth import contradictions
@@ -404,6 +412,28 @@ def test_how_uneven_two_thrusters_are_is_held_against_their_efforts(share, right
     diag = SimpleNamespace(fit=SimpleNamespace(model=model, parameters=model.parameters))
     wrong = [*uneven_thrusters(re.search(UNEVEN, words), diag)]
     assert (wrong == []) is right
+
+
+@pytest.mark.parametrize(
+    ("logs", "words", "wrong"),
+    [
+        ({"heading"}, "a wind from 302 deg pushes the vessel, taken as 4 m/s", False),
+        ({"heading"}, "a wind from 122 deg pushes the vessel, taken as 4 m/s", True),
+        (set(), "a wind pushes the vessel, taken as 4 m/s", False),
+        (set(), "a wind pushes the vessel, taken as 5 m/s", True),
+        ({"heading", "wind_speed"}, "", False),
+    ],
+)
+def test_a_wind_that_no_log_measures_is_told_with_what_is_known_of_it(logs, words, wrong):
+    """ "The wind pushes the vessel" said neither from where nor for which speed."""
+    wind = dft.effects.Wind(direction=-1.02, speed=4.0)
+    model = dft.Vessel() + wind
+    assert wrong or wind.consequence(model, logs) == words
+    train = SimpleNamespace(channels=dict.fromkeys(logs))
+    fit = SimpleNamespace(parameters=model.parameters, ranges={}, train=train)
+    told = re.search(BLOWING, words)
+    found = [*blowing_wind(told, SimpleNamespace(fit=fit))] if told else []
+    assert (found != []) is wrong
 
 
 @pytest.mark.parametrize(("speed", "right"), [("0.22", True), ("0.30", False)])

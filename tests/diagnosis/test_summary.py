@@ -25,6 +25,7 @@ from steps import (
 
 import diffthrust as dft
 
+F = "The thrust error on logs kept out of the fit falls from 3.4 to 0.41 N."
 MADE_UP = [made.found, made.diagnosis, made.adequate, made.unexplained, made.undecided]
 SURE = Worth(0.5, 0.4, 0.6)
 
@@ -40,17 +41,21 @@ def test_it_is_short_and_every_line_is_so(made_up):
 @pytest.mark.parametrize(
     ("made_up", "lines"),
     [
-        (made.found, ["Found: commands within ±0.398 V do nothing.",
-                      "Unseen thrust error 3.4 -> 0.41 N.",
+        (made.found, ["The logs look sound.",
+                      "Found: commands within ±0.398 V do nothing.",
+                      F,
                       'Copy: effects = ["command_deadband"]']),
-        (made.unexplained, ["Missing: something unknown in the drive that depends on "
-                            "command.", "Unseen error: thrust 3.4 N, speed 5.6 rad/s."]),
-        (made.undecided, ["These logs cannot tell a disturbance from missing physics.",
-                          "Unseen error: thrust 3.4 N, speed 5.6 rad/s.",
+        (made.unexplained, ["The logs look sound.",
+                            "Missing: something unknown in the drive that depends on command.",
+                            "Error on logs kept out of the fit: thrust 3.4 N, speed 5.6 rad/s."]),
+        (made.undecided, ["The logs look sound.",
+                          "These logs cannot tell a disturbance from missing physics.",
+                          "Error on logs kept out of the fit: thrust 3.4 N, speed 5.6 rad/s.",
                           "Possibly also: command dead band.",
                           "Next: repeat one run with the same inputs; what recurs is physics."]),
-        (made.adequate, ["The model is good enough for these logs: no effect helps.",
-                         "Training error: thrust 0.42 N, speed 0.29 rad/s."]),
+        (made.adequate, ["The logs look sound.",
+                         "The model is good enough for these logs: no effect helps.",
+                         "Error on the training logs: thrust 0.42 N, speed 0.29 rad/s."]),
     ],
 )  # fmt: skip
 def test_it_reads_as_an_answer(made_up, lines):
@@ -62,8 +67,11 @@ def test_it_reads_as_an_answer(made_up, lines):
     [
         (made.found, "±0.", "±1.", "no parameter of command_deadband is 1."),
         (made.found, "commands within", "clocks within", "added:"),
-        (made.found, "-> 0.41", "-> 0.21", "0.21 is 0.4"),
-        (made.found, "thrust error 3.4 -> 0.41 N", "speed error 5.6 -> 0.30 rad/s", "falls more"),
+        (made.found, "to 0.41", "to 0.21", "0.21 is 0.4"),
+        (made.found, "falls from", "rises from", "thrust: from 3."),
+        (made.found, "logs kept out of the fit", "the training logs", "unseen logs: True"),
+        (made.found, F, F.replace("thrust", "speed").replace("3.4 to 0.41 N", "5.6 to 0.30 rad/s"),
+         "falls more"),
         (made.found, "0.41 N.", "0.41 kN.", "it is in N"),
         (made.found, '["command_deadband"]', '["actuator_lag"]', "the model has"),
         (made.found, "Found", "Perhaps", "is worth"),
@@ -165,7 +173,7 @@ def test_a_doubt_leads_unless_nothing_is_to_be_mended(mend, leads):
     assert claims.contradictions(told, text=told.summary) == []
 
 
-def test_many_effects_are_cut_with_how_many_there_are():
+def test_of_many_effects_those_without_a_size_are_named():
     names = ["linear_damping", "command_delay", "thrust_sensor_lag", "coulomb_friction"]
     diag = made.found()
     model = diag.fit.model
@@ -179,10 +187,72 @@ def test_many_effects_are_cut_with_how_many_there_are():
         diag, best=best, groups=tuple((e.name,) for e in best),
         stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
     )  # fmt: skip
-    assert "and three more, see below." in many.summary
+    assert "Also: command delay, thrust sensor lag and Coulomb friction." in many.summary
     assert words_in(many.summary) <= 60
     assert figures_in(many.summary) <= 4
     assert claims.contradictions(many, text=many.summary) == []
+
+
+WEAK = Worth(
+    0.03, 0.01, 0.05, {"speed": Worth(0.04, 0.02, 0.06), "thrust": Worth(0.02, 0.0, 0.04)},
+    everywhere=Worth(0.05, 0.02, 0.09),
+)  # fmt: skip
+
+
+def test_what_adds_little_is_told_behind_the_error_that_another_effect_removes():
+    """A sway drag that added 0.4 of 19 mm/s stood beside the wind, above the error of both."""
+    diag = made.diagnosis()
+    told = replace(diag, worth={"command_deadband": SURE, "actuator_lag": WEAK}, remaining=None)
+    lines = told.summary.splitlines()
+    assert lines[:4] == [
+        "The logs look sound.",
+        "Found: commands within ±0.399 V do nothing.",
+        F,
+        "Adds little: the motor's torque lags by 0.00050 s.",
+    ]
+    assert claims.contradictions(told, text=told.summary) == []
+    much = replace(WEAK, channels={**WEAK.channels, "speed": Worth(0.2, 0.1, 0.3)})
+    both = replace(told, worth={"command_deadband": SURE, "actuator_lag": much})
+    assert "Found: the motor's torque lags by 0.00050 s." in both.summary
+    wrong = told.summary.replace("Found: commands", "Adds little: commands")
+    assert claims.contradictions(told, text=wrong) != []
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.03, False), (0.6, True)])
+def test_a_signal_that_explains_next_to_nothing_is_not_told_as_the_cause(share, told):
+    diag = made.unexplained()
+    (missing, *_) = diag.missing
+    diag = replace(
+        diag,
+        remaining=replace(diag.remaining, share=0.02),
+        missing=(replace(missing, share=share),),
+    )
+    assert ("that depends on command" in diag.summary) is told
+    assert "something unknown in the drive" in diag.summary
+
+
+def test_logs_that_nobody_looked_at_are_not_called_sound():
+    diag = made.found()
+    first = replace(diag.stages[0].fit, doubts_sought=False)
+    unseen = replace(diag, stages=(replace(diag.stages[0], fit=first), *diag.stages[1:]))
+    assert "sound" not in unseen.summary
+    assert claims.contradictions(unseen, text=diag.summary) != []
+    train, _ = made.logs()
+    assert not dft.fit(dft.Thruster(), train, starts=1, doubts=False).doubts_sought
+    for change in (with_a_mend, with_odd_logs):
+        assert "sound" not in change(diag).summary
+
+
+def test_what_is_left_of_an_error_that_is_told_has_its_size_there():
+    """ "Unexplained: position; repeat one run" did not say how much was unexplained."""
+    found = made.found()
+    left = replace(found, one_step={"thrust": 1e-3}).summary.splitlines()
+    assert left[2:4] == [
+        F,
+        "Unexplained: what is left of the thrust error; repeat one run: what recurs is physics.",
+    ]
+    other = replace(found, one_step={"speed": 1e-3}).summary.splitlines()
+    assert "Unexplained: speed off by 0.30 rad/s; repeat one run." in other
 
 
 TEXTS = st.lists(
@@ -209,6 +279,14 @@ def test_what_matters_least_is_left_out_first():
     assert [line.split()[-1] for line in within_budget(parts).split("\n")[:-1]] == ["b", "c"]
 
 
+def test_a_part_is_left_out_by_what_its_shortest_wording_matters():
+    error = [Wording("It falls from 2 to 1 m.", 2), Wording("2 to 1 m.", 9)]
+    parts = [error, *([Wording(f"Found: {k} m.", 5)] for k in (7, 8, 9))]
+    lines = within_budget(parts).split("\n")
+    assert lines[0] == "It falls from 2 to 1 m."
+    assert lines[-1] == "More below."
+
+
 def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like():
     """Under an unmeasured inflow a thruster seemed to push less in reverse."""
     diag = made.found()
@@ -223,7 +301,7 @@ def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like(
         untestable={"inflow_thrust_loss": reason, "inflow_load_relief": reason},
     )  # fmt: skip
     words = "Measure the inflow: it could be what looks like a reverse thrust asymmetry."
-    assert words in told.summary.splitlines()[1:3]  # beside what was found
+    assert words in told.summary.splitlines()[2:4]  # beside what was found
     still = replace(told, one_step={n: e.rmse for n, e in told.after.errors.channels.items()})
     assert "Unmeasured" not in still.summary  # nothing is left that an inflow would leave
     assert "Inflow, which no log has, could look like a reverse thrust asymmetry." in told.report()
@@ -272,15 +350,15 @@ def test_a_law_is_told_in_one_form_and_by_what_it_does():
         port_unit="rad/s^2",
     )  # fmt: skip
     diag = replace(made.unexplained(), laws=(law,))
-    first, second, *_ = diag.summary.splitlines()
+    _, first, second, *_ = diag.summary.splitlines()
     assert first.startswith("Found in the drive: a term that is a curve of speed, up to 3.0")
-    assert second == "Unseen thrust error 3.4 -> 0.41 N."
+    assert second == F
     assert claims.contradictions(diag, text=diag.summary) == []
 
 
 def test_a_notebook_shows_the_answer_and_folds_the_rest():
     shown, _, folded = made.found()._repr_html_().partition("<details>")
-    assert "Unseen thrust error" in shown
+    assert "The thrust error on logs kept out of the fit falls" in shown
     assert "Stages" not in shown
     assert "Stages" in folded
     assert folded.endswith("</details></div>")

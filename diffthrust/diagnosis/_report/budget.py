@@ -65,7 +65,9 @@ def within_budget(parts: Sequence[Part]) -> str:
     for at, most in ((1, MOST_FIGURES), (0, MOST_WORDS)):
         while _sizes(worded())[at] > most:
             shorter = {k: _shorter(part, chosen[k], at) for k, part in enumerate(parts)}
-            least = min((k for k in shorter if shorter[k]), key=lambda k: parts[k][chosen[k]][1])
+            # a part that is left out loses all its wordings, not its longest alone
+            lost = {k: parts[k][chosen[k] : then] for k, then in shorter.items() if then}
+            least = min(lost, key=lambda k: max(wording.importance for wording in lost[k]))
             chosen[least] = shorter[least]
     return worded()
 

@@ -8,6 +8,7 @@ from diffthrust._support.words import percent
 from diffthrust.diagnosis._report.text import (
     an_effect,
     measured,
+    recorded,
 )
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
@@ -44,7 +45,7 @@ def effect_words(name: str, fit: Fit) -> str:
     if effect is None:
         return an_effect(name)
     amounts = {n: Amount(fit.parameters[f"{name}.{n}"]) for n in effect.declared}
-    if consequence := effect.consequence(fit.model):
+    if consequence := effect.consequence(fit.model, recorded(fit)):
         return consequence
     if effect.in_words:
         return effect.in_words.format(**amounts)

@@ -11,6 +11,7 @@ import math
 from diffthrust._support.words import distinct_numbers, humanize, joined, number, percent
 from diffthrust.diagnosis._explained_share import sure_share
 from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._report.budget import Part, Wording, figures_in, within_budget
 from diffthrust.diagnosis._report.doubts import grave_doubts
 from diffthrust.diagnosis._report.effect_words import effect_words
@@ -19,6 +20,7 @@ from diffthrust.diagnosis._report.remaining_text import (
     changed_parameter,
 )
 from diffthrust.diagnosis._report.text import (
+    adding_little,
     an_effect,
     errors_of,
     judged_errors,
@@ -35,6 +37,11 @@ from diffthrust.simulation._errors import Errors
 
 TO_COPY = "To copy into a spec file"
 """Heading of the lines that make the model with all that was found."""
+_KEPT_OUT = "logs kept out of the fit"
+"""Unseen logs, for who reads the answer alone."""
+_LEAST_TOLD = 0.1
+"""Display: of a missing signal's variance, or of one-step errors. What depends on the rate of a
+tanker's heading by 3 % stood in its answer as if that were the cause."""
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 _SUSPECT = {
     "sign": "the sign of {} looks wrong",
@@ -60,11 +67,13 @@ def summary(diag: Findings) -> str:
 
     Example:
         >>> print(summary(diag))
+        The logs look sound.
         Found: commands within ±0.40 V do nothing.
-        Unseen thrust error 3.4 -> 0.41 N.
+        The thrust error on logs kept out of the fit falls from 3.4 to 0.41 N.
         Copy: effects = ["command_deadband"]
     """
     parts = [
+        _sound(diag),
         _logs(diag),
         _tables(diag),
         _odd_logs(diag),
@@ -76,6 +85,7 @@ def summary(diag: Findings) -> str:
         _unmeasured(diag),
         *_laws(diag),
         _error(diag),
+        _small(diag),
         _rivals(diag),
         _possible(diag),
         _left(diag),
@@ -88,6 +98,14 @@ def summary(diag: Findings) -> str:
 # -- what is wrong with the logs, or with what was given -------------------------------------------
 
 
+def _sound(diag: Findings) -> Part:
+    """That nothing looks wrong with the logs, where that was looked for."""
+    odd = any(log.accused for log in diag.odd_logs)
+    if odd or diag.doubts or diag.before.hints or not diag.stages[0].fit.doubts_sought:
+        return ()
+    return _part((5, "The logs look sound"))
+
+
 def _logs(diag: Findings) -> Part:
     """The mend that helps most, with what it does to the error; or the gravest doubt."""
     if mends := diag.helpful_mends:
@@ -96,15 +114,15 @@ def _logs(diag: Findings) -> Part:
         runs = "unseen" if first.unseen else "training"
         mend = f"with {first.reading.words}"
         words = f"First mend the logs: {mend} the {runs} error falls by {falls}"
-        return _part((3, words + _more(len(mends) - 1)), (10, words), (13, f"First: {mend}"))
+        return _part((10, words), (13, f"First: {mend}"))
     suspects = [
         _SUSPECT[doubt.kind].format(humanize(doubt.channel))
         for doubt in grave_doubts(diag)
         if not doubt.harmless
     ]
     if suspects:
-        words = f"Check the logs: {suspects[0]}"
-        return _part((3, words + _more(len(suspects) - 1)), (11, words))
+        words = "Check the logs: "
+        return _part((3, words + joined(suspects)), (11, words + suspects[0]))
     if diag.before.hints:
         return _part((11, "Check the logs: a channel may not mean what its name says"))
     return ()
@@ -119,9 +137,15 @@ def _odd_logs(diag: Findings) -> Part:
     accused = [odd for odd in diag.odd_logs if odd.accused]
     if not accused:
         return ()
-    apart = ", and is left out of the verdict" if diag.apart else ""
-    words = f"Log {accused[0].log} deviates from the others{apart}"
-    return _part((3, words + _more(len(accused) - 1)), (5, "A log deviates from the others"))
+    several = len(accused) > 1
+    are, deviate = ("are", "deviate") if several else ("is", "deviates")
+    apart = f", and {are} left out of the verdict" if diag.apart else ""
+    names = joined(odd.log for odd in accused)
+    some = f"{_number(len(accused)).capitalize()} logs" if several else "A log"
+    return _part(
+        (3, f"Log{'s' * several} {names} {deviate} from the others{apart}"),
+        (5, f"{some} {deviate} from the others"),
+    )
 
 
 def _caution(diag: Findings) -> Part:
@@ -143,8 +167,11 @@ def _bounds(diag: Findings) -> Part:
     if not stopped:
         return ()
     name, amount = stopped[0]
-    words, more = f"{name} is at its bound", _more(len(stopped) - 1)
-    return _part((3, f"{words} of {amount}: widen it{more}"), (6, f"{words}: widen it{more}"))
+    if len(stopped) > 1:
+        words = f"{joined(name for name, _ in stopped)} are at their bounds: widen these"
+        return _part((3, words), (6, f"{name} is at its bound: widen it"))
+    words = f"{name} is at its bound"
+    return _part((3, f"{words} of {amount}: widen it"), (6, f"{words}: widen it"))
 
 
 def _vanished(diag: Findings) -> Part:
@@ -159,7 +186,8 @@ def _held(diag: Findings) -> Part:
     fixed, wanted = distinct_numbers(held.value, held.wanted)
     words = f"{name} is fixed at {fixed}; these logs suggest {wanted} {held.unit}".rstrip()
     short = f"{name} is fixed; these logs suggest another value"
-    return _part((3, words + _more(len(others))), (7, words), (12, short))
+    too = f", and others of {joined(name for name, _ in others)}" if others else ""
+    return _part((3, words + too), (7, words), (12, short))
 
 
 # -- what is missing -------------------------------------------------------------------------------
@@ -178,18 +206,30 @@ def _missing(diag: Findings) -> Part:
 
 
 def _effects(diag: Findings) -> Part:
-    """The added effects, the one that removes most first; fewer of them in each next wording."""
+    """The added effects, the one that removes most first; fewer with their sizes in each wording.
+
+    Without those that add little beside the others, which follow behind the error.
+    """
+    small = adding_little(diag)
+    names = [name for name in leading(diag) if name not in small]
     lines = []
-    for name in leading(diag):
+    for name in names:
         worth = diag.worth.get(name)
         sure = worth is None or sure_share(worth) is not None
         lines.append(f"{'Found' if sure else 'Perhaps'}: {effect_words(name, diag.fit)}")
-    count = len(lines)
-    wordings = [
-        ((11, 11, 10)[k] if k < 3 else 7, ".\n".join(lines[:k]) + _more(count - k))
-        for k in range(count, 0, -1)
-    ]
+    count, wordings = len(lines), []
+    for k in range(count, 0, -1):
+        also = [f"Also: {joined(map(humanize, names[k:]))}"] if k < count else []
+        wordings.append(((11, 11, 10)[k] if k < 3 else 7, ".\n".join([*lines[:k], *also])))
     return _part(*wordings, (13, f"Found: {_counted(count, 'effect')}, see below"))
+
+
+def _small(diag: Findings) -> Part:
+    names = adding_little(diag)
+    if not names:
+        return ()
+    words = joined(effect_words(name, diag.fit) for name in names)
+    return _part((6, f"Adds little: {words}"), (8, f"Adds little: {joined(map(humanize, names))}"))
 
 
 def _adequate(diag: Findings) -> Part:
@@ -236,16 +276,21 @@ def _laws(diag: Findings) -> list[Part]:
 def _error(diag: Findings) -> Part:
     """By how much the error of the channel that counts falls, or how large errors are."""
     logs, first, last = errors_of(diag)
-    runs = logs.removeprefix("the ").removesuffix(" logs").capitalize()
+    logs = _KEPT_OUT if logs == "unseen logs" else logs
     if not (diag.best or diag.held or diag.laws):
         names = sorted(last.channels, key=lambda name: -_finite(last.channels[name].nrmse))
         sizes = [f"{humanize(n)} {_size(*last.channels[n].shown)}" for n in names[:2]]
-        return _part((5, f"{runs} error: {', '.join(sizes)}"), (8, f"{runs} error: {sizes[0]}"))
+        words = f"Error on {logs}: "
+        return _part((5, words + ", ".join(sizes)), (8, words + sizes[0]))
     last = _last_errors(diag) if diag.laws else last
     name = channel_that_counts(first, last)
     before, after = first.channels[name].shown, last.channels[name].shown
     start, end = distinct_numbers(before.value, after.value)
-    return _part((9, f"{runs} {humanize(name)} error {start} -> {end} {before.unit}".rstrip()))
+    verb = "rises" if after.value > before.value else "falls"
+    change = f"{verb} from {start} to {end}" if start != end else f"stays at {start}"
+    error, change = f"{humanize(name)} error", f"{change} {before.unit}".rstrip()
+    unseen = "unseen " * (logs == _KEPT_OUT)
+    return _part((4, f"The {error} on {logs} {change}"), (9, f"The {unseen}{error} {change}"))
 
 
 def channel_that_counts(first: Errors, last: Errors) -> str:
@@ -265,8 +310,7 @@ def _unmeasured(diag: Findings) -> Part:
     ]
     if not sentences:
         return ()
-    first = sentences[0] + _more(len(sentences) - 1)
-    return _part((4, ". ".join(sentences)), (8, first))
+    return _part((4, ". ".join(sentences)), (8, sentences[0]))
 
 
 def _rivals(diag: Findings) -> Part:
@@ -279,19 +323,15 @@ def _rivals(diag: Findings) -> Part:
     if not sentences:
         return ()
     several = "These logs do not tell all effects from others"
-    first = sentences[0] + _more(len(sentences) - 1)
-    return _part((4, ". ".join(sentences)), (5, first), (5, several))
+    return _part((4, ". ".join(sentences)), (5, sentences[0]), (5, several))
 
 
 def _possible(diag: Findings) -> Part:
     possible = [humanize(n) for n, worth in diag.possible.items() if sure_share(worth)]
     if not possible:
         return ()
-    others = _more(len(possible) - 1)
-    return _part(
-        (3, f"Possibly also: {joined(possible, 'or')}"),
-        (4, f"Possibly also: {possible[0]}{others}"),
-    )
+    words = "Possibly also: "
+    return _part((3, words + joined(possible, "or")), (4, words + possible[0]))
 
 
 # -- what is left, and what to do next -------------------------------------------------------------
@@ -313,9 +353,13 @@ def _left(diag: Findings) -> Part:
     name = _grown(diag)
     if not name:
         return ()
-    size = _size(*_last_errors(diag).channels[name].shown)
-    what, then = f"Unexplained: {humanize(name)}", "; repeat one run"
-    return _part((5, f"{what} off by {size}{then}"), (6, f"{what}{then}"))
+    last, then = _last_errors(diag), "; repeat one run"
+    if name == channel_that_counts(errors_of(diag)[1], last):  # the line of the error has its size
+        what = f"Unexplained: what is left of the {humanize(name)} error"
+        return _part((3, f"{what}{then}: what recurs is physics"), (8, f"{what}{then}"))
+    size = _size(*last.channels[name].shown)
+    what = f"Unexplained: {humanize(name)}"
+    return _part((7, f"{what} off by {size}{then}"), (8, f"{what}{then}"))
 
 
 def _last_errors(diag: Findings) -> Errors:
@@ -342,13 +386,21 @@ def _grown(diag: Findings) -> str:
 def _unknown_words(diag: Findings, label: str) -> str:
     """Something unknown, and what is known of it: on what it depends, and where it enters."""
     if remaining := diag.remaining:
-        place, signal = place_of(diag.model, remaining.port), remaining.signal
+        signal = remaining.signal
         on = f"how fast {humanize(signal.name)} changes" if signal.rate else str(signal)
-        return f"{label}: something unknown {place} that depends on {on}"
+        words = f"{label}: something unknown {place_of(diag.model, remaining.port)}"
+        return f"{words} that depends on {on}" if _explains(diag, remaining) else words
     if diag.repeating:
         channels = joined(map(humanize, diag.repeating))
         return f"{label}: something unknown; the error of {channels} repeats from run to run"
     return f"{label}: something unknown"
+
+
+def _explains(diag: Findings, remaining: Remaining) -> bool:
+    """Whether what remains depends on its signal so much that the answer should say so."""
+    missing = diag.left if diag.best else diag.missing
+    shares = [m.share for m in missing if m.port == remaining.port and m.signal is not None]
+    return max(remaining.share, *shares, 0.0) >= _LEAST_TOLD
 
 
 def _other_model(diag: Findings) -> Part:
@@ -394,10 +446,6 @@ def _part(*wordings: tuple[int, str]) -> Part:
 
 def _counted(count: int, what: str) -> str:
     return f"{_number(count)} {what}{'s' * (count != 1)}"
-
-
-def _more(count: int) -> str:
-    return f", and {_number(count)} more, see below" if count else ""
 
 
 def _number(count: int) -> str:

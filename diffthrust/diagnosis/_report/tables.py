@@ -10,6 +10,7 @@ from diffthrust.diagnosis._explained_share import Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.error_text import judged_logs, squared_error
 from diffthrust.diagnosis._report.text import (
+    adding_little,
     leading,
     stage_words,
 )
@@ -36,8 +37,10 @@ def headroom_rows(diag: Findings) -> Rows:
 
 def worth_rows(diag: Findings) -> Rows:
     """What each effect surely removes of the squared errors over whole runs, and of which."""
+    small = adding_little(diag)
     kinds = {
-        "matters": leading(diag),
+        "matters": tuple(name for name in leading(diag) if name not in small),
+        "adds little": small,
         "detectable, changes nothing": diag.detectable,
         "possible": tuple(diag.possible),
     }

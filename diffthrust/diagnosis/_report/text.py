@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from diffthrust._support.words import an, capitalised, humanize, joined, number, with_error
+from diffthrust.diagnosis._explained_share import adds_little, sure_share
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
@@ -61,7 +62,7 @@ def sized_words(name: str, fit: Fit) -> str:
     if effect and effect.free_starts:
         starts = [{n: log[f"{name}.{n}"] for n in effect.free_starts} for log in fit.initial]
         formed += f", {effect.size_words(starts)}"
-    consequence = effect.consequence(fit.model) if effect else ""
+    consequence = effect.consequence(fit.model, recorded(fit)) if effect else ""
     meaning = f" ({consequence})" if consequence else ""
     values = {key: measured(e) for key, e in estimates.items()}
     if set(values) == {"half_width"}:
@@ -70,6 +71,11 @@ def sized_words(name: str, fit: Fit) -> str:
         return f"{an_effect(name)} of {next(iter(values.values()))}{formed}{meaning}"
     listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())
     return f"{an_effect(name)} ({listed}{formed}){meaning}" if listed else an_effect(name)
+
+
+def recorded(fit: Fit) -> set[str]:
+    """The channels of the training logs that the fitted model reads or gives."""
+    return {*fit.ranges, *fit.train.channels}
 
 
 def measured(estimate: Estimate) -> str:
@@ -83,6 +89,15 @@ def leading(diag: Findings) -> tuple[str, ...]:
     """The added effects, the one that removes most of the error first."""
     worth = {name: diag.worth[name].share for name in diag.added if name in diag.worth}
     return tuple(sorted(diag.added, key=lambda name: -worth.get(name, math.inf)))
+
+
+def adding_little(diag: Findings) -> tuple[str, ...]:
+    """The effects that surely remove something beside the first, no tenth of the squared error."""
+    return tuple(
+        name
+        for name in leading(diag)[1:]
+        if (worth := diag.worth.get(name)) and sure_share(worth) and adds_little(worth)
+    )
 
 
 def stage_words(diag: Findings, index: int) -> str:

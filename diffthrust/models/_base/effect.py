@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
@@ -153,8 +153,12 @@ class Effect(Component):
             if p.fixed and p.probes and getattr(self, name) != self.declared[name].value
         }
 
-    def consequence(self, model: Component) -> str:
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
         """What the numbers come to in a model, in words, where they do not say so; "" by default.
+
+        Args:
+            model: the model.
+            recorded: the channels that the logs have.
 
         Example:
             >>> model = dft.Vessel(drive="twin", command="effort", exponent=2.35)
