@@ -101,3 +101,16 @@ def percent(share: float) -> str:
 def capitalised(words: str) -> str:
     """The words as the start of a sentence."""
     return words[:1].upper() + words[1:]
+
+
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+
+def count_words(count: int) -> str:
+    """A small number in words.
+
+    Example:
+        >>> count_words(3), count_words(12)
+        ('three', 'many')
+    """
+    return _COUNTS[count] if count < len(_COUNTS) else "many"

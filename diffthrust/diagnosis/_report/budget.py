@@ -26,6 +26,18 @@ Part = Sequence[Wording]
 """A part of a text, worded at several lengths, the longest first; then it is left out."""
 
 
+def as_part(*wordings: tuple[int, str]) -> Part:
+    """A part from how much each of its wordings matters, and its sentence without a full stop.
+
+    From 1, how a law looks in full, over what is left (5) and the error (9) to 13, that anything
+    was found at all.
+    """
+    return [
+        Wording(text if text.endswith(("?", "]", "}", '"')) else f"{text}.", importance)
+        for importance, text in wordings
+    ]
+
+
 def words_in(text: str) -> int:
     """How many words a text has, each that is set off by blanks.
 

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 
-from diffthrust._support.words import distinct_numbers, humanize, joined, number, percent
+from diffthrust._support.words import count_words, distinct_numbers, humanize, joined, number
 from diffthrust.diagnosis._explained_share import sure_share
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._missing import Remaining
-from diffthrust.diagnosis._report.budget import Part, Wording, figures_in, within_budget
-from diffthrust.diagnosis._report.doubts import grave_doubts
+from diffthrust.diagnosis._report.budget import Part, as_part, figures_in, within_budget
 from diffthrust.diagnosis._report.effect_words import effect_words
 from diffthrust.diagnosis._report.learned import law_wordings, place_of, reach_words, valid_words
 from diffthrust.diagnosis._report.remaining_text import (
     changed_parameter,
 )
+from diffthrust.diagnosis._report.summary_logs import doubtful
 from diffthrust.diagnosis._report.text import (
     adding_little,
     an_effect,
@@ -26,13 +26,10 @@ from diffthrust.diagnosis._report.text import (
     judged_errors,
     leading,
     rival_words,
-    stopped_parameters,
     unmeasured_rivals,
-    vanished_words,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._model_lines import effects_line
-from diffthrust.estimation._status import Status
 from diffthrust.simulation._errors import Errors
 
 TO_COPY = "To copy into a spec file"
@@ -42,24 +39,6 @@ _KEPT_OUT = "logs kept out of the fit"
 _LEAST_TOLD = 0.1
 """Display: of a missing signal's variance, or of one-step errors. What depends on the rate of a
 tanker's heading by 3 % stood in its answer as if that were the cause."""
-_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-_SUSPECT = {
-    "sign": "the sign of {} looks wrong",
-    "exchanged": "{} looks exchanged with another channel",
-    "unit": "the unit of {} looks wrong",
-    "time_base": "the unit of the clock looks wrong",
-    "lag": "{} arrives late",
-    "stuck": "{} is stuck for a while",
-    "saturated": "{} is saturated in places",
-    "sentinel": "{} has samples that mark lost ones",
-}
-"""What a doubt comes to, by its kind."""
-_UNFINISHED = {
-    Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
-    Status.STARTS_DISAGREE: "the last fit depends on where it starts",
-    Status.NOT_CONVERGED: "the last fit did not converge: fit again before copying",
-    Status.SIMULATION_FAILED: "the last fit could not be simulated",
-}
 
 
 def summary(diag: Findings) -> str:
@@ -73,14 +52,7 @@ def summary(diag: Findings) -> str:
         Copy: effects = ["command_deadband"]
     """
     parts = [
-        _sound(diag),
-        _logs(diag),
-        _tables(diag),
-        _odd_logs(diag),
-        _caution(diag),
-        _bounds(diag),
-        _vanished(diag),
-        _held(diag),
+        *doubtful(diag),
         _missing(diag),
         _unmeasured(diag),
         *_laws(diag),
@@ -95,101 +67,6 @@ def summary(diag: Findings) -> str:
     return within_budget(parts)
 
 
-# -- what is wrong with the logs, or with what was given -------------------------------------------
-
-
-def _sound(diag: Findings) -> Part:
-    """That nothing looks wrong with the logs, where that was looked for."""
-    odd = any(log.accused for log in diag.odd_logs)
-    if odd or diag.doubts or diag.before.hints or not diag.stages[0].fit.doubts_sought:
-        return ()
-    return _part((5, "The logs look sound"))
-
-
-def _logs(diag: Findings) -> Part:
-    """The mend that helps most, with what it does to the error; or the gravest doubt."""
-    if mends := diag.helpful_mends:
-        first = mends[0]
-        falls = percent(1.0 - first.after.nrmse / first.before.nrmse)
-        runs = "unseen" if first.unseen else "training"
-        mend = f"with {first.reading.words}"
-        words = f"First mend the logs: {mend} the {runs} error falls by {falls}"
-        return _part((10, words), (13, f"First: {mend}"))
-    suspects = [
-        _SUSPECT[doubt.kind].format(humanize(doubt.channel))
-        for doubt in grave_doubts(diag)
-        if not doubt.harmless
-    ]
-    if suspects:
-        words = "Check the logs: "
-        return _part((3, words + joined(suspects)), (11, words + suspects[0]))
-    if diag.before.hints:
-        return _part((11, "Check the logs: a channel may not mean what its name says"))
-    return ()
-
-
-def _tables(diag: Findings) -> Part:
-    """That static tables say nothing of what takes time."""
-    return _part((4, "The logs are tables without time")) if diag.before.tabular else ()
-
-
-def _odd_logs(diag: Findings) -> Part:
-    accused = [odd for odd in diag.odd_logs if odd.accused]
-    if not accused:
-        return ()
-    several = len(accused) > 1
-    are, deviate = ("are", "deviate") if several else ("is", "deviates")
-    apart = f", and {are} left out of the verdict" if diag.apart else ""
-    names = joined(odd.log for odd in accused)
-    some = f"{_number(len(accused)).capitalize()} logs" if several else "A log"
-    return _part(
-        (3, f"Log{'s' * several} {names} {deviate} from the others{apart}"),
-        (5, f"{some} {deviate} from the others"),
-    )
-
-
-def _caution(diag: Findings) -> Part:
-    """That the fit from which all numbers come may not be what it should."""
-    status = diag.fit.status
-    if not status.ok:
-        return _part((11, f"Caution: {_UNFINISHED[status]}"))
-    if not diag.fit.coarse:
-        return ()
-    return _part((11, "Caution: the last fit needs finer integrator steps"))
-
-
-def _bounds(diag: Findings) -> Part:
-    stopped = [
-        (name, amount)
-        for full, (name, amount, _) in stopped_parameters(diag.fit).items()
-        if full in diag.model.parameters
-    ]
-    if not stopped:
-        return ()
-    name, amount = stopped[0]
-    if len(stopped) > 1:
-        words = f"{joined(name for name, _ in stopped)} are at their bounds: widen these"
-        return _part((3, words), (6, f"{name} is at its bound: widen it"))
-    words = f"{name} is at its bound"
-    return _part((3, f"{words} of {amount}: widen it"), (6, f"{words}: widen it"))
-
-
-def _vanished(diag: Findings) -> Part:
-    """That the model does without a term with which it was given."""
-    return _part(*((4, words.removesuffix(".")) for words in vanished_words(diag)))
-
-
-def _held(diag: Findings) -> Part:
-    if not diag.held:
-        return ()
-    (name, held), *others = diag.held.items()
-    fixed, wanted = distinct_numbers(held.value, held.wanted)
-    words = f"{name} is fixed at {fixed}; these logs suggest {wanted} {held.unit}".rstrip()
-    short = f"{name} is fixed; these logs suggest another value"
-    too = f", and others of {joined(name for name, _ in others)}" if others else ""
-    return _part((3, words + too), (7, words), (12, short))
-
-
 # -- what is missing -------------------------------------------------------------------------------
 
 
@@ -201,8 +78,8 @@ def _missing(diag: Findings) -> Part:
     if diag.verdict == "adequate":
         return _adequate(diag)
     if diag.verdict == "undecided":
-        return _part((12, "These logs cannot tell a disturbance from missing physics"))
-    return _part((7, _unknown_words(diag, "Missing")), (12, "Missing: something unknown"))
+        return as_part((12, "These logs cannot tell a disturbance from missing physics"))
+    return as_part((7, _unknown_words(diag, "Missing")), (12, "Missing: something unknown"))
 
 
 def _effects(diag: Findings) -> Part:
@@ -221,7 +98,9 @@ def _effects(diag: Findings) -> Part:
     for k in range(count, 0, -1):
         also = [f"Also: {joined(map(humanize, names[k:]))}"] if k < count else []
         wordings.append(((11, 11, 10)[k] if k < 3 else 7, ".\n".join([*lines[:k], *also])))
-    return _part(*wordings, (13, f"Found: {_counted(count, 'effect')}, see below"))
+    return as_part(
+        *wordings, (13, f"Found: {count_words(count)} effect{'s' * (count != 1)}, see below")
+    )
 
 
 def _small(diag: Findings) -> Part:
@@ -229,25 +108,27 @@ def _small(diag: Findings) -> Part:
     if not names:
         return ()
     words = joined(effect_words(name, diag.fit) for name in names)
-    return _part((6, f"Adds little: {words}"), (8, f"Adds little: {joined(map(humanize, names))}"))
+    return as_part(
+        (6, f"Adds little: {words}"), (8, f"Adds little: {joined(map(humanize, names))}")
+    )
 
 
 def _adequate(diag: Findings) -> Part:
     if not (diag.ranking or diag.silent):
         tested = "these logs can test no effect" if diag.untestable else "no effect was tried"
-        return _part((12, f"Unknown whether something is missing: {tested}"))
+        return as_part((12, f"Unknown whether something is missing: {tested}"))
     errors = judged_errors(diag)[1].channels
     blind = [humanize(name) for name, e in errors.items() if e.nrmse >= 1.0]
     if blind:
         nothing, as_well = "Nothing found, and yet", "followed no better than by a constant"
         whether = ": do the logs excite it?"
-        return _part(
+        return as_part(
             (4, f"{nothing} {joined(blind)} is {as_well}{whether}"),
             (12, f"{nothing} the logs are {as_well}"),
         )
     count = len({c.effect for c in diag.ranking} | {*diag.silent})
     tried = f"none of {count} effects helps" if count > 1 else "no effect helps"
-    return _part(
+    return as_part(
         (4, f"The model is good enough for these logs: {tried}"), (12, "The model is good enough")
     )
 
@@ -262,7 +143,7 @@ def _laws(diag: Findings) -> list[Part]:
             f", {words}" if words else "" for words in (reach_words(law), valid_words(law))
         )
         parts.append(
-            _part(
+            as_part(
                 (1, whole + size + valid),
                 (2, lead + size + valid),
                 (6, lead + size),
@@ -281,7 +162,7 @@ def _error(diag: Findings) -> Part:
         names = sorted(last.channels, key=lambda name: -_finite(last.channels[name].nrmse))
         sizes = [f"{humanize(n)} {_size(*last.channels[n].shown)}" for n in names[:2]]
         words = f"Error on {logs}: "
-        return _part((5, words + ", ".join(sizes)), (8, words + sizes[0]))
+        return as_part((5, words + ", ".join(sizes)), (8, words + sizes[0]))
     last = _last_errors(diag) if diag.laws else last
     name = channel_that_counts(first, last)
     before, after = first.channels[name].shown, last.channels[name].shown
@@ -290,7 +171,7 @@ def _error(diag: Findings) -> Part:
     change = f"{verb} from {start} to {end}" if start != end else f"stays at {start}"
     error, change = f"{humanize(name)} error", f"{change} {before.unit}".rstrip()
     unseen = "unseen " * (logs == _KEPT_OUT)
-    return _part((4, f"The {error} on {logs} {change}"), (9, f"The {unseen}{error} {change}"))
+    return as_part((4, f"The {error} on {logs} {change}"), (9, f"The {unseen}{error} {change}"))
 
 
 def channel_that_counts(first: Errors, last: Errors) -> str:
@@ -310,7 +191,7 @@ def _unmeasured(diag: Findings) -> Part:
     ]
     if not sentences:
         return ()
-    return _part((4, ". ".join(sentences)), (8, sentences[0]))
+    return as_part((4, ". ".join(sentences)), (8, sentences[0]))
 
 
 def _rivals(diag: Findings) -> Part:
@@ -323,7 +204,7 @@ def _rivals(diag: Findings) -> Part:
     if not sentences:
         return ()
     several = "These logs do not tell all effects from others"
-    return _part((4, ". ".join(sentences)), (5, sentences[0]), (5, several))
+    return as_part((4, ". ".join(sentences)), (5, sentences[0]), (5, several))
 
 
 def _possible(diag: Findings) -> Part:
@@ -331,7 +212,7 @@ def _possible(diag: Findings) -> Part:
     if not possible:
         return ()
     words = "Possibly also: "
-    return _part((3, words + joined(possible, "or")), (4, words + possible[0]))
+    return as_part((3, words + joined(possible, "or")), (4, words + possible[0]))
 
 
 # -- what is left, and what to do next -------------------------------------------------------------
@@ -344,22 +225,22 @@ def _left(diag: Findings) -> Part:
     if changed := diag.changed:
         words, unit = f"Unexplained: {changed_parameter(changed)}", changed.after.shown[2]
         start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
-        return _part((5, f"{words}, {start} -> {end} {unit}".rstrip()), (6, words))
+        return as_part((5, f"{words}, {start} -> {end} {unit}".rstrip()), (6, words))
     if diag.verdict == "unexplained" and not diag.laws:
         words = "Unexplained: something unknown"
         if remaining := diag.remaining:
             words = f"{words} {place_of(diag.model, remaining.port)}"
-        return _part((5, _unknown_words(diag, "Unexplained")), (6, words))
+        return as_part((5, _unknown_words(diag, "Unexplained")), (6, words))
     name = _grown(diag)
     if not name:
         return ()
     last, then = _last_errors(diag), "; repeat one run"
     if name == channel_that_counts(errors_of(diag)[1], last):  # the line of the error has its size
         what = f"Unexplained: what is left of the {humanize(name)} error"
-        return _part((3, f"{what}{then}: what recurs is physics"), (8, f"{what}{then}"))
+        return as_part((3, f"{what}{then}: what recurs is physics"), (8, f"{what}{then}"))
     size = _size(*last.channels[name].shown)
     what = f"Unexplained: {humanize(name)}"
-    return _part((7, f"{what} off by {size}{then}"), (8, f"{what}{then}"))
+    return as_part((7, f"{what} off by {size}{then}"), (8, f"{what}{then}"))
 
 
 def _last_errors(diag: Findings) -> Errors:
@@ -408,48 +289,28 @@ def _other_model(diag: Findings) -> Part:
     if other is None:
         return ()
     name = humanize(other.name)
-    return _part((6, f"A {name} errs less: diagnose that model, too"))
+    return as_part((6, f"A {name} errs less: diagnose that model, too"))
 
 
 def _next(diag: Findings) -> Part:
     """What to write, or which record to make."""
     if mends := diag.helpful_mends:
-        return _part((10, f"Copy: {mends[0].reading.line.partition(', or ')[0].rstrip('.')}"))
+        return as_part((10, f"Copy: {mends[0].reading.line.partition(', or ')[0].rstrip('.')}"))
     if diag.laws:
-        return _part((9, f"Copy: the lines under '{TO_COPY}'"))
+        return as_part((9, f"Copy: the lines under '{TO_COPY}'"))
     if diag.best:
         line = f"Copy: {effects_line(diag.fit.model.effects)}"
-        return _part((10, f"Copy: the lines under '{TO_COPY}'" if figures_in(line) else line))
+        return as_part((10, f"Copy: the lines under '{TO_COPY}'" if figures_in(line) else line))
     if diag.held:
-        return _part((9, f"Copy: {next(iter(diag.held))} = {{ fixed = false }}"))
+        return as_part((9, f"Copy: {next(iter(diag.held))} = {{ fixed = false }}"))
     if diag.verdict == "undecided":
         if diag.experiment and diag.possible:
-            return _part((9, "Next: make the test proposed below"))
-        return _part((9, "Next: repeat one run with the same inputs; what recurs is physics"))
+            return as_part((9, "Next: make the test proposed below"))
+        return as_part((9, "Next: repeat one run with the same inputs; what recurs is physics"))
     return ()
 
 
 # -- words -----------------------------------------------------------------------------------------
-
-
-def _part(*wordings: tuple[int, str]) -> Part:
-    """A part from how much each of its wordings matters, and its sentence without a full stop.
-
-    From 1, how a law looks in full, over what is left (5) and the error (9) to 13, that anything
-    was found at all.
-    """
-    return [
-        Wording(text if text.endswith(("?", "]", "}", '"')) else f"{text}.", importance)
-        for importance, text in wordings
-    ]
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{_number(count)} {what}{'s' * (count != 1)}"
-
-
-def _number(count: int) -> str:
-    return _COUNTS[count] if count < len(_COUNTS) else "many"
 
 
 def _size(value: float, unit: str) -> str:

@@ -1,0 +1,134 @@
+"""The lines of a summary on what is wrong with the logs, or with what was given."""
+
+from __future__ import annotations
+
+from diffthrust._support.words import count_words, distinct_numbers, humanize, joined, percent
+from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._report.budget import Part, as_part
+from diffthrust.diagnosis._report.doubts import grave_doubts
+from diffthrust.diagnosis._report.text import stopped_parameters, vanished_words
+from diffthrust.estimation._status import Status
+
+_SUSPECT = {
+    "sign": "the sign of {} looks wrong",
+    "exchanged": "{} looks exchanged with another channel",
+    "unit": "the unit of {} looks wrong",
+    "time_base": "the unit of the clock looks wrong",
+    "lag": "{} arrives late",
+    "stuck": "{} is stuck for a while",
+    "saturated": "{} is saturated in places",
+    "sentinel": "{} has samples that mark lost ones",
+}
+"""What a doubt comes to, by its kind."""
+_UNFINISHED = {
+    Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
+    Status.STARTS_DISAGREE: "the last fit depends on where it starts",
+    Status.NOT_CONVERGED: "the last fit did not converge: fit again before copying",
+    Status.SIMULATION_FAILED: "the last fit could not be simulated",
+}
+
+
+def doubtful(diag: Findings) -> list[Part]:
+    """What comes first: whether the logs are sound, and what of the given to look at."""
+    return [
+        _sound(diag),
+        _logs(diag),
+        _tables(diag),
+        _odd_logs(diag),
+        _caution(diag),
+        _bounds(diag),
+        _vanished(diag),
+        _held(diag),
+    ]
+
+
+def _sound(diag: Findings) -> Part:
+    """That nothing looks wrong with the logs, where that was looked for."""
+    odd = any(log.accused for log in diag.odd_logs)
+    if odd or diag.doubts or diag.before.hints or not diag.stages[0].fit.doubts_sought:
+        return ()
+    return as_part((5, "The logs look sound"))
+
+
+def _logs(diag: Findings) -> Part:
+    """The mend that helps most, with what it does to the error; or the gravest doubt."""
+    if mends := diag.helpful_mends:
+        first = mends[0]
+        falls = percent(1.0 - first.after.nrmse / first.before.nrmse)
+        runs = "unseen" if first.unseen else "training"
+        mend = f"with {first.reading.words}"
+        words = f"First mend the logs: {mend} the {runs} error falls by {falls}"
+        return as_part((10, words), (13, f"First: {mend}"))
+    suspects = [
+        _SUSPECT[doubt.kind].format(humanize(doubt.channel))
+        for doubt in grave_doubts(diag)
+        if not doubt.harmless
+    ]
+    if suspects:
+        words = "Check the logs: "
+        return as_part((3, words + joined(suspects)), (11, words + suspects[0]))
+    if diag.before.hints:
+        return as_part((11, "Check the logs: a channel may not mean what its name says"))
+    return ()
+
+
+def _tables(diag: Findings) -> Part:
+    """That static tables say nothing of what takes time."""
+    return as_part((4, "The logs are tables without time")) if diag.before.tabular else ()
+
+
+def _odd_logs(diag: Findings) -> Part:
+    accused = [odd for odd in diag.odd_logs if odd.accused]
+    if not accused:
+        return ()
+    several = len(accused) > 1
+    are, deviate = ("are", "deviate") if several else ("is", "deviates")
+    apart = f", and {are} left out of the verdict" if diag.apart else ""
+    names = joined(odd.log for odd in accused)
+    some = f"{count_words(len(accused)).capitalize()} logs" if several else "A log"
+    return as_part(
+        (3, f"Log{'s' * several} {names} {deviate} from the others{apart}"),
+        (5, f"{some} {deviate} from the others"),
+    )
+
+
+def _caution(diag: Findings) -> Part:
+    """That the fit from which all numbers come may not be what it should."""
+    status = diag.fit.status
+    if not status.ok:
+        return as_part((11, f"Caution: {_UNFINISHED[status]}"))
+    if not diag.fit.coarse:
+        return ()
+    return as_part((11, "Caution: the last fit needs finer integrator steps"))
+
+
+def _bounds(diag: Findings) -> Part:
+    stopped = [
+        (name, amount)
+        for full, (name, amount, _) in stopped_parameters(diag.fit).items()
+        if full in diag.model.parameters
+    ]
+    if not stopped:
+        return ()
+    name, amount = stopped[0]
+    if len(stopped) > 1:
+        words = f"{joined(name for name, _ in stopped)} are at their bounds: widen these"
+        return as_part((3, words), (6, f"{name} is at its bound: widen it"))
+    words = f"{name} is at its bound"
+    return as_part((3, f"{words} of {amount}: widen it"), (6, f"{words}: widen it"))
+
+
+def _vanished(diag: Findings) -> Part:
+    """That the model does without a term with which it was given."""
+    return as_part(*((4, words.removesuffix(".")) for words in vanished_words(diag)))
+
+
+def _held(diag: Findings) -> Part:
+    if not diag.held:
+        return ()
+    (name, held), *others = diag.held.items()
+    fixed, wanted = distinct_numbers(held.value, held.wanted)
+    words = f"{name} is fixed at {fixed}; these logs suggest {wanted} {held.unit}".rstrip()
+    short = f"{name} is fixed; these logs suggest another value"
+    too = f", and others of {joined(name for name, _ in others)}" if others else ""
+    return as_part((3, words + too), (7, words), (12, short))
