@@ -120,8 +120,10 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     effects = [e for e in diag.fit.model.effects if e.name in diag.added]
     said = next((e for e in effects if re.fullmatch(_wording(e, diag.fit), m["what"])), None)
     named = [e for e in effects if in_words(e.name) in m["what"]]
-    if said is None and m["label"] == "Adds little" and named:
-        said, m = named[0], {**m.groupdict(), "what": ""}
+    if said is None and m["label"] == "Adds little" and named:  # their names alone
+        for effect in named:
+            yield from _adds_little(effect.name, diag)
+        return
     if said is None:
         yield f"added: {diag.added}"
         return

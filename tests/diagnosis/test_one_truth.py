@@ -9,19 +9,13 @@ import made_diagnosis as made
 import numpy as np
 import pytest
 from claims.about_errors import (
-<<<<<<< HEAD
+    BLOWING,
     MOVING,
     SAGGING,
     UNEVEN,
-    moving_water,
-    sagging_drive,
-=======
-    BLOWING,
-    MOVING,
-    UNEVEN,
     blowing_wind,
     moving_water,
->>>>>>> 734f060e (The answer as a stranger understood it: logs that look sound, which error falls on which logs, what adds little behind it, the size of what is left, effects by their names, a wind that no log measures)
+    sagging_drive,
     uneven_thrusters,
 )
 from one_truth import contradictions
