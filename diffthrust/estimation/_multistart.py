@@ -142,15 +142,16 @@ def search(
     progress: Progress | None = None,
     first: Solved | None = None,
     guesses: Sequence[np.ndarray] = (),
+    once: bool = False,
 ) -> Search:
     """Minimise from several starts.
 
     Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried on until
     little is left to be gained or they are no rivals, and the best of them to the end.
     While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
-    and then as many starts again are drawn, twice at most. ``first`` is the first start where it
-    was begun already. All ``guesses`` are carried on before any other start; where there are
-    some, one start less has to agree: they were not drawn, but known to be good.
+    and then as many starts again are drawn, twice at most, and not if ``once``. ``first`` is the
+    first start where it was begun already. All ``guesses`` are carried on before any other start;
+    where there are some, one start less has to agree: they were not drawn, but known to be good.
     """
     tell, enough = reporter(progress), _AGREED - bool(guesses)
     begun: list[Solved] = []
@@ -176,7 +177,7 @@ def search(
                 ended.append(carried_on(problem, candidate, ended))
             wanted -= 1
             say(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
-        if starts == 1 or _agreeing(ended) >= enough:
+        if starts == 1 or once or _agreeing(ended) >= enough:
             break
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))

@@ -85,7 +85,7 @@ def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_v
     followed, anew = search_of(10.0, 1.0), search_of(10.0 - deeper, 2.0)
     begun = []
 
-    def search(problem, starts, rng, guesses):
+    def search(problem, starts, rng, guesses, once):
         begun.append((problem, starts, guesses))
         return anew
 
