@@ -3,6 +3,8 @@
 import claims
 import numpy as np
 import pytest
+from reference import static_map
+from shared_data import data_folder
 
 import diffthrust as dft
 
@@ -64,3 +66,52 @@ def test_a_log_knows_that_it_is_a_table(tmp_path):
     flat = dft.Log(np.arange(600.0), {}, {"speed": steps}, static=True)
     assert not flat.holds  # equal rows are equal points, and no sensor that repeats its reading
     assert dft.Log(flat.time, {}, dict(flat.measured)).holds
+
+
+EFFECTS = {
+    "load_exponent": "exponent",
+    "linear_damping": "damping",
+    "reverse_thrust_asymmetry": "change",
+    "command_saturation": "limit",
+    "supply_voltage_sag": "share",
+    "command_deadband": "band",
+}
+"""The candidates, and what the plain map calls them."""
+
+
+@pytest.mark.slow
+def test_what_is_said_of_the_maps_of_a_t200(monkeypatch):
+    """Against a least squares of settled points, which knows no time at all."""
+    monkeypatch.setenv("DIFFTHRUST_DATA", str(data_folder("t200").parent))
+    maps = dict(dft.datasets.t200(held=0.25).logs)
+    unseen = [maps.pop(name) for name in ("14V", "20V")]
+    model = dft.Thruster(alpha=static_map.ALPHA, beta=600.0, ct=3.5e-4).fix("alpha")
+    diag = dft.diagnose(
+        model, [*maps.values()], holdout=unseen, candidates=list(EFFECTS), experiment=False
+    )
+    named = ["load_exponent", "supply_voltage_sag", "command_deadband", "reverse_thrust_asymmetry"]
+    assert {*diag.added} == {*named}
+    train, rest = points(maps.values()), points(unseen)
+    found = static_map.errors(rest, plain(train, named))
+    for channel, rmse in zip(("speed", "thrust"), found, strict=True):
+        assert diag.after.errors.channels[channel].rmse == pytest.approx(rmse, rel=0.02)
+    rival = static_map.errors(rest, plain(train, [*named[:3], "command_saturation"]))
+    assert rival[1] > 1.5 * found[1]
+    groups = {group[0]: group[1:] for group in diag.groups}
+    assert "command_saturation" not in groups["reverse_thrust_asymmetry"]
+    assert claims.contradictions(diag) == []
+
+
+def points(maps):
+    """The rows of maps that are held, each measured where its hold ends."""
+    rows = [
+        (m.inputs["command"][:-1], m.inputs["supply_voltage"][:-1], m.measured["speed"][1:],
+         m.measured["thrust"][1:])
+        for m in maps
+    ]  # fmt: skip
+    return static_map.Points(*map(np.concatenate, zip(*rows, strict=True)))
+
+
+def plain(train, effects):
+    further = [EFFECTS[name] for name in effects]
+    return static_map.fitted(train, [name for name in further if name in static_map.FURTHER])
