@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -244,8 +244,23 @@ def _ended(
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
     needed = substeps
     if task.checked:
-        # the log with the longest step tells how many integrator steps all of them need
-        k = max(range(len(runs)), key=lambda k: (runs[k].record.step, runs[k].time.size))
+        k = _most_demanding(runs)
         choice = step_choice(model, runs[k])
         runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
     return Optimum(search, final, horizon, silent, model, states, runs, substeps, needed, notes)
+
+
+def _most_demanding(runs: Sequence[Run]) -> int:
+    """The run that tells how many integrator steps all of them need.
+
+    That of the longest step, and among equal ones of the largest motion: loads are stiffer the
+    faster it is.
+    """
+    peaks = [_peaks(run) for run in runs]
+    largest = {name: max(p.get(name, 0.0) for p in peaks) for peak in peaks for name in peak}
+    motion = [sum(p / (largest[name] or 1.0) for name, p in peak.items()) for peak in peaks]
+    return max(range(len(runs)), key=lambda k: (runs[k].record.step, motion[k], runs[k].time.size))
+
+
+def _peaks(run: Run) -> dict[str, float]:
+    return {n: float(np.max(abs(np.nan_to_num(t.measured)))) for n, t in run.channels.items()}
