@@ -13,6 +13,7 @@ from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust.logs._columns import Column
+from diffthrust.logs._edits import check_shift, moved, without_stretch
 from diffthrust.logs._held import Hold, held_note, held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._rails import Railed, railed, railed_between, railed_note
@@ -458,6 +459,64 @@ class Log:
             inputs={key: value[keep] for key, value in self.inputs.items()},
             measured={key: value[keep] for key, value in self.measured.items()},
         )
+
+    def leave_out(self, start: float, stop: float, note: str = "") -> "Log":
+        """Leave a stretch out of fits and comparisons: nothing counts as measured there.
+
+        What drove the system stays, so that the simulation goes through it.
+
+        Args:
+            start: first moment to leave out, in seconds after the first time stamp.
+            stop: last moment to leave out, likewise.
+            note: why, kept with the log.
+
+        Returns:
+            A new log, with a note.
+
+        Raises:
+            InputError: no sample lies between them, or no other is left of a channel.
+
+        Example:
+            >>> log.leave_out(2.0, 3.0, "weed in the propeller").notes
+            ('2 to 3 s are left out: weed in the propeller.',)
+        """
+        emptied = without_stretch(self.name, self.time, self.measured, start, stop)
+        why = f": {note}" if note else ""
+        about = f"{start:g} to {stop:g} s are left out{why}".rstrip(".") + "."
+        return self.replaced(measured=emptied, notes=(*self.notes, about))
+
+    def shifted(self, seconds: float, *channels: str) -> "Log":
+        """Move channels in time, of a recorder whose clocks disagree.
+
+        Args:
+            seconds: by how much they come later; below zero for earlier.
+            *channels: inputs or measured channels; those named together move together.
+
+        Returns:
+            A new log, with a note. A measured channel is missing, and an input keeps its first or
+            last value, where it would lie outside the log.
+
+        Raises:
+            InputError: no finite number, or no channel of the log.
+
+        Example:
+            >>> late = log.shifted(0.1, "speed", "thrust")  # by two samples
+            >>> bool(late.measured["speed"][2] == log.measured["speed"][0])
+            True
+        """
+        check_shift(self.name, seconds, channels, [*self.inputs, *self.measured])
+        inputs, measured = dict(self.inputs), dict(self.measured)
+        for channel in channels:
+            series = inputs if channel in inputs else measured
+            held = self.hold.get(channel) == "zero" or channel in self.holds
+            unit = self.units[channel]
+            series[channel] = moved(self.time, series[channel], seconds, held=held, unit=unit)
+        for channel, values in inputs.items():
+            known = np.flatnonzero(np.isfinite(values))
+            ends = np.clip(np.arange(len(self)), *known[[0, -1]]) if known.size else slice(None)
+            inputs[channel] = values[ends]
+        note = f"{listing(channels)} moved by {seconds:+g} s."
+        return self.replaced(inputs=inputs, measured=measured, notes=(*self.notes, note))
 
     def averaged(self, samples: int) -> "Log":
         """Average blocks of samples into one, for a log sampled faster than the system moves.

@@ -91,6 +91,19 @@ class TimePart(_Part):
     """The format of dates that do not begin with the year, as in ``strptime``."""
 
 
+class LeaveOutPart(_Part):
+    """``leave_out = [{ log = "run1.csv", start = 3, stop = 5, note = "weed" }]``."""
+
+    log: str
+    """Name of the log, as reports give it: its file."""
+    start: float
+    """First moment to leave out, in seconds after the first sample."""
+    stop: float
+    """Last moment to leave out, likewise."""
+    note: str = ""
+    """Why."""
+
+
 class LogsPart(_Part):
     """``[logs]``: which files, and how they are read; ``base`` and below are of robots' logs.
 
@@ -115,6 +128,8 @@ class LogsPart(_Part):
     """Leave out what comes before [s]."""
     stop: float | None = None
     """Leave out what comes after [s]."""
+    leave_out: list[LeaveOutPart] = []
+    """Stretches in which nothing counts as measured."""
     rate: Annotated[float, Field(gt=0)] | None = None
     """Samples a second to bring the logs to, by means: for rows merged from several messages."""
     base: str | float | None = None
@@ -172,10 +187,12 @@ class ChannelPart(_Part):
     """Where the range of the sensor ends, low and high; ``inf`` where it does not."""
     censored: bool = False
     """Samples at a rail count as "at least" or "at most" it."""
+    shift: float = 0.0
+    """Seconds by which it comes later; below zero for earlier."""
 
     def as_column(self) -> Column:
         """The column that it describes."""
-        fields = {key: getattr(self, key) for key in self.model_fields_set if key != "role"}
+        fields = {key: getattr(self, key) for key in self.model_fields_set - {"role", "shift"}}
         if self.pwm is not None:
             fields["pwm"] = PWM(**self.pwm.model_dump())
         return Column(**{key: value for key, value in fields.items() if value is not None})

@@ -102,11 +102,14 @@ class Spec(Brief):
         """Read the unseen logs; there may be none."""
         return tuple(self._read(path) for path in self.holdout)
 
+    def log_name(self, path: Path) -> str:
+        """The name of the log in one of the files, as reports give it."""
+        # Folders day1/ and day2/ often hold a log.csv each: reports must keep them apart.
+        unique = sum(file.name == path.name for file in (*self.train, *self.holdout)) == 1
+        return path.name if unique else f"{path.parent.name}/{path.name}"
+
     def _read(self, path: Path) -> Log:
         logs = self.file.logs
-        files = [*self.train, *self.holdout]
-        # Folders day1/ and day2/ often hold a log.csv each: reports must keep them apart.
-        unique = sum(file.name == path.name for file in files) == 1
         try:
             read, more = self._reader(path)
             log = read(
@@ -118,12 +121,26 @@ class Spec(Brief):
                 start=logs.start,
                 stop=logs.stop,
                 rate=logs.rate,
-                name=path.name if unique else f"{path.parent.name}/{path.name}",
+                name=self.log_name(path),
                 **more,
             )
             self._check_units(log)
         except InputError as error:
             raise self._placed(error) from None
+        return self._edited(log)
+
+    def _edited(self, log: Log) -> Log:
+        """The log with its channels moved, and without the stretches that are left out."""
+        for name, channel in self.file.channels.items():
+            if channel.shift:
+                log = log.shifted(channel.shift, name)
+        for index, stretch in enumerate(self.file.logs.leave_out):
+            if stretch.log == log.name:
+                try:
+                    log = log.leave_out(stretch.start, stretch.stop, stretch.note)
+                except InputError as error:
+                    loc = ("logs", "leave_out", index)
+                    raise _with_place(self.text, self.path, loc, error) from None
         return log
 
     def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
@@ -299,7 +316,7 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
             "an unseen log must not be one.",
             "Take it out of one of the two lists.",
         )
-    return Spec(
+    spec = Spec(
         path=path,
         text=text,
         file=file,
@@ -309,6 +326,16 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
         train=train,
         holdout=holdout,
     )
+    names = [spec.log_name(file) for file in (*train, *holdout)]
+    for index, stretch in enumerate(file.logs.leave_out):
+        if stretch.log not in names:
+            near = nearest(stretch.log, names)
+            raise InputError(
+                f"{line_of(text, path, ('logs', 'leave_out', index))}: the spec has no log "
+                f"{stretch.log!r}{'; ' + near if near else ''}.",
+                f"Correct the name; there are {listing(names)}.",
+            )
+    return spec
 
 
 def _with_place(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:

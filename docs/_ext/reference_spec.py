@@ -19,6 +19,7 @@ TABLES = {
     "The top of the file": _parts.SpecFile,
     "[logs]": _parts.LogsPart,
     "time, where it is a table": _parts.TimePart,
+    "leave_out": _parts.LeaveOutPart,
     "[channels.NAME]": _parts.ChannelPart,
     "pwm": _parts.PWMPart,
     "[parameters]": _parts.ParameterPart,

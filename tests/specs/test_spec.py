@@ -353,3 +353,35 @@ def test_a_defect_of_a_log_is_told_with_the_line_that_names_its_column(
     start = "time" if table == "logs.time" else name
     line = 1 + next(k for k in range(header, len(rows)) if rows[k].startswith(f"{start} ="))
     assert caught.value.problem.endswith(f" It is named in {spec.path}, line {line}, {key}.")
+
+
+EDITED = GOOD.replace(
+    'holdout = ["run2.csv"]',
+    'holdout = ["run2.csv"]\nleave_out = [{ log = "run2.csv", start = 0.2, stop = 0.4, '
+    'note = "weed" }]',
+).replace('unit = "rpm"', 'unit = "rpm"\nshift = 0.08', 1)
+
+
+def test_a_spec_moves_channels_and_leaves_stretches_out(folder):
+    (folder / "plain.toml").write_text(GOOD)
+    (folder / "edited.toml").write_text(EDITED)
+    plain, edited = load_spec(folder / "plain.toml"), load_spec(folder / "edited.toml")
+    (train,), (unseen,) = edited.train_logs(), edited.holdout_logs()
+    assert train.notes == ("'speed' moved by +0.08 s.",)
+    assert unseen.notes[-1] == "0.2 to 0.4 s are left out: weed."
+    before = plain.train_logs()[0].measured["speed"]
+    np.testing.assert_allclose(train.measured["speed"][2:], before[:-2])
+    assert np.isnan(unseen.measured["speed"][5:11]).all()
+    assert np.isfinite(unseen.measured["speed"][[4, 11]]).all()
+    assert plain.sha256 != edited.sha256
+
+
+def test_a_stretch_of_a_log_that_is_not_in_the_spec_is_refused(folder):
+    (folder / "fit.toml").write_text(EDITED.replace('log = "run2.csv"', 'log = "run22.csv"'))
+    with pytest.raises(InputError, match=r"line 7, logs.leave_out: the spec has no log 'run22.csv'"):
+        load_spec(folder)
+    (folder / "fit.toml").write_text(
+        EDITED.replace("start = 0.2", "start = 20").replace("0.4", "30")
+    )
+    with pytest.raises(InputError, match=r"line 7.*expected samples between 20 and 30 s"):
+        load_spec(folder).holdout_logs()
