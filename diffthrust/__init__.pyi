@@ -21,6 +21,7 @@ from . import soundness as soundness
 from . import specs as specs
 from . import survey as survey
 from . import uncertainty as uncertainty
+from . import workbench as workbench
 from ._support.errors import InputError as InputError
 from .comparison._compare import Comparison as Comparison
 from .comparison._compare import compare as compare

@@ -378,7 +378,7 @@ def test_a_spec_moves_channels_and_leaves_stretches_out(folder):
 
 def test_a_stretch_of_a_log_that_is_not_in_the_spec_is_refused(folder):
     (folder / "fit.toml").write_text(EDITED.replace('log = "run2.csv"', 'log = "run22.csv"'))
-    with pytest.raises(InputError, match=r"line 7, logs.leave_out: the spec has no log 'run22.csv'"):
+    with pytest.raises(InputError, match=r"line 7, logs.leave_out: .* has no log 'run22.csv'"):
         load_spec(folder)
     (folder / "fit.toml").write_text(
         EDITED.replace("start = 0.2", "start = 20").replace("0.4", "30")

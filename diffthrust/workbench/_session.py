@@ -1,0 +1,332 @@
+"""The state of a workbench, without a browser: what was opened, what was changed, what came out.
+
+Everything that is worked out is a public call of the library, `fit`, `compare` or `diagnose`, made
+by a `Task`, which is frozen: it may run in another thread while the session goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.progress import ProgressOption
+from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.diagnosis._candidates import candidates_of
+from diffthrust.diagnosis._diagnose import diagnose
+from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.estimation._fit import fit
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._log import Log
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._commands import adopted
+from diffthrust.simulation._record import bind
+from diffthrust.workbench._source import Source
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a log: seconds after its first sample, and why it is left out."""
+
+    log: str
+    start: float
+    stop: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a user has chosen; undo and redo go from one to another.
+
+    Args:
+        effects: names of the effects in the model, in the order in which they were added.
+        values: parameters that are not as they were opened, by full name, in the model's units.
+        moved: some of these were moved since the last fit.
+        left_out: stretches that do not count as measured.
+        shifts: seconds by which channels come later.
+    """
+
+    effects: tuple[str, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    moved: bool = False
+    left_out: tuple[Stretch, ...] = ()
+    shifts: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def fitted_by(self) -> tuple[object, ...]:
+        """What a fit depends on besides where it begins."""
+        return self.effects, self.left_out, tuple(sorted(self.shifts.items()))
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the staircase: the errors of the model with some effects.
+
+    Args:
+        added: the effect that it has more than the step before; empty for the first.
+        fit: its fit.
+    """
+
+    added: str
+    fit: Fit
+
+    @property
+    def unseen(self) -> float:
+        """NRMSE over the unseen logs, or over the training logs where there are none."""
+        return (self.fit.holdout or self.fit.train).nrmse
+
+
+@dataclass(frozen=True)
+class Task:
+    """A setup with its model and logs: what fits, comparisons and diagnoses are made of."""
+
+    source: Source
+    setup: Setup
+
+    @cached_property
+    def model(self) -> Model:
+        """The model with the effects and values of the setup."""
+        model, effects = self.source.model, self.setup.effects
+        for effect in model.effects:
+            if effect.name not in effects:
+                model = model - effect.name
+        present = [effect.name for effect in model.effects]
+        for name in effects:
+            if name not in present:
+                model = model + name
+        has = model.parameters
+        return model.replace({n: v for n, v in self.setup.values.items() if n in has})
+
+    @cached_property
+    def train(self) -> tuple[Log, ...]:
+        """The training logs, shifted, and without what is left out."""
+        return tuple(map(self._edited, self.source.train))
+
+    @cached_property
+    def unseen(self) -> tuple[Log, ...]:
+        """The unseen logs likewise."""
+        return tuple(map(self._edited, self.source.unseen))
+
+    @property
+    def logs(self) -> tuple[Log, ...]:
+        """All of them, the training logs first."""
+        return (*self.train, *self.unseen)
+
+    def _edited(self, log: Log) -> Log:
+        for channel, seconds in self.setup.shifts.items():
+            if channel in log.inputs or channel in log.measured:
+                log = log.shifted(seconds, channel)
+        for stretch in self.setup.left_out:
+            if stretch.log == log.name:
+                log = log.leave_out(stretch.start, stretch.stop, stretch.note)
+        return log
+
+    def fit(self, progress: ProgressOption = None) -> Fit:
+        """The model fitted to the training logs, from the present values."""
+        options = self.source.options
+        return fit(self.model, self.train, holdout=self.unseen, progress=progress, **options)
+
+    def compare(self, like: Comparison | None = None) -> Comparison:
+        """The model held against all logs.
+
+        Args:
+            like: one of the same logs and effects, whose integrator steps and initial states are
+                taken: a slider asks for thirty of these a second.
+        """
+        model = adopted(self.model, self.train)
+        if like is None:
+            return compare(model, self.logs)
+        starts = [{n: run.start[n] for n in run.estimated} for run in like.runs]
+        steps = max(run.substeps for run in like.runs)
+        return compare(model, self.logs, initial=starts, substeps=steps)
+
+    def diagnose(self, start: Fit | None = None, progress: ProgressOption = None) -> Diagnosis:
+        """What the model lacks, beginning from a fit of it where there is one."""
+        return diagnose(
+            start or self.model, self.train, holdout=self.unseen or None, progress=progress
+        )
+
+    def diagnose_stretch(self, stretch: Stretch, progress: ProgressOption = None) -> Diagnosis:
+        """What the model lacks on one stretch of one log alone."""
+        log = next(log for log in self.logs if log.name == stretch.log)
+        inside = log.slice(stretch.start, stretch.stop)
+        model = adopted(self.model, self.train)
+        return diagnose(model, inside, experiment=False, progress=progress)
+
+    @cached_property
+    def addable(self) -> tuple[tuple[Effect, ...], Mapping[str, str]]:
+        """The effects that may be added, and those that these logs cannot test, with the reason."""
+        model = adopted(self.source.model, self.source.train)
+        bare = model
+        for effect in model.effects:
+            bare = bare - effect.name
+        tried, untestable = candidates_of(bare, bind(bare, self.logs))
+        catalogued = {effect.name for effect in tried}
+        own = tuple(effect for effect in model.effects if effect.name not in catalogued)
+        return (*own, *tried), untestable
+
+
+class Session:
+    """A workbench: a source, the present setup, its history, and the fits made so far.
+
+    Args:
+        source: what was opened.
+
+    Example:
+        >>> session = dft.workbench.Session(dft.workbench.Source("demo", dft.Thruster(), (log,)))
+        >>> session.accept(session.task, session.task.fit())
+        >>> session.tick("command_deadband")
+        >>> print(session.task.model)
+        thruster + command_deadband
+        >>> session.undo()
+        >>> print(session.task.model), [step.added for step in session.staircase]
+        thruster
+        (None, [''])
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.setup = Setup(effects=tuple(effect.name for effect in source.model.effects))
+        self.undone: list[Setup] = []
+        self.earlier: list[Setup] = []
+        self.fits: dict[tuple[object, ...], Fit] = {}
+        self.diagnosis: Diagnosis | None = None
+        self._task: Task | None = None
+        if source.fit is not None:
+            self.accept(self.task, source.fit)
+        if source.diagnosis is not None:
+            self.accept_diagnosis(self.task, source.diagnosis)
+
+    @property
+    def task(self) -> Task:
+        """The present setup, to be worked on."""
+        if self._task is None or self._task.setup is not self.setup:
+            self._task = Task(self.source, self.setup)
+        return self._task
+
+    @property
+    def fit(self) -> Fit | None:
+        """The fit of the present model to the present logs, if it was made."""
+        return self.fits.get(self.setup.fitted_by)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the present values are those of this fit."""
+        return self.fit is not None and not self.setup.moved
+
+    @property
+    def staircase(self) -> tuple[Step, ...]:
+        """The fits of the model with one effect after the other, as far as they were made."""
+        effects, steps = self.setup.effects, []
+        for count in range(len(effects) + 1):
+            key = replace(self.setup, effects=effects[:count]).fitted_by
+            if key in self.fits:
+                steps.append(Step(effects[count - 1] if count else "", self.fits[key]))
+        return tuple(steps)
+
+    # -- changes, each of which can be undone ----------------------------------------------------
+
+    def tick(self, name: str) -> None:
+        """Add an effect.
+
+        Raises:
+            InputError: it is not one of those that can be added.
+        """
+        if name in self.setup.effects:
+            return
+        if name not in [effect.name for effect in self.task.addable[0]]:
+            why = self.task.addable[1].get(name, "the model has no port for it")
+            raise InputError(f"The effect {name!r} cannot be added: {why}.", "Choose another.")
+        self._change(replace(self.setup, effects=(*self.setup.effects, name)), replace_values=True)
+
+    def untick(self, name: str) -> None:
+        """Take an effect back."""
+        kept = tuple(effect for effect in self.setup.effects if effect != name)
+        self._change(replace(self.setup, effects=kept), replace_values=True)
+
+    def tick_all(self, names: Sequence[str]) -> None:
+        """Add several effects as one change, as those that a diagnosis has found."""
+        more = tuple(name for name in names if name not in self.setup.effects)
+        effects = (*self.setup.effects, *more)
+        self._change(replace(self.setup, effects=effects), replace_values=True)
+
+    def move(self, values: Mapping[str, float]) -> None:
+        """Set parameters, by full name.
+
+        Raises:
+            InputError: a value outside its bounds, or a name that the model does not have.
+        """
+        _ = self.task.model.replace(dict(values))
+        moved = replace(self.setup, values={**self.setup.values, **values}, moved=True)
+        self._change(moved)
+
+    def leave_out(self, stretch: Stretch) -> None:
+        """Leave a stretch out of fits and comparisons.
+
+        Raises:
+            InputError: there is no such stretch, or nothing is left beside it.
+        """
+        self._change(replace(self.setup, left_out=(*self.setup.left_out, stretch)))
+
+    def take_in(self, index: int) -> None:
+        """Take a stretch in again that was left out, by its place in the list."""
+        kept = tuple(s for i, s in enumerate(self.setup.left_out) if i != index)
+        self._change(replace(self.setup, left_out=kept))
+
+    def shift(self, seconds: float, *channels: str) -> None:
+        """Move channels in time, together: to come later by so many seconds than recorded.
+
+        Raises:
+            InputError: no number, or no channel of the logs.
+        """
+        shifts = {**self.setup.shifts, **dict.fromkeys(channels, seconds)}
+        shifts = {channel: by for channel, by in shifts.items() if by}
+        for log in self.source.train:
+            _ = log.shifted(seconds, *channels)
+        self._change(replace(self.setup, shifts=shifts))
+
+    def _change(self, setup: Setup, *, replace_values: bool = False) -> None:
+        if setup == self.setup:
+            return
+        _ = Task(self.source, setup).logs, Task(self.source, setup).model  # says what is wrong
+        if replace_values and (known := self.fits.get(setup.fitted_by)):
+            setup = replace(setup, values=_values(known), moved=False)
+        self.earlier.append(self.setup)
+        self.undone.clear()
+        self.setup = setup
+
+    def undo(self) -> None:
+        """Go back by one change."""
+        if self.earlier:
+            self.undone.append(self.setup)
+            self.setup = self.earlier.pop()
+
+    def redo(self) -> None:
+        """Go forward again."""
+        if self.undone:
+            self.earlier.append(self.setup)
+            self.setup = self.undone.pop()
+
+    # -- what was worked out ---------------------------------------------------------------------
+
+    def accept(self, task: Task, result: Fit) -> None:
+        """Keep a fit; its values are taken if the setup asks for them still."""
+        self.fits[task.setup.fitted_by] = result
+        if task.setup.fitted_by == self.setup.fitted_by and task.setup.values == self.setup.values:
+            self.setup = replace(self.setup, values=_values(result), moved=False)
+
+    def accept_diagnosis(self, task: Task, diagnosis: Diagnosis) -> None:
+        """Keep a diagnosis, and the fits of its stages, which are steps of the staircase."""
+        self.diagnosis = diagnosis
+        testable = {effect.name for effect in task.addable[0]}
+        for stage in diagnosis.stages:
+            effects = (*task.setup.effects, *stage.effects)
+            if set(stage.effects) <= testable:
+                key = replace(task.setup, effects=effects).fitted_by
+                self.fits.setdefault(key, stage.fit)
+
+
+def _values(result: Fit) -> dict[str, float]:
+    return {name: estimate.value for name, estimate in result.parameters.items()}

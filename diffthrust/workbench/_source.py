@@ -1,0 +1,175 @@
+"""What a workbench is opened with: a spec, a log, or a saved or present fit or diagnosis."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import short_repr
+from diffthrust._support.results import Brief
+from diffthrust._support.saved_file import read_saved
+from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._kinds import is_log
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.saved._load import load
+from diffthrust.saved._spec_of_fit import fitted_spec
+from diffthrust.specs._file import NAME, parse_spec, read_spec_text
+from diffthrust.specs._scripts import script_file
+from diffthrust.specs._spec import Spec, load_spec
+from diffthrust.survey._look import look
+
+
+@dataclass(frozen=True, repr=False)
+class Source(Brief):
+    """A model with its logs, as they were opened.
+
+    Args:
+        name: what the page is called.
+        model: the model with its effects.
+        train: the training logs.
+        unseen: the logs that fits do not see.
+        spec: the spec file that they are from; ``None`` for objects of Python.
+        drafted: the spec was drafted from bare logs, and lies in a temporary folder.
+        fit: a fit that exists already.
+        diagnosis: a diagnosis that exists already.
+        options: arguments of `fit`.
+    """
+
+    name: str
+    model: Model
+    train: tuple[Log, ...]
+    unseen: tuple[Log, ...] = ()
+    spec: Spec | None = None
+    drafted: bool = False
+    fit: Fit | None = None
+    diagnosis: Diagnosis | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def opened(
+    what: object,
+    logs: Log | Sequence[Log] = (),
+    holdout: Log | Sequence[Log] = (),
+    trust: Sequence[Path | str] = (),
+) -> Source:
+    """Open a spec file, a log or several, a saved result, or an object of the library.
+
+    Args:
+        what: the path of a spec, of its folder, of a log or of a folder of logs, or of what
+            ``save`` has written; or a `Spec`, `Fit`, `Diagnosis` or `Model`.
+        logs: training logs, for a model, and for a fit that does not keep its own.
+        holdout: unseen logs, likewise.
+        trust: folders whose scripts a spec may run.
+
+    Raises:
+        InputError: it cannot be opened; it names a script outside the trusted folders; no logs.
+    """
+    train, unseen = ((x,) if isinstance(x, Log) else tuple(x) for x in (logs, holdout))
+    if isinstance(what, str | PathLike):
+        return _of_path(Path(what), trust)
+    if isinstance(what, Spec):
+        return _of_spec(what)
+    if isinstance(what, Fit):
+        count = len(what.data)
+        train, unseen = train or what.logs[:count], unseen or what.logs[count:]
+        found = Source(what.model.name, what.model, train, unseen, fit=what, options=what.options)
+    elif isinstance(what, Diagnosis):
+        found = _of_diagnosis(what)
+    elif isinstance(what, Model):
+        found = Source(what.name, what, train, unseen)
+    else:
+        raise InputError(
+            f"expected a spec, a log, a fit, a diagnosis or a model, found {short_repr(what)}.",
+            "Name a file, or give one of these objects.",
+        )
+    if not found.train:
+        raise InputError(
+            f"{found.name}: expected training logs, found none.",
+            "Give them: explore(model, logs, holdout=...).",
+        )
+    return found
+
+
+def _of_path(path: Path, trust: Sequence[Path | str]) -> Source:
+    folder_of_logs = path.is_dir() and not (path / NAME).is_file()
+    if path.suffix.lower() == ".json":
+        return _of_saved(path, trust)
+    if path.suffix.lower() != ".toml" and (folder_of_logs or (path.is_file() and is_log(path))):
+        return _of_logs(path)
+    _refuse_scripts(path / NAME if path.is_dir() else path, trust)
+    return _of_spec(load_spec(path, trust=trust))
+
+
+def _refuse_scripts(file: Path, trust: Sequence[Path | str]) -> None:
+    """Raise `InputError` for a spec that names a script outside the trusted folders.
+
+    Elsewhere a spec's own folder is trusted. A page that is opened to look at a log should not run
+    what came with it.
+    """
+    places = [Path(place).resolve() for place in trust]
+    for word in parse_spec(read_spec_text(file), file).words:
+        script = script_file(word, file.parent)
+        if script and not any(script.resolve().is_relative_to(place) for place in places):
+            raise InputError(
+                f"{file}: it names the script {script.name}, which the workbench does not run.",
+                f"Read it; then trust its folder: --trust {script.parent}",
+            )
+
+
+def _of_spec(
+    spec: Spec, *, drafted: bool = False, name: str = "", fit: Fit | None = None
+) -> Source:
+    return Source(
+        name or spec.name,
+        spec.model,
+        spec.train_logs(),
+        spec.holdout_logs(),
+        spec=spec,
+        drafted=drafted,
+        fit=fit,
+        options=spec.file.fit.model_dump(exclude_unset=True),
+    )
+
+
+def _of_logs(path: Path) -> Source:
+    """Bare logs: the spec that `look` drafts, in a folder that nobody has to clear up."""
+    survey = look(path)
+    if survey.model is None:
+        raise InputError(
+            f"{path}: no model suits its columns.", f"See what they are: diffthrust look {path}"
+        )
+    folder = Path(tempfile.mkdtemp(prefix="diffthrust-"))
+    return _of_spec(load_spec(survey.save_spec(folder / NAME)), drafted=True, name=path.stem)
+
+
+def _of_saved(path: Path, trust: Sequence[Path | str]) -> Source:
+    document = read_saved(path)
+    if document["kind"] == "diagnosis":
+        return _of_diagnosis(load(path, trust=trust))
+    named = Path((document["origin"] or {}).get("spec_file") or "")
+    for place in (named, path.parent / named.name):
+        if place.is_file():
+            _refuse_scripts(place, trust)
+    spec, fit = fitted_spec(path, trust)
+    return _of_spec(spec, fit=fit)
+
+
+def _of_diagnosis(diagnosis: Diagnosis) -> Source:
+    """The logs with which a diagnosis was compared, and what it found."""
+    unseen = diagnosis.stages[0].holdout is not None
+    trained = diagnosis.trained[0] if diagnosis.trained else diagnosis.before
+    return Source(
+        diagnosis.model.name,
+        diagnosis.model,
+        tuple(run.record.log for run in trained.runs),
+        tuple(run.record.log for run in diagnosis.before.runs) if unseen else (),
+        fit=diagnosis.stages[0].fit,
+        diagnosis=diagnosis,
+    )

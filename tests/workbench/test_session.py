@@ -1,0 +1,266 @@
+"""The state of a workbench: changes, undo, the staircase, and what is saved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import command_line
+import example_names
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust.workbench import Session, Source, Stretch
+from diffthrust.workbench._leaving import save, script, spec_text  # private: the page's buttons
+from diffthrust.workbench._source import opened  # private: `explore` opens by it
+
+
+@pytest.fixture(scope="module")
+def lacking(tmp_path_factory) -> Path:
+    """A folder with a spec of two logs of a thruster that ignores small commands."""
+    folder = tmp_path_factory.mktemp("lacking")
+    for log, name in zip(example_names.lacking(), ("run1.csv", "run2.csv"), strict=True):
+        rows = zip(log.time, *log.inputs.values(), *log.measured.values(), strict=True)
+        lines = [",".join(f"{number:.6f}" for number in row) for row in rows]
+        (folder / name).write_text("\n".join(["time,command,speed,thrust", *lines, ""]))
+    (folder / "fit.toml").write_text(f"# by hand\n{example_names.SPEC}")
+    return folder
+
+
+@pytest.fixture
+def session(lacking) -> Session:
+    return Session(opened(lacking))
+
+
+def fitted(session: Session) -> Session:
+    task = session.task
+    session.accept(task, task.fit())
+    return session
+
+
+# -- opening ---------------------------------------------------------------------------------------
+
+
+def test_a_spec_is_opened_with_its_logs_and_options(lacking):
+    source = opened(str(lacking))
+    assert (source.name, [log.name for log in source.train]) == (lacking.name, ["run1.csv"])
+    assert source.options == {"starts": 2}
+    assert source.unseen[0].name == "run2.csv"
+
+
+def test_bare_logs_are_opened_by_the_drafted_spec(lacking):
+    one = opened(lacking / "run1.csv")
+    assert (one.name, one.model.name, one.drafted) == ("run1", "thruster", True)
+    folder = lacking / "logs"
+    folder.mkdir()
+    for name in ("run1.csv", "run2.csv"):
+        (folder / name).write_bytes((lacking / name).read_bytes())
+    several = opened(folder)
+    assert [log.name for log in (*several.train, *several.unseen)] == ["run1.csv", "run2.csv"]
+
+
+def test_a_fit_and_a_diagnosis_are_opened_with_what_they_know():
+    fit, diag = example_names.fit(), example_names.diag()
+    of_fit = Session(opened(fit))
+    assert of_fit.fitted
+    assert of_fit.fit is fit
+    assert of_fit.source.unseen == (example_names.unseen(),)
+    of_diagnosis = Session(opened(diag))
+    assert of_diagnosis.diagnosis is diag
+    of_diagnosis.tick("command_deadband")
+    assert [step.added for step in of_diagnosis.staircase] == ["", "command_deadband"]
+    assert of_diagnosis.staircase[1].unseen < 0.5 * of_diagnosis.staircase[0].unseen
+
+
+def test_what_cannot_be_opened_is_said(tmp_path):
+    with pytest.raises(dft.InputError, match="expected a spec, a log, a fit"):
+        opened(3)
+    with pytest.raises(dft.InputError, match="expected training logs, found none"):
+        opened(dft.Thruster())
+
+
+def test_a_script_is_run_only_from_a_trusted_folder(lacking, tmp_path):
+    ran = tmp_path / "ran"
+    code = (
+        f"from pathlib import Path\nPath({str(ran)!r}).touch()\nfrom diffthrust import Thruster\n"
+    )
+    (tmp_path / "own.py").write_text(f"{code}class Mine(Thruster):\n    '''Mine.'''\n")
+    text = (lacking / "fit.toml").read_text().replace('"thruster"', '"own.py:Mine"')
+    (tmp_path / "fit.toml").write_text(text)
+    for name in ("run1.csv", "run2.csv"):
+        (tmp_path / name).write_bytes((lacking / name).read_bytes())
+    with pytest.raises(dft.InputError, match=r"script own.py, which the workbench does not run"):
+        opened(tmp_path)
+    assert not ran.exists()
+    assert opened(tmp_path, trust=[tmp_path]).model.name == "thruster"
+    assert ran.exists()
+
+
+# -- changes ---------------------------------------------------------------------------------------
+
+
+def test_a_tick_and_a_fit_make_a_step_down_and_an_untick_takes_it_back(session):
+    fitted(session)
+    session.tick("command_deadband")
+    assert not session.fitted
+    fitted(session)
+    first, second = session.staircase
+    assert (first.added, second.added) == ("", "command_deadband")
+    assert second.unseen < 0.5 * first.unseen
+    assert session.setup.values["command_deadband.half_width"] == pytest.approx(0.4, abs=0.05)
+    session.untick("command_deadband")
+    assert session.staircase == (first,)
+    assert session.setup.values["alpha"] == first.fit.parameters["alpha"].value
+    session.tick("command_deadband")  # fitted before: nothing is fitted again
+    assert session.fitted
+    assert session.staircase == (first, second)
+
+
+def test_every_change_is_undone_and_done_again(session):
+    setups = [session.setup]
+    for change in (
+        lambda: session.tick("actuator_lag"),
+        lambda: session.move({"alpha": 0.05}),
+        lambda: session.leave_out(Stretch("run1.csv", 1.0, 2.0, "weed")),
+        lambda: session.shift(0.1, "speed", "thrust"),
+        lambda: session.take_in(0),
+        lambda: session.untick("actuator_lag"),
+    ):
+        change()
+        setups.append(session.setup)
+    assert len({setup.fitted_by for setup in setups}) == 6  # all but the slider ask for a fit
+    for setup in reversed(setups[:-1]):
+        session.undo()
+        assert session.setup == setup
+    session.undo()  # there is nothing more
+    for setup in setups[1:]:
+        session.redo()
+        assert session.setup == setup
+    session.undo()
+    session.move({"beta": 40.0})
+    session.redo()  # nothing to do again after another change
+    assert session.setup.values["beta"] == 40.0
+
+
+def test_a_fit_that_comes_late_is_kept_and_takes_no_slider_back(session):
+    task, fit = session.task, session.task.fit()
+    session.move({"alpha": 0.05})
+    session.accept(task, fit)
+    assert session.setup.values == {"alpha": 0.05}
+    assert session.fit is fit
+    assert not session.fitted
+
+
+def test_refused_changes_change_nothing(session):
+    before = session.setup
+    for change, expected in (
+        (lambda: session.tick("wind"), "'wind' cannot be added"),
+        (lambda: session.move({"alpha": -1.0}), "expected a value within"),
+        (lambda: session.leave_out(Stretch("run1.csv", 90.0, 99.0)), "expected samples between"),
+        (lambda: session.shift(0.1, "rpm"), "expected channels to shift"),
+    ):
+        with pytest.raises(dft.InputError, match=expected):
+            change()
+        assert session.setup is before
+        assert not session.earlier
+
+
+def test_left_out_stretches_and_shifts_reach_the_logs(session):
+    session.leave_out(Stretch("run2.csv", 1.0, 2.0, "weed"))
+    session.shift(0.1, "speed", "thrust")
+    (train,), (unseen,) = session.task.train, session.task.unseen
+    assert train.notes == ("'speed' moved by +0.1 s.", "'thrust' moved by +0.1 s.")
+    assert unseen.notes[-1] == "1 to 2 s are left out: weed."
+    assert np.isnan(unseen.measured["speed"][20:41]).all()
+
+
+def test_a_slider_keeps_steps_and_starts_and_gives_the_same_comparison(session):
+    fitted(session)
+    like = session.task.compare()
+    session.move({"alpha": 0.05})
+    quick, slow = session.task.compare(like), session.task.compare()
+    for fast, full in zip(quick.runs, slow.runs, strict=True):
+        np.testing.assert_allclose(fast.channels["speed"].modelled, full.channels["speed"].modelled)
+    assert quick.errors.nrmse > like.errors.nrmse
+
+
+def test_a_stretch_is_diagnosed_alone(session, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "diffthrust.workbench._session.diagnose", lambda *a, **k: asked.append((a, k))
+    )
+    session.task.diagnose_stretch(Stretch("run2.csv", 2.0, 6.0))
+    ((_, log), options) = asked[0]
+    assert (log.name, log.duration) == ("run2.csv", pytest.approx(4.0))
+    assert options["experiment"] is False
+
+
+# -- leaving ---------------------------------------------------------------------------------------
+
+
+def test_what_is_saved_is_accepted_by_check_and_opened_again(session, tmp_path):
+    fitted(session)
+    session.tick("command_deadband")
+    session.leave_out(Stretch("run2.csv", 1.0, 2.0, 'weed "in" the propeller'))
+    session.shift(0.05, "thrust")
+    fitted(session)
+    paths = save(session, tmp_path / "explored")
+    assert sorted(p.name for p in paths) == ["fit.json", "fit.toml", "report.html", "script.py"]
+    command_line.run("check", tmp_path / "explored")
+    again = Session(opened(tmp_path / "explored"))
+    assert again.setup.effects == ("command_deadband",)
+    assert "# by hand" in again.source.spec.text
+    for old, new in zip(session.task.logs, again.task.logs, strict=True):
+        assert old.sha256 == new.sha256
+    assert Session(opened(tmp_path / "explored" / "fit.json")).fit.parameters == (
+        session.fit.parameters
+    )
+    again = fitted(again)
+    assert again.fit.holdout.nrmse == pytest.approx(session.fit.holdout.nrmse, rel=1e-4)
+    again.untick("command_deadband")
+    fitted(again)
+    save(again, tmp_path / "explored")  # it may overwrite its own
+    assert "command_deadband" not in (tmp_path / "explored" / "fit.toml").read_text()
+
+
+def test_a_spec_that_somebody_has_written_is_not_overwritten(session, lacking):
+    with pytest.raises(dft.InputError, match="is not fitted"):
+        save(session, lacking)
+    before = (lacking / "fit.toml").read_text()
+    with pytest.raises(dft.InputError, match="nothing that somebody has written is overwritten"):
+        save(fitted(session), lacking)
+    assert (lacking / "fit.toml").read_text() == before
+
+
+def test_sliders_say_where_a_fit_begins_and_comments_stay(session, lacking, tmp_path):
+    text = (lacking / "fit.toml").read_text() + (
+        "\n[parameters]\nalpha = { value = 0.04, bounds = [0, 1] }  # of the sheet\n"
+    )
+    (lacking / "bounded.toml").write_text(text)
+    bounded = Session(opened(lacking / "bounded.toml"))
+    bounded.move({"alpha": 0.05, "ct": 0.018})
+    written = spec_text(bounded, tmp_path)
+    assert "alpha = { value = 0.05, bounds = [0, 1] }  # of the sheet" in written
+    assert "ct = 0.018" in written
+
+
+def test_the_script_does_the_same(session, tmp_path):
+    session.tick("command_deadband")
+    session.leave_out(Stretch("run2.csv", 1.0, 2.0, "weed"))
+    session.shift(0.05, "thrust")
+    names: dict = {}
+    exec(script(session), names)
+    assert names["fit"].holdout.nrmse == session.task.fit().holdout.nrmse
+    fit = example_names.fit()
+    assert "model = dft.Thruster" in script(Session(opened(fit)))
+
+
+def test_a_session_needs_no_spec(tmp_path):
+    session = Session(Source("own", dft.Thruster(), (example_names.log(),)))
+    fitted(session)
+    paths = save(session, tmp_path)
+    assert [p.name for p in paths] == ["fit.json", "report.html", "script.py"]
+    with pytest.raises(dft.InputError, match="was not opened from a spec file"):
+        spec_text(session, tmp_path)
+    assert replace(session.setup, values={}).effects == ()
