@@ -1,0 +1,72 @@
+"""What of a long series a screen can show: its least and greatest value in each pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+
+def bins_of(time: np.ndarray, start: float, stop: float, bins: int) -> np.ndarray:
+    """Where each pixel begins: indices into the samples from start to stop, with the end.
+
+    A sample more on either side is in them, so that lines run out of the picture.
+
+    Args:
+        time: time stamps [s], ``(n,)``.
+        start: left end of the picture.
+        stop: right end.
+        bins: pixels.
+
+    Returns:
+        Rising indices, ``(m + 1,)``: one for each sample where there are fewer than two a pixel.
+    """
+    first, last = np.searchsorted(time, start), np.searchsorted(time, stop, "right")
+    first, last = max(int(first) - 1, 0), min(int(last) + 1, time.size)
+    if last - first <= 2 * bins:
+        return np.arange(first, max(last, first + 1) + 1)
+    edges = np.searchsorted(time, np.linspace(time[first], time[last - 1], bins + 1))
+    return np.unique(np.append(edges[:-1], last))
+
+
+def envelope(edges: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Least and greatest value of each bin in turn, or the samples where each bin has one.
+
+    Args:
+        edges: by `bins_of`, ``(m + 1,)``.
+        values: ``(n,)``; NaN where there is none.
+
+    Returns:
+        ``(2 m,)`` or ``(m,)`` in single precision, of which a screen shows less.
+    """
+    begin = edges[:-1]
+    if edges[-1] - edges[0] == begin.size:
+        return values[edges[0] : edges[-1]].astype(np.float32)
+    part, at = values[edges[0] : edges[-1]], begin - edges[0]
+    low, high = np.fmin.reduceat(part, at), np.fmax.reduceat(part, at)
+    return np.stack([low, high], axis=1).reshape(-1).astype(np.float32)
+
+
+def envelope_time(edges: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """The time stamps of an `envelope`: the beginning and the middle of each bin."""
+    begin = edges[:-1]
+    if edges[-1] - edges[0] == begin.size:
+        return time[edges[0] : edges[-1]]
+    middle = (begin + edges[1:]) // 2
+    return np.stack([time[begin], time[middle]], axis=1).reshape(-1)
+
+
+def envelopes(
+    edges: np.ndarray, time: np.ndarray, columns: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The columns of a picture, with ``time``."""
+    return {"time": envelope_time(edges, time)} | {
+        name: envelope(edges, values) for name, values in columns.items()
+    }
+
+
+def stretches(inside: np.ndarray, time: np.ndarray) -> list[tuple[float, float]]:
+    """From when to when samples are marked, one pair of time stamps for each run of marks."""
+    steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
+    begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
+    return [(float(time[b]), float(time[e])) for b, e in zip(begins, ends, strict=True)]

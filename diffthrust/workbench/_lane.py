@@ -1,0 +1,109 @@
+"""A thread that works for a page: of what waits only the newest is done, and it can be stopped."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from diffthrust._support.progress import Progress
+
+Deliver = Callable[[Callable[[], None]], Any]
+
+
+class Stopped(Exception):
+    """Raised inside work that was stopped, where it reports its progress."""
+
+
+class _Request(NamedTuple):
+    work: Callable[[Progress], Any]
+    then: Callable[[Any], None]
+    failed: Callable[[Exception], None]
+
+
+class Lane:
+    """One thread and one place to wait.
+
+    A slider asks faster than a simulation answers: what waits gives way to what is newer, so that
+    the page follows the mouse and never runs behind it.
+
+    Args:
+        deliver: calls a function in the thread of the page.
+        progress: is told the message and the share done, in the thread of the page.
+    """
+
+    def __init__(self, deliver: Deliver, progress: Progress | None = None) -> None:
+        self._deliver, self._progress = deliver, progress
+        self._changed = threading.Condition()
+        self._waiting: _Request | None = None
+        self._working = self._stopping = self._closed = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being done, or waits."""
+        with self._changed:
+            return self._working or self._waiting is not None
+
+    def ask(
+        self,
+        work: Callable[[Progress], Any],
+        then: Callable[[Any], None],
+        failed: Callable[[Exception], None],
+        *,
+        stop: bool = False,
+    ) -> None:
+        """Have something done.
+
+        Args:
+            work: takes a function that is told how far it is.
+            then: gets the result, in the thread of the page.
+            failed: gets the error, likewise; not of what was stopped.
+            stop: stop what is being done, which takes until it next reports its progress.
+        """
+        with self._changed:
+            self._waiting = _Request(work, then, failed)
+            self._stopping = self._stopping or (stop and self._working)
+            self._changed.notify()
+
+    def stop(self) -> None:
+        """Stop what is being done, and forget what waits."""
+        with self._changed:
+            self._waiting, self._stopping = None, self._working
+
+    def close(self) -> None:
+        """End the thread as soon as its work lets it."""
+        self.stop()
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+
+    def _report(self, message: str, share: float) -> None:
+        if self._stopping:
+            raise Stopped
+        if self._progress is not None:
+            progress = self._progress
+            self._deliver(lambda: progress(message, share))
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._working = self._stopping = False
+                self._changed.wait_for(lambda: self._waiting is not None or self._closed)
+                if self._waiting is None:
+                    return
+                request, self._waiting, self._working = self._waiting, None, True
+            self._do(request)
+
+    def _do(self, request: _Request) -> None:
+        try:
+            result = request.work(self._report)
+        except Stopped as stopped:
+            error: Exception = stopped
+            self._deliver(lambda: request.failed(error))
+        except Exception as reason:  # whatever it is, the page says so and goes on
+            problem = reason
+            self._deliver(lambda: request.failed(problem))
+        else:
+            self._deliver(lambda: request.then(result))
