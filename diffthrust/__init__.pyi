@@ -56,5 +56,6 @@ from .survey._look import look as look
 from .uncertainty._intervals import intervals as intervals
 from .uncertainty._prediction.predict import predict as predict
 from .uncertainty._sampling.sample import sample as sample
+from .workbench._explore import explore as explore
 
 __version__: str

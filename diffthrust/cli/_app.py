@@ -16,6 +16,7 @@ from diffthrust.cli._datasets import datasets_command
 from diffthrust.cli._demo import demo_command
 from diffthrust.cli._diagnose import diagnose_command
 from diffthrust.cli._effects import effects_command
+from diffthrust.cli._explore import explore_command
 from diffthrust.cli._export import export_command
 from diffthrust.cli._fit import fit_command
 from diffthrust.cli._interrupt import ended_soon
@@ -75,6 +76,7 @@ for _command in (
     fit_command,
     compare_command,
     diagnose_command,
+    explore_command,
     sample_command,
     campaign_command,
     datasets_command,

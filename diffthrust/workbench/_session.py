@@ -23,6 +23,7 @@ from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._record import bind
+from diffthrust.simulation._runs import Run
 from diffthrust.workbench._source import Source
 
 
@@ -132,15 +133,21 @@ class Task:
         """The model held against all logs.
 
         Args:
-            like: one of the same logs and effects, whose integrator steps and initial states are
-                taken: a slider asks for thirty of these a second.
+            like: one with the same effects and logs, whose integrator steps and initial states are
+                taken.
         """
         model = adopted(self.model, self.train)
         if like is None:
             return compare(model, self.logs)
-        starts = [{n: run.start[n] for n in run.estimated} for run in like.runs]
+        starts = [_estimated(run) for run in like.runs]
         steps = max(run.substeps for run in like.runs)
         return compare(model, self.logs, initial=starts, substeps=steps)
+
+    def follow(self, like: Comparison, index: int) -> Run:
+        """The model along one of the logs, as `compare`: a slider asks for thirty a second."""
+        run, model = like.runs[index], adopted(self.model, self.train)
+        log, start = self.logs[index], [_estimated(run)]
+        return compare(model, log, initial=start, substeps=run.substeps).runs[0]
 
     def diagnose(self, start: Fit | None = None, progress: ProgressOption = None) -> Diagnosis:
         """What the model lacks, beginning from a fit of it where there is one."""
@@ -326,6 +333,10 @@ class Session:
             if set(stage.effects) <= testable:
                 key = replace(task.setup, effects=effects).fitted_by
                 self.fits.setdefault(key, stage.fit)
+
+
+def _estimated(run: Run) -> dict[str, float]:
+    return {name: run.start[name] for name in run.estimated}
 
 
 def _values(result: Fit) -> dict[str, float]:

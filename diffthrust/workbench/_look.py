@@ -1,0 +1,95 @@
+"""How the page looks: colours, type, and texts of users as text, never as markup."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+from bokeh.models import Button, Div, InlineStyleSheet, PlainText
+from bokeh.plotting import figure
+
+BLUE, VERMILLION, GREEN, DARK = "#0072B2", "#D55E00", "#009E73", "#3a3f44"
+"""Okabe & Ito 2008: distinct with every kind of colour vision."""
+SELECTED, FAILING, LEFT_OUT = "#56B4E9", "#E69F00", "#999999"
+LEFT, RIGHT = 260, 340
+"""Widths of the columns [px]: at 1 280 the plots get over half of the page."""
+
+_TEXT = InlineStyleSheet(
+    css="""
+:host { font: 13px/1.4 system-ui, sans-serif; color: #222; }
+h1 { font-size: 17px; margin: 0; overflow-wrap: anywhere; }
+h2 { font-size: 13px; margin: 8px 0 0; color: #444; text-transform: none; }
+p { margin: 2px 0; overflow-wrap: anywhere; }
+p.quiet, td.quiet { color: #666; }
+p.bad { color: #b00020; font-weight: 600; }
+table { border-collapse: collapse; width: 100%; }
+td, th { text-align: left; padding: 1px 6px 1px 0; font-weight: normal; }
+td.number { text-align: right; font-variant-numeric: tabular-nums; }
+tr.shown td { font-weight: 600; }
+pre { white-space: pre-wrap; font-size: 12px; background: #f4f4f4; padding: 6px; margin: 2px 0; }
+img { max-width: 100%; }
+.bar { height: 6px; background: #e4e4e4; border-radius: 3px; overflow: hidden; margin-top: 3px; }
+.bar div { height: 6px; background: #0072B2; }
+"""
+)
+_FOCUS = InlineStyleSheet(
+    css=":host(:focus-within) .bk-btn { outline: 2px solid #0072B2; outline-offset: 1px; }"
+)
+
+
+def text(markup: str = "", **options: Any) -> Div:
+    """A piece of the page; what users name must be `escape`-d in it."""
+    return Div(text=markup, disable_math=True, stylesheets=[_TEXT], margin=(2, 4, 2, 4), **options)
+
+
+def heading(words: str, **options: Any) -> Div:
+    """A heading within a column."""
+    return text(f"<h2>{escape(words)}</h2>", **options)
+
+
+def paragraphs(words: str, kind: str = "") -> str:
+    """Sentences as paragraphs, escaped."""
+    lines = [line for line in words.splitlines() if line.strip()]
+    return "".join(f'<p class="{kind}">{escape(line)}</p>' for line in lines)
+
+
+def table(rows: list[tuple[str, ...]], shown: int | None = None) -> str:
+    """A table of texts, escaped; one row may be the one that is shown."""
+    lines = []
+    for index, row in enumerate(rows):
+        cells = "".join(
+            f'<td class="{"number" if cell[:1].isdigit() or cell[:1] == "-" else ""}">'
+            f"{escape(cell)}</td>"
+            for cell in row
+        )
+        lines.append(f'<tr class="{"shown" if index == shown else ""}">{cells}</tr>')
+    return f"<table>{''.join(lines)}</table>"
+
+
+def button(label: str, do: Any, kind: str = "default", **options: Any) -> Button:
+    """A button that calls a function without arguments."""
+    made = Button(label=label, button_type=kind, stylesheets=[_FOCUS], **options)  # pyright: ignore
+    made.on_click(lambda _: do())
+    return made
+
+
+def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
+    """A figure with a light grid; names and units are plain text, never formulas."""
+    label = f"{y} [{unit}]" if unit else y
+    made = figure(
+        height=height,
+        sizing_mode="stretch_width",
+        min_border_left=64,
+        min_border_right=8,
+        **options,
+    )
+    made.yaxis.axis_label = PlainText(text=label)
+    made.yaxis.axis_label_text_font_size = "11px"
+    made.yaxis.axis_label_text_font_style = "normal"
+    made.xaxis.axis_label_text_font_style = "normal"
+    made.axis.major_label_text_font_size = "11px"
+    made.axis.axis_line_color = "#bbb"
+    made.axis.minor_tick_line_color = None
+    made.grid.grid_line_color = "#eee"
+    made.outline_line_color = None
+    return made

@@ -1,0 +1,376 @@
+"""The page: what its parts show of a session, and what the session does when they are used."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bokeh.document import Document
+from bokeh.layouts import column, row
+from bokeh.models import RadioGroup
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.progress import Progress
+from diffthrust.comparison._compare import Comparison
+from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
+from diffthrust.comparison._regimes import Regime
+from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.estimation._result import Fit
+from diffthrust.simulation._runs import Run, shown_of
+from diffthrust.workbench._controls import Controls
+from diffthrust.workbench._lane import Lane, Stopped
+from diffthrust.workbench._leaving import save, script
+from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text
+from diffthrust.workbench._plots import Plots
+from diffthrust.workbench._results import Results
+from diffthrust.workbench._session import Session, Setup, Stretch, Task
+from diffthrust.workbench._tools import Tools
+
+
+class Page:
+    """A session in a document of Bokeh.
+
+    All methods run in the thread of the document, except the work given to the two lanes: ``quick``
+    follows sliders, ``long`` fits, diagnoses and saves.
+
+    Args:
+        document: an empty one.
+        session: what is shown.
+        comparison: its model held against its logs.
+    """
+
+    def __init__(self, document: Document, session: Session, comparison: Comparison) -> None:
+        self.document, self.session, self.comparison = document, session, comparison
+        self.quick = Lane(document.add_next_tick_callback)
+        self.long = Lane(document.add_next_tick_callback, self._show_progress)
+        self.shown = 0
+        self.sliding: dict[str, float] = {}
+        self.regimes: tuple[Regime, ...] = ()
+        self.stretch: tuple[float, float] | None = None
+        self.plots = Plots(comparison.runs, self.select)
+        self.results = Results(self._select_samples)
+        self.controls = Controls(
+            session.task.model,
+            session.task.addable[0],
+            shown_of(comparison.runs),
+            on_tick=self._tick,
+            on_slide=self._slide,
+            on_release=self._release,
+        )
+        self.tools = Tools(self)
+        self._left()
+        self.fails = column(sizing_mode="stretch_width")
+        middle = column(
+            self.plots.layout,
+            self.fails,
+            self.results.layout,
+            sizing_mode="stretch_width",
+            styles={"min-width": "430px", "flex": "1 1 430px"},
+        )
+        document.title = f"{session.source.name}: diffthrust"
+        document.add_root(
+            row(
+                self.left,
+                middle,
+                self.controls.layout,
+                sizing_mode="stretch_width",
+                styles={"flex-wrap": "wrap", "gap": "6px"},
+            )
+        )
+        self._compared(session.task, comparison)
+        self.plots.show(self.run)
+        if session.fit is None:
+            self._fit()
+
+    @property
+    def run(self) -> Run:
+        """The log that is shown, with the model along it."""
+        return self.comparison.runs[self.shown]
+
+    @property
+    def log_shown(self) -> str:
+        """Its name."""
+        return self.run.record.name
+
+    def close(self) -> None:
+        """End the threads."""
+        self.quick.close()
+        self.long.close()
+
+    # -- the left-hand side ----------------------------------------------------------------------
+
+    def _left(self) -> None:
+        source = self.session.source
+        names = [log.name for log in (*source.train, *source.unseen)]
+        self.title, self.verdict, self.progress = text(), text(), text()
+        self.logs = RadioGroup(labels=names, active=0, width=LEFT - 20)
+        self.logs.on_change("active", lambda attr, old, new: self._show_log(new))
+        wide: dict[str, Any] = {"width": LEFT - 20}
+        half: dict[str, Any] = {"width": LEFT // 2 - 14}
+        self.diagnosing = button("Diagnose: what is missing?", self._diagnose, "primary", **wide)
+        self.adding = button("Add what was found", self._add_found, "success", **wide)
+        self.fitting = button("Fit", self._fit, **half)
+        self.stopping = button("Stop", self.long.stop, "danger", **half)
+        self.undoing = button("Undo", partial(self._history, "undo"), **half)
+        self.redoing = button("Redo", partial(self._history, "redo"), **half)
+        self.adding.visible = False
+        self.left = column(
+            self.title,
+            heading("Logs: the error of each (0 is perfect, 1 is no model)"),
+            self.logs,
+            self.diagnosing,
+            self.progress,
+            self.verdict,
+            self.adding,
+            row(self.fitting, self.stopping),
+            row(self.undoing, self.redoing),
+            *self.tools.parts,
+            width=LEFT,
+        )
+
+    def _show_log(self, index: int) -> None:
+        self.shown = index
+        self.select(None)
+        self.plots.show(self.run, self._left_out())
+        self.results.show_run(self.comparison.model, self.run)
+        self._show_regimes()
+
+    def _left_out(self) -> list[tuple[float, float]]:
+        name = self.run.record.name
+        return [(s.start, s.stop) for s in self.session.setup.left_out if s.log == name]
+
+    # -- work ------------------------------------------------------------------------------------
+
+    def _compare(self) -> None:
+        """Hold the present model against all logs, in the background."""
+        task, like = self.session.task, self._like(self.session.setup)
+        self.quick.ask(lambda _: task.compare(like), partial(self._compared, task), self._failed)
+
+    def _like(self, setup: Setup) -> Comparison | None:
+        """The last comparison, if it has the same effects and logs."""
+        return self.comparison if self._compared_by == setup.fitted_by else None
+
+    def _compared(self, task: Task, comparison: Comparison) -> None:
+        if task.setup.fitted_by != self.session.setup.fitted_by:
+            return  # of a model that was left meanwhile
+        other_logs = [r.record.log.notes for r in comparison.runs] != [
+            r.record.log.notes for r in self.comparison.runs
+        ]
+        self.comparison, self._compared_by = comparison, task.setup.fitted_by
+        if other_logs:
+            self.plots.show(self.run, self._left_out())
+        else:
+            self.plots.update(self.run)
+        self.results.show_run(comparison.model, self.run)
+        self._show_state()
+        self.quick.ask(lambda _: comparison.regimes, self._found_regimes, self._failed)
+
+    def _fit(self) -> None:
+        """Fit the present model in the background; what is being fitted already is stopped."""
+        task = self.session.task
+        self._ask(task.fit, partial(self._fitted, task), "fitting")
+
+    def _fitted(self, task: Task, result: Fit) -> None:
+        self.session.accept(task, result)
+        self._show_progress("", -1.0)
+        self._refresh()
+
+    def _diagnose(self) -> None:
+        task, start = self.session.task, self.session.fit if self.session.fitted else None
+        work = partial(task.diagnose, start)
+        self._ask(work, partial(self._diagnosed, task), "looking for what is missing")
+
+    def _diagnosed(self, task: Task, diagnosis: Diagnosis) -> None:
+        self.session.accept_diagnosis(task, diagnosis)
+        self._show_progress("", -1.0)
+        self.results.show_diagnosis(diagnosis)
+        self._refresh()
+
+    def diagnose_stretch(self) -> None:
+        """What is wrong on the selected stretch alone?"""
+        if self.stretch is None:
+            self._say("Select a stretch first.", "bad")
+            return
+        stretch, task = Stretch(self.run.record.name, *self.stretch), self.session.task
+        where = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
+
+        def show(diagnosis: Diagnosis) -> None:
+            self._show_progress("", -1.0)
+            self.results.show_stretch(diagnosis, where)
+
+        self._ask(partial(task.diagnose_stretch, stretch), show, f"looking at {where}")
+
+    def save(self, folder: str) -> None:
+        """Write spec, fit, report and script into a folder, in the background."""
+        session = copy.copy(self.session)
+
+        def show(paths: tuple[Path, ...]) -> None:
+            self._show_progress("", -1.0)
+            names = ", ".join(path.name for path in paths)
+            self.tools.say(f"Saved in {paths[0].parent}: {names}.")
+
+        self._ask(lambda report: save(session, Path(folder)), show, "saving")
+
+    def script(self) -> str:
+        """The lines of Python that do what was done."""
+        return script(self.session)
+
+    def _ask(
+        self, work: Callable[[Progress], Any], then: Callable[[Any], None], doing: str
+    ) -> None:
+        self._show_progress(doing, 0.0)
+        self.long.ask(work, then, self._failed, stop=True)
+
+    def _failed(self, error: Exception) -> None:
+        if isinstance(error, Stopped):
+            self._show_progress("" if not self.long.busy else "stopped", -1.0)
+            return
+        self._show_progress("", -1.0)
+        self._say(str(error) if isinstance(error, InputError) else repr(error), "bad")
+
+    def attempt(self, change: Callable[[], None]) -> bool:
+        """Make a change of the session, and say what is wrong where it is refused."""
+        try:
+            change()
+        except InputError as error:
+            self._say(str(error), "bad")
+            self._show_state()
+            return False
+        self._refresh()
+        return True
+
+    # -- what the user does ----------------------------------------------------------------------
+
+    def _tick(self, name: str, added: bool) -> None:
+        change = self.session.tick if added else self.session.untick
+        if self.attempt(partial(change, name)) and self.session.fit is None:
+            self._fit()
+
+    def _add_found(self) -> None:
+        diagnosis = self.session.diagnosis
+        if diagnosis and self.attempt(partial(self.session.tick_all, diagnosis.added)):
+            self._fit_if_needed()
+
+    def _fit_if_needed(self) -> None:
+        if self.session.fit is None:
+            self._fit()
+
+    def _history(self, step: str) -> None:
+        getattr(self.session, step)()
+        self._refresh()
+        self._fit_if_needed()
+
+    def edit(self, change: Callable[[], None]) -> None:
+        """Leave something out, take it in, or shift it: the logs change, and the fit with them."""
+        if self.attempt(change):
+            self._fit_if_needed()
+
+    def _slide(self, name: str, value: float) -> None:
+        self.sliding[name] = value
+        setup = self.session.setup
+        moved = replace(setup, values={**setup.values, **self.sliding}, moved=True)
+        task, like, index = Task(self.session.source, moved), self._like(setup), self.shown
+        if like is not None:
+            answer = partial(self._followed, moved, index)
+            self.quick.ask(lambda _: task.follow(like, index), answer, self._failed)
+
+    def _followed(self, setup: Setup, index: int, run: Run) -> None:
+        if setup.fitted_by == self.session.setup.fitted_by and index == self.shown:
+            self.plots.update(run)
+
+    def _release(self) -> None:
+        values, self.sliding = self.sliding, {}
+        if values:
+            self.attempt(partial(self.session.move, values))
+
+    def select(self, start: float | None, stop: float = 0.0) -> None:
+        """Select a stretch of the log that is shown; none where it has no start."""
+        self.stretch = None if start is None else (start, stop)
+        self.plots.brush(self.stretch)
+        time = self.run.time - self.run.time[0]
+        inside = (time >= self.stretch[0]) & (time <= self.stretch[1]) if self.stretch else time < 0
+        self.results.light_up(inside)
+        self.plots.light_up(np.zeros(time.size, bool))
+        self.tools.show_stretch(self.stretch)
+
+    def _select_samples(self, inside: np.ndarray) -> None:
+        self.plots.light_up(inside)
+
+    # -- what is shown ---------------------------------------------------------------------------
+
+    def _refresh(self) -> None:
+        self._show_state()
+        self._compare()
+
+    def _show_state(self) -> None:
+        """Bring everything but the plots up to the session."""
+        session, diagnosis = self.session, self.session.diagnosis
+        model, current = session.task.model, self._like(session.setup) is not None
+        self.title.text = (
+            f"<h1>{escape(session.source.name)}</h1>"
+            f"<p>{escape(str(model).replace('_', ' '))}</p>{self._status()}"
+        )
+        runs, count = self.comparison.runs, len(session.source.train)
+        self.logs.labels = [
+            f"{run.record.name} ({'training' if i < count else 'unseen'}) {run.errors.nrmse:.3g}"
+            for i, run in enumerate(runs)
+        ]
+        worth = {**diagnosis.possible, **diagnosis.worth} if diagnosis else {}
+        self.controls.show_effects(session.setup.effects, worth)
+        self.controls.show_parameters(model, awake=current)
+        unseen = [run.errors.nrmse for run in runs[count:] or runs]
+        now = float(np.sqrt(np.mean(np.square(unseen)))) if session.setup.moved else None
+        self.results.show_steps(session.staircase, now, unseen=bool(session.source.unseen))
+        self.undoing.disabled, self.redoing.disabled = not session.earlier, not session.undone
+        found = diagnosis.added if diagnosis else ()
+        self.adding.visible = not set(found) <= set(session.setup.effects)
+        if diagnosis:
+            self.verdict.text = paragraphs(diagnosis.summary)
+        self.tools.show_setup(session.setup)
+
+    def _status(self) -> str:
+        fit = self.session.fit
+        if fit is None:
+            return '<p class="quiet">not fitted yet</p>'
+        if self.session.setup.moved:
+            return '<p class="quiet">sliders were moved since the fit: "Fit" goes back to it</p>'
+        kind = "quiet" if fit.status.ok else "bad"
+        return f'<p class="{kind}">fit: {escape(fit.status.value.replace("_", " "))}</p>'
+
+    def _show_progress(self, message: str, share: float) -> None:
+        working = (share >= 0.0 and self.long.busy) or bool(message)
+        self.stopping.disabled = not working
+        bar = f'<div class="bar"><div style="width:{100 * max(share, 0.02):.0f}%"></div></div>'
+        self.progress.text = f"<p>{escape(message)}</p>{bar}" if working else ""
+
+    def _say(self, words: str, kind: str = "quiet") -> None:
+        self.progress.text = paragraphs(words, kind)
+
+    def _found_regimes(self, regimes: tuple[Regime, ...]) -> None:
+        self.regimes = regimes
+        self._show_regimes()
+
+    def _show_regimes(self) -> None:
+        """Shade where each channel fails, with a button for each regime that goes there."""
+        model, run = self.comparison.model, self.run
+        signals = derived_signals(run.time, signals_of(model, run), units_of(run), model.angles)
+        failing: dict[str, Any] = {}
+        buttons = []
+        for regime in self.regimes:
+            ranges = [r for r in regime.where if r.signal in signals]
+            inside = np.all([r.holds(signals[r.signal][0]) for r in ranges], axis=0)
+            marked = self.plots.marked(inside & np.ones(run.time.size, bool))
+            failing[regime.channel] = [*failing.get(regime.channel, ()), *marked]
+            if marked:
+                widest = max(marked, key=lambda pair: pair[1] - pair[0])
+                go = partial(self.plots.zoom, *widest)
+                words = f"Fails (shaded): {regime.sentence} Go there"
+                buttons.append(button(words, go, "light", sizing_mode="stretch_width"))
+        self.plots.shade(failing)
+        self.fails.children = buttons

@@ -1,0 +1,219 @@
+"""The lower part of the page: the staircase, the error against any signal, and what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+from bokeh.events import SelectionGeometry
+from bokeh.layouts import column, row
+from bokeh.models import (
+    BoxSelectTool,
+    ColumnDataSource,
+    FactorRange,
+    PlainText,
+    ResetTool,
+    Select,
+    Span,
+    TabPanel,
+    Tabs,
+)
+
+from diffthrust._support.page import image
+from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
+from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import Run
+from diffthrust.workbench._look import BLUE, SELECTED, VERMILLION, plot, table, text
+from diffthrust.workbench._session import Step
+
+_POINTS = 4000
+"""Display: points of the scatter; more would cover each other."""
+_HEIGHT = 190
+
+
+class Results:
+    """Tabs below the plots.
+
+    Args:
+        on_select: is told which samples of the log were selected in the scatter.
+    """
+
+    def __init__(self, on_select: Callable[[np.ndarray], None]) -> None:
+        self.on_select = on_select
+        self.steps = ColumnDataSource(data={"step": [], "error": [], "label": []})
+        self.factors = FactorRange(factors=[])
+        self.now = Span(location=None, dimension="width", line_color=VERMILLION, line_dash="dashed")
+        self.points = ColumnDataSource(data={"x": [], "y": [], "index": []})
+        self.channel = Select(title="Residual of", options=[], width=150)
+        self.signal = Select(title="against", options=[], width=190)
+        for select in (self.channel, self.signal):
+            select.on_change("value", lambda attr, old, new: self._draw_points())
+        self.scatter = self._scatter()
+        self.stretch, self.learned, self.experiment = text(), text(), text()
+        self.run: Run | None = None
+        self._signals: dict[str, tuple[np.ndarray, str]] = {}
+        first = row(
+            self._staircase(),
+            column(row(self.channel, self.signal), self.scatter, sizing_mode="stretch_width"),
+            sizing_mode="stretch_width",
+        )
+        self.layout = Tabs(
+            tabs=[
+                TabPanel(title="Error, step by step", child=first),
+                TabPanel(title="What is wrong here?", child=self.stretch),
+                TabPanel(title="Learned law", child=self.learned),
+                TabPanel(title="Next experiment", child=self.experiment),
+            ],
+            sizing_mode="stretch_width",
+        )
+        self.show_stretch(None, "")
+        self.show_diagnosis(None)
+
+    # -- the staircase ---------------------------------------------------------------------------
+
+    def _staircase(self) -> Any:
+        drawn = plot(
+            "error, unseen logs",
+            "",
+            height=_HEIGHT + 50,
+            x_range=self.factors,
+            tools=[],
+            toolbar_location=None,
+        )
+        drawn.y_range.start = 0.0
+        drawn.vbar("step", top="error", width=0.9, source=self.steps, color=BLUE, alpha=0.75)
+        drawn.text(
+            "step",
+            "error",
+            text="label",
+            source=self.steps,
+            text_align="center",
+            y_offset=-2,
+            text_font_size="11px",
+        )
+        drawn.add_layout(self.now)
+        drawn.y_range.range_padding = 0.3
+        drawn.xaxis.major_label_text_font_size = "11px"
+        return drawn
+
+    def show_steps(self, steps: Sequence[Step], now: float | None, *, unseen: bool) -> None:
+        """Show the staircase, and as a dashed line the error of the present values."""
+        names = [step.added.replace("_", "\n") or "as\nopened" for step in steps]
+        self.factors.factors = names
+        errors = [step.unseen for step in steps]
+        self.steps.data = {
+            "step": names,
+            "error": errors,
+            "label": [f"{error:.3g}" for error in errors],
+        }
+        self.now.location = now
+
+    # -- the scatter -----------------------------------------------------------------------------
+
+    def _scatter(self) -> Any:
+        select = BoxSelectTool(description="Select samples")
+        drawn = plot(
+            "residual",
+            "",
+            height=_HEIGHT,
+            tools=[select, ResetTool()],
+            active_drag=select,
+            toolbar_location=None,
+        )
+        points = drawn.scatter("x", "y", source=self.points, size=3, color=VERMILLION, alpha=0.5)
+        points.selection_glyph = points.glyph.clone(fill_color=SELECTED, line_color=SELECTED)
+        points.nonselection_glyph = points.glyph.clone(fill_alpha=0.2, line_alpha=0.2)
+        drawn.on_event(SelectionGeometry, self._on_geometry)
+        return drawn
+
+    def show_run(self, model: Model, run: Run) -> None:
+        """Offer the residuals and signals of a run."""
+        self.run = run
+        self._signals = derived_signals(
+            run.time, signals_of(model, run), units_of(run), plain=model.angles
+        )
+        for select, names in ((self.channel, run.channels), (self.signal, self._signals)):
+            if list(names) != select.options:
+                select.options = list(names)
+            if select.value not in names:
+                select.value = next(iter(names), "")
+        self._draw_points()
+
+    def _draw_points(self) -> None:
+        run = self.run
+        if run is None or self.channel.value not in run.channels:
+            return
+        signal, unit = self._signals.get(self.signal.value, (np.zeros(run.time.size), ""))
+        trace = run.shown_channels[self.channel.value]
+        index = np.flatnonzero(np.isfinite(trace.residual) & np.isfinite(signal))
+        index = index[:: max(1, -(-index.size // _POINTS))]
+        self.points.selected.indices = []
+        self.points.data = {
+            "x": signal[index].astype(np.float32),
+            "y": trace.residual[index].astype(np.float32),
+            "index": index,
+        }
+        self.scatter.yaxis.axis_label = PlainText(text=f"residual [{trace.unit}]")
+        self.scatter.xaxis.axis_label = PlainText(text=f"{self.signal.value} [{unit}]")
+
+    def _on_geometry(self, event: SelectionGeometry) -> None:
+        if not event.final or self.run is None or event.geometry.get("type") != "rect":
+            return
+        box, trace = event.geometry, self.run.shown_channels[self.channel.value]
+        signal = self._signals[self.signal.value][0]
+        inside = np.ones(signal.size, bool)
+        for values, low, high in ((signal, "x0", "x1"), (trace.residual, "y0", "y1")):
+            ends = sorted((float(box[low]), float(box[high])))
+            inside &= (values >= ends[0]) & (values <= ends[1])
+        self.on_select(inside)
+
+    def light_up(self, selected: np.ndarray) -> None:
+        """Mark samples of the log that were selected elsewhere."""
+        index = np.asarray(self.points.data["index"], int)
+        self.points.selected.indices = np.flatnonzero(selected[index]).tolist()
+
+    # -- what was found --------------------------------------------------------------------------
+
+    def show_stretch(self, diagnosis: Diagnosis | None, where: str) -> None:
+        """Rank what a diagnosis of one stretch alone has tried."""
+        if diagnosis is None:
+            words = "Select a stretch in the plots (the dashed square of their toolbar), then ask."
+            self.stretch.text = f'<p class="quiet">{words}</p>'
+            return
+        tried = [t for t in diagnosis.ranking if t.stage == 0][:8]
+        rows = [("", "effect", "evidence (fall of the information criterion)")]
+        rows += [(f"{k}", t.effect.replace("_", " "), f"{-t.delta_bic:.1f}") for k, t in
+                 enumerate(tried, 1)]  # fmt: skip
+        found = ", ".join(name.replace("_", " ") for name in diagnosis.added) or "nothing for sure"
+        remaining = diagnosis.remaining
+        place = f" What remains acts at '{remaining.port}'." if remaining else ""
+        self.stretch.text = (
+            f"<p>{escape(where)}: found here alone: <b>{escape(found)}</b>.{escape(place)}</p>"
+            + table(rows)
+        )
+        self.layout.active = 1
+
+    def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:
+        """Show the learned law and the next experiment of a diagnosis."""
+        learned = "Diagnose first: what no known effect explains is learned as a curve."
+        experiment = "Diagnose first: it proposes the command that would decide."
+        if diagnosis is not None:
+            learned = "Nothing was left to learn."
+            experiment = "No experiment is needed to tell effects apart."
+        self.learned.text, self.experiment.text = (
+            f'<p class="quiet">{escape(words)}</p>' for words in (learned, experiment)
+        )
+        if diagnosis is not None and diagnosis.laws:
+            laws = "; ".join(f"{law.effect.name}: {law.worth}" for law in diagnosis.laws)
+            words = f"What each removes of the squared error: {laws}."
+            self.learned.text = f"<p>{escape(words)}</p>{_picture(diagnosis.plot_learned)}"
+        if diagnosis is not None and diagnosis.experiment is not None:
+            proposed = diagnosis.experiment
+            self.experiment.text = f"<p>{escape(proposed.sentence)}</p>{_picture(proposed.plot)}"
+
+
+def _picture(draw: Callable[[], Any]) -> str:
+    return f'<img alt="" src="data:image/png;base64,{image(draw)}">'

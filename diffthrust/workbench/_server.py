@@ -1,0 +1,101 @@
+"""Bokeh's server, for one page on this machine alone.
+
+It listens on 127.0.0.1. Its address holds a token, signed with a key that this process has drawn:
+no other page of the browser and no other user of the machine knows it, and without it there is no
+page and no connection. Connections are accepted from this very address alone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import threading
+from collections.abc import Callable
+
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.document import Document
+from bokeh.server.server import Server
+from bokeh.settings import settings
+from bokeh.util.token import generate_session_id
+
+from diffthrust._support.errors import InputError
+
+_HOST = "127.0.0.1"
+"""Not "localhost", which may be another address: connections to it were refused (bokeh#6023)."""
+_HOUR = 3_600_000
+"""A page that was closed so long [ms] is not coming back: it was saved, or is not wanted."""
+
+
+class PageServer:
+    """A server with one page, in a thread of its own.
+
+    Args:
+        fill: fills the document of the page, in the server's thread.
+        port: to listen on; 0 for any that is free.
+        patience: milliseconds after which a page that was closed ends the server.
+
+    Attributes:
+        address: of the page, with its token.
+    """
+
+    def __init__(
+        self, fill: Callable[[Document], None], *, port: int = 0, patience: int = _HOUR
+    ) -> None:
+        self._fill, self._patience = fill, patience
+        self._ready, self.ended = threading.Event(), threading.Event()
+        self._error: OSError | None = None
+        self._thread = threading.Thread(target=self._run, args=(port,), daemon=True)
+        self.address = ""
+        self._thread.start()
+        self._ready.wait()
+        if self._error is not None:
+            raise InputError(
+                f"port {port}: the workbench cannot listen there ({self._error.strerror}).",
+                "Name another port, or none for any that is free.",
+            )
+
+    def _run(self, port: int) -> None:
+        settings.log_level = "error"  # of the browser's console
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        key = secrets.token_bytes(32)
+        try:
+            self._server = Server(
+                {"/": Application(FunctionHandler(self._filled))},
+                address=_HOST,
+                port=port,
+                # replaced below by the port that was found
+                allow_websocket_origin=[f"{_HOST}:{port}"],
+                secret_key=key,
+                sign_sessions=True,
+                generate_session_ids=False,
+                use_index=False,
+                unused_session_lifetime_milliseconds=self._patience,
+                check_unused_sessions_milliseconds=min(17_000, self._patience),
+                http_server_kwargs={"max_body_size": 1_000_000},
+            )
+        except OSError as error:
+            self._error = error
+            self._ready.set()
+            return
+        found = self._server.port
+        self._server._tornado._websocket_origins = {f"{_HOST}:{found}"}
+        token = generate_session_id(key, signed=True)
+        self.address = f"http://{_HOST}:{found}/?bokeh-session-id={token}"
+        self._server.start()
+        self._server.io_loop.add_callback(self._ready.set)
+        self._server.io_loop.start()
+        self.ended.set()
+
+    def _filled(self, document: Document) -> None:
+        document.on_session_destroyed(lambda _: self.close())
+        self._fill(document)
+
+    def close(self) -> None:
+        """End the server; its address leads nowhere afterwards."""
+        if not self.ended.is_set():
+            self._server.io_loop.add_callback(self._stop)
+
+    def _stop(self) -> None:
+        self._server.stop()
+        self._server.io_loop.stop()

@@ -1,0 +1,141 @@
+"""What is done to the logs, and how one leaves: a stretch left out, channels shifted, files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from html import escape
+from typing import Any, Protocol
+
+from bokeh.layouts import column, row
+from bokeh.models import CheckboxGroup, CustomJS, Spinner, TextInput
+
+from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text
+from diffthrust.workbench._session import Session, Setup, Stretch
+
+
+class Desk(Protocol):
+    """What the tools ask of the page."""
+
+    session: Session
+
+    @property
+    def log_shown(self) -> str:
+        """Name of the log that is shown."""
+        ...
+
+    def edit(self, change: Callable[[], None]) -> None:
+        """Make a change of the session that changes the logs."""
+        ...
+
+    def select(self, start: float | None, stop: float = 0.0) -> None:
+        """Select a stretch of the log that is shown."""
+        ...
+
+    def diagnose_stretch(self) -> None:
+        """Diagnose the stretch alone."""
+        ...
+
+    def save(self, folder: str) -> None:
+        """Write all into a folder."""
+        ...
+
+    def script(self) -> str:
+        """The lines of Python that do what was done."""
+        ...
+
+
+class Tools:
+    """The lower part of the left-hand side.
+
+    Args:
+        page: whose session is changed.
+    """
+
+    def __init__(self, page: Desk) -> None:
+        self.page = page
+        wide: dict[str, Any] = {"width": LEFT - 20}
+        half: dict[str, Any] = {"width": LEFT // 2 - 14}
+        self.start = Spinner(title="from [s]", low=0.0, step=0.5, value=0.0, **half)
+        self.stop = Spinner(title="to [s]", low=0.0, step=0.5, value=0.0, **half)
+        for spinner in (self.start, self.stop):
+            spinner.on_change("value", lambda attr, old, new: self._typed())
+        self.note = TextInput(title="because", placeholder="weed in the propeller", **wide)
+        self.left_out = column(**wide)
+        channels = list(dict.fromkeys(n for log in page.session.task.logs for n in log.units))
+        channels = [name for name in channels if name != "time"]
+        self.names = channels
+        self.channels = CheckboxGroup(labels=channels, active=[], inline=True, **wide)
+        self.seconds = Spinner(title="by [s]", step=0.01, value=0.0, **half)
+        self.shifts = text()
+        source = page.session.source
+        beside = source.spec.path.parent if source.spec and not source.drafted else None
+        folder = str(beside / "explored") if beside else f"{source.name}_explored"
+        self.folder = TextInput(title="Folder", value=folder, **wide)
+        self.said, self.copied = text(), text(visible=False)
+        copy = "navigator.clipboard.writeText(this.tags[0]).catch(() => {})"
+        self.copied.js_on_change("tags", CustomJS(code=copy.replace("this", "cb_obj")))
+        self.parts = (
+            heading("Save"),
+            self.folder,
+            row(
+                button("Save", self._save, "primary", **half),
+                button("Copy as Python", self._copy, **half),
+            ),
+            self.said,
+            self.copied,
+            heading("A stretch of this log"),
+            row(self.start, self.stop),
+            button("What is wrong here?", page.diagnose_stretch, **wide),
+            self.note,
+            button("Leave it out", self._leave_out, **wide),
+            self.left_out,
+            heading("Clocks that disagree: channels that come late"),
+            self.channels,
+            row(self.seconds, button("Shift", self._shift, **half)),
+            self.shifts,
+        )
+        self._setting = False
+
+    def show_stretch(self, stretch: tuple[float, float] | None) -> None:
+        """Show which stretch is selected."""
+        self._setting = True
+        self.start.value, self.stop.value = (round(x, 3) for x in stretch or (0.0, 0.0))
+        self._setting = False
+
+    def show_setup(self, setup: Setup) -> None:
+        """Show what is left out and shifted."""
+        rows = []
+        for index, stretch in enumerate(setup.left_out):
+            words = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
+            words += f": {stretch.note}" if stretch.note else ""
+            take_in = partial(self.page.session.take_in, index)
+            again = button("Take in", partial(self.page.edit, take_in), width=70)
+            rows.append(row(text(paragraphs(f"Left out: {words}"), width=LEFT - 100), again))
+        self.left_out.children = rows
+        shifts = (f"{name} comes {by:+g} s later" for name, by in setup.shifts.items())
+        self.shifts.text = paragraphs("\n".join(shifts))
+
+    def say(self, words: str) -> None:
+        """Say what was saved."""
+        self.said.text = paragraphs(words)
+
+    def _typed(self) -> None:
+        if not self._setting and (self.start.value or 0.0) < (self.stop.value or 0.0):
+            self.page.select(self.start.value, self.stop.value)
+
+    def _leave_out(self) -> None:
+        page, name = self.page, self.page.log_shown
+        stretch = Stretch(name, self.start.value, self.stop.value, self.note.value)
+        page.edit(partial(page.session.leave_out, stretch))
+
+    def _shift(self) -> None:
+        session, channels = self.page.session, [self.names[i] for i in self.channels.active]
+        self.page.edit(partial(session.shift, float(self.seconds.value or 0.0), *channels))
+
+    def _save(self) -> None:
+        self.page.save(self.folder.value)
+
+    def _copy(self) -> None:
+        self.said.text = f"<pre>{escape(self.page.script())}</pre>"
+        self.copied.tags = [self.page.script()]
