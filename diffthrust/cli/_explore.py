@@ -31,7 +31,7 @@ def explore_command(
     with session() as progress:
         from diffthrust.workbench import explore
 
-        progress("opening", 0.1)
+        progress("opening the logs", 0.0)
         bench = explore(what, trust=trust or (), browser=not no_browser, wait=False, port=port)
     typer.echo(f"The workbench: {bench.address}")
     typer.echo("It ends by Ctrl-C, or an hour after its page was closed.")

@@ -21,7 +21,7 @@ from diffthrust.workbench._signal_path import signal_path
 
 _STEPS = 400
 """Display: positions of a slider, more than the pixels that it has."""
-EVERYWHERE = "all ports"
+FOUND = "found or added"
 
 
 def slider_range(parameter: Parameter) -> tuple[float, float]:
@@ -68,9 +68,9 @@ class Controls:
         ports = dict.fromkeys(port for effect in addable for port in effect.ports)
         self.path = PathFigure(signal_path(model), list(ports), self._choose)
         self.port = Select(
-            title="Effects that may be missing at",
-            options=[EVERYWHERE, *ports],
-            value=EVERYWHERE,
+            title="Effects: found or added, or all that may act at a port",
+            options=[FOUND, *ports],
+            value=FOUND,
             width=RIGHT - 20,
         )
         self.port.on_change("value", lambda attr, old, new: self._list_effects())
@@ -106,15 +106,21 @@ class Controls:
 
     def _list_effects(self) -> None:
         at = self.port.value
-        names = [n for n, e in self.addable.items() if at in (EVERYWHERE, *e.ports)]
-        if at == EVERYWHERE:  # the whole catalogue would be longer than the page
-            names = [n for n in names if n in self.effects or n in self.worth] or names[:8]
+        names = [
+            name
+            for name, effect in self.addable.items()
+            if at in effect.ports or (at == FOUND and (name in self.effects or name in self.worth))
+        ]
         names.sort(key=lambda n: (n not in self.effects, -self._share(n)))
         self._listed, self._setting = names, True
         self.boxes.labels = [self._label(name) for name in names]
         self.boxes.active = [i for i, name in enumerate(names) if name in self.effects]
         self._setting = False
-        lines = [f"<b>{escape(_words(n))}</b>: {escape(_about(self.addable[n]))}" for n in names]
+        lines = [f"<b>{escape(_words(n))}</b>: {escape(self._about(n))}" for n in names]
+        if not lines:
+            lines = [
+                "None yet. Diagnose ranks them; or tap a box for all that may be missing there."
+            ]
         self.about.text = "".join(f'<p class="quiet">{line}</p>' for line in lines)
         added: dict[str, int] = {}
         for name in self.effects:
@@ -128,7 +134,14 @@ class Controls:
 
     def _label(self, name: str) -> str:
         worth = self.worth.get(name)
-        return _words(name) + (f", removes {worth} of the squared error" if worth else "")
+        return _words(name) + (f": removes {worth.cells[0]}" if worth else "")
+
+    def _about(self, name: str) -> str:
+        """The first sentence of what an effect is, and what it is worth."""
+        paragraph = (type(self.addable[name]).__doc__ or "").strip().partition("\n\n")[0]
+        sentence = " ".join(paragraph.split()).partition(". ")[0].rstrip(".")
+        worth = self.worth.get(name)
+        return sentence + (f". Removes {worth} of the squared error of whole runs" if worth else "")
 
     def _on_boxes(self, attr: str, old: list[int], new: list[int]) -> None:
         if not self._setting:
@@ -190,13 +203,3 @@ class Controls:
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _about(effect: Effect) -> str:
-    """The first sentence of what an effect is."""
-    lines: list[str] = []
-    for line in (type(effect).__doc__ or "").strip().splitlines():
-        if not line.strip():
-            break
-        lines.append(line.strip())
-    return " ".join(lines).partition(". ")[0].rstrip(".")

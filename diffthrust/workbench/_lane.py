@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diffthrust._support.progress import Progress
 
+_PAUSE = 0.2
+"""Display: seconds between two messages of progress; a diagnosis has hundreds."""
 Deliver = Callable[[Callable[[], None]], Any]
 
 
@@ -37,6 +40,7 @@ class Lane:
         self._changed = threading.Condition()
         self._waiting: _Request | None = None
         self._working = self._stopping = self._closed = False
+        self._told = 0.0
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -82,8 +86,8 @@ class Lane:
     def _report(self, message: str, share: float) -> None:
         if self._stopping:
             raise Stopped
-        if self._progress is not None:
-            progress = self._progress
+        if self._progress is not None and time.monotonic() - self._told > _PAUSE:
+            self._told, progress = time.monotonic(), self._progress
             self._deliver(lambda: progress(message, share))
 
     def _run(self) -> None:

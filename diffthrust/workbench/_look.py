@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
-from bokeh.models import Button, Div, InlineStyleSheet, PlainText
+from bokeh.models import Button, Div, PlainText
 from bokeh.plotting import figure
 
 BLUE, VERMILLION, GREEN, DARK = "#0072B2", "#D55E00", "#009E73", "#3a3f44"
@@ -14,8 +14,7 @@ SELECTED, FAILING, LEFT_OUT = "#56B4E9", "#E69F00", "#999999"
 LEFT, RIGHT = 260, 340
 """Widths of the columns [px]: at 1 280 the plots get over half of the page."""
 
-_TEXT = InlineStyleSheet(
-    css="""
+_TEXT = """
 :host { font: 13px/1.4 system-ui, sans-serif; color: #222; }
 h1 { font-size: 17px; margin: 0; overflow-wrap: anywhere; }
 h2 { font-size: 13px; margin: 8px 0 0; color: #444; text-transform: none; }
@@ -31,10 +30,10 @@ img { max-width: 100%; }
 .bar { height: 6px; background: #e4e4e4; border-radius: 3px; overflow: hidden; margin-top: 3px; }
 .bar div { height: 6px; background: #0072B2; }
 """
-)
-_FOCUS = InlineStyleSheet(
-    css=":host(:focus-within) .bk-btn { outline: 2px solid #0072B2; outline-offset: 1px; }"
-)
+_BUTTON = """
+:host(:focus-within) .bk-btn { outline: 2px solid #0072B2; outline-offset: 1px; }
+.bk-btn { white-space: normal; }
+"""
 
 
 def text(markup: str = "", **options: Any) -> Div:
@@ -68,7 +67,7 @@ def table(rows: list[tuple[str, ...]], shown: int | None = None) -> str:
 
 def button(label: str, do: Any, kind: str = "default", **options: Any) -> Button:
     """A button that calls a function without arguments."""
-    made = Button(label=label, button_type=kind, stylesheets=[_FOCUS], **options)  # pyright: ignore
+    made = Button(label=label, button_type=kind, stylesheets=[_BUTTON], **options)  # pyright: ignore
     made.on_click(lambda _: do())
     return made
 
@@ -84,7 +83,7 @@ def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
         **options,
     )
     made.yaxis.axis_label = PlainText(text=label)
-    made.yaxis.axis_label_text_font_size = "11px"
+    made.yaxis.axis_label_text_font_size = "10px"
     made.yaxis.axis_label_text_font_style = "normal"
     made.xaxis.axis_label_text_font_style = "normal"
     made.axis.major_label_text_font_size = "11px"

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 from bokeh.document import Document
+from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
-from bokeh.models import RadioGroup
+from bokeh.models import CustomJS, RadioGroup
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
@@ -31,6 +32,12 @@ from diffthrust.workbench._plots import Plots
 from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task
 from diffthrust.workbench._tools import Tools
+
+_TALLER = """
+const taller = Math.min(Math.max(window.innerHeight / 720, 1), 1.35)
+for (const figure of figures) figure.height = Math.round(figure.height * taller)
+"""
+"""Display: plots are laid out for a window of 720 px, and grow with it."""
 
 
 class Page:
@@ -83,10 +90,21 @@ class Page:
                 styles={"flex-wrap": "wrap", "gap": "6px"},
             )
         )
-        self._compared(session.task, comparison)
+        taller = CustomJS(args={"figures": self.plots.figures}, code=_TALLER)
+        document.js_on_event(DocumentReady, taller)
+        # begun earlier, work costs the page seconds to load: Python runs one thread at a time
+        document.on_event(DocumentReady, lambda _: self._begin())
+        self._compared_by = session.setup.fitted_by
         self.plots.show(self.run)
-        if session.fit is None:
-            self._fit()
+        self.results.show_run(comparison.model, self.run)
+        self.results.show_diagnosis(session.diagnosis)
+        self._show_state()
+
+    def _begin(self) -> None:
+        """Once the page is there, also where it is loaded again."""
+        self._compare()
+        if not self.long.busy:
+            self._fit_if_needed()
 
     @property
     def run(self) -> Run:
@@ -116,13 +134,13 @@ class Page:
         self.diagnosing = button("Diagnose: what is missing?", self._diagnose, "primary", **wide)
         self.adding = button("Add what was found", self._add_found, "success", **wide)
         self.fitting = button("Fit", self._fit, **half)
-        self.stopping = button("Stop", self.long.stop, "danger", **half)
+        self.stopping = button("Stop", self.long.stop, **half)
         self.undoing = button("Undo", partial(self._history, "undo"), **half)
         self.redoing = button("Redo", partial(self._history, "redo"), **half)
         self.adding.visible = False
         self.left = column(
             self.title,
-            heading("Logs: the error of each (0 is perfect, 1 is no model)"),
+            heading("Logs, with the error of each (0: perfect)"),
             self.logs,
             self.diagnosing,
             self.progress,
@@ -371,6 +389,6 @@ class Page:
                 widest = max(marked, key=lambda pair: pair[1] - pair[0])
                 go = partial(self.plots.zoom, *widest)
                 words = f"Fails (shaded): {regime.sentence} Go there"
-                buttons.append(button(words, go, "light", sizing_mode="stretch_width"))
+                buttons.append(button(words, go, "light", sizing_mode="stretch_width", margin=0))
         self.plots.shade(failing)
         self.fails.children = buttons

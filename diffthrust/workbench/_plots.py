@@ -41,6 +41,7 @@ while the next ones come."""
 _LIT = 1500
 """Display: samples of a selection that light up; more would cover each other."""
 
+_FIELDS = ("measured", "modelled", "residual")
 Stretches = Sequence[tuple[float, float]]
 
 
@@ -57,7 +58,8 @@ class Plots:
         self.channels = list(dict.fromkeys(n for run in runs for n in run.channels))
         self.on_select = on_select
         self.x_range = Range1d(0.0, 1.0)
-        self.series = ColumnDataSource(data={"time": []})
+        self.inputs_drawn = ColumnDataSource(data={"time": []})
+        self.drawn = [ColumnDataSource(data={"time": []}) for _ in self.channels]
         self.lit = ColumnDataSource(data={"time": []})
         self.failing = [ColumnDataSource(data={"x0": [], "x1": []}) for _ in self.channels]
         self.left_out = ColumnDataSource(data={"x0": [], "x1": []})
@@ -65,7 +67,8 @@ class Plots:
         self.run: Run = runs[0]
         self._columns: dict[str, np.ndarray] = {}
         self._sent: np.ndarray = np.array([0, 1])
-        self._send([*self._columns_of(runs[0])])
+        self._keep(runs[0])
+        self._send()
         self.layout = self._grid(runs)
         self.x_range.on_change("start", self._on_range)
         self.x_range.on_change("end", self._on_range)
@@ -77,13 +80,14 @@ class Plots:
         drawn = [self._command(k, runs) for k in range(len(self.inputs))]
         for k, name in enumerate(self.channels):
             unit = next(r.shown_channels[name].unit for r in runs if name in r.channels)
-            drawn.append(self._compared(k, name, unit, 110 if many else 150))
-            drawn.append(self._residual(k, unit, 70 if many else 95))
+            drawn.append(self._compared(k, name, unit, 100 if many else 122))
+            drawn.append(self._residual(k, unit, 74 if many else 80))
         last = drawn[-1]
         last.height += 38
         last.xaxis.axis_label = PlainText(text="time since the start of the log [s]")
         for figure in drawn[:-1]:
             figure.xaxis.visible = False
+        self.figures = drawn
         return gridplot(
             [[figure] for figure in drawn],
             toolbar_location="right",
@@ -116,8 +120,8 @@ class Plots:
         name = self.inputs[k]
         run = next(run for run in runs if name in _driven(run))
         unit = run.shown.unit(name, run.units.get(name, ""))
-        figure = self._figure(name.replace("_", " "), unit, 90)
-        figure.line("time", f"input{k}", source=self.series, color=GREEN, line_width=1.5)
+        figure = self._figure(name.replace("_", " "), unit, 74)
+        figure.line("time", f"input{k}", source=self.inputs_drawn, color=GREEN, line_width=1.5)
         _hover(figure, [(name, f"input{k}", unit)])
         return figure
 
@@ -127,8 +131,8 @@ class Plots:
         for column, color, words in (("measured", DARK, "measured"), ("modelled", BLUE, "model")):
             figure.line(
                 "time",
-                f"{column}{k}",
-                source=self.series,
+                column,
+                source=self.drawn[k],
                 color=color,
                 line_width=1.2 if column == "measured" else 1.8,
                 alpha=0.75 if column == "measured" else 1.0,
@@ -141,16 +145,16 @@ class Plots:
         figure.legend.label_text_font_size = "11px"
         figure.legend.background_fill_alpha = 0.7
         figure.legend.border_line_color = None
-        _hover(figure, [("measured", f"measured{k}", unit), ("model", f"modelled{k}", unit)])
+        _hover(figure, [("measured", "measured", unit), ("model", "modelled", unit)])
         return figure
 
     def _residual(self, k: int, unit: str, height: int) -> Any:
         figure = self._figure("residual", unit, height)
         self._shade(figure, k)
         figure.add_layout(Span(location=0.0, dimension="width", line_color="#999"))
-        figure.line("time", f"residual{k}", source=self.series, color=VERMILLION, line_width=1.2)
+        figure.line("time", "residual", source=self.drawn[k], color=VERMILLION, line_width=1.2)
         figure.scatter("time", f"residual{k}", source=self.lit, size=5, color=SELECTED)
-        _hover(figure, [("residual", f"residual{k}", unit)])
+        _hover(figure, [("residual", "residual", unit)])
         return figure
 
     def _shade(self, figure: Any, k: int) -> None:
@@ -163,7 +167,7 @@ class Plots:
     def show(self, run: Run, left_out: Stretches = ()) -> None:
         """Show a log from end to end."""
         self.run = run
-        names = [*self._columns_of(run)]
+        self._keep(run)
         self.left_out.data = _strips(left_out)
         self.shade({})
         self.light_up(np.zeros(run.time.size, bool))
@@ -171,15 +175,16 @@ class Plots:
         duration = float(self._columns["time"][-1])
         self.x_range.update(start=0.0, end=duration, bounds=(-0.2 * duration, 1.2 * duration))
         self.x_range.reset_start, self.x_range.reset_end = 0.0, duration
-        self._send(names)
+        self._send()
 
     def update(self, run: Run) -> None:
-        """Show the same log as another model gives it: only what has changed is sent."""
+        """Show the same log as another model gives it: only what has changed is sent, at once."""
         self.run = run
-        names = self._columns_of(run)
-        for name in names:
-            if name.startswith(("modelled", "residual")):
-                self.series.data[name] = envelope(self._sent, self._columns[name])
+        self._keep(run)
+        for k, source in enumerate(self.drawn):
+            changed = (f"modelled{k}", f"residual{k}")
+            columns = {n[: -len(str(k))]: envelope(self._sent, self._columns[n]) for n in changed}
+            source.data.update(columns)  # pyright: ignore[reportArgumentType]
 
     def shade(self, failing: Mapping[str, Stretches]) -> None:
         """Shade where each channel fails."""
@@ -209,8 +214,8 @@ class Plots:
         """Marked samples as stretches of the time that is shown."""
         return stretches(where, self._columns["time"])
 
-    def _columns_of(self, run: Run) -> list[str]:
-        """The columns of a run, in the units of its log."""
+    def _keep(self, run: Run) -> None:
+        """Keep the series of a run, in the units of its log."""
         missing = np.full(run.time.size, np.nan)
         columns = {"time": run.time - run.time[0]}
         for k, name in enumerate(self.inputs):
@@ -218,19 +223,21 @@ class Plots:
             columns[f"input{k}"] = run.shown.values(name, values, run.units.get(name, ""))
         for k, name in enumerate(self.channels):
             trace = run.shown_channels.get(name)
-            for field in ("measured", "modelled", "residual"):
+            for field in _FIELDS:
                 columns[f"{field}{k}"] = missing if trace is None else getattr(trace, field)
         self._columns = columns
-        return list(columns)
 
-    def _send(self, names: Sequence[str]) -> None:
+    def _send(self) -> None:
         """Send what is in sight, and as much on either side."""
         time = self._columns["time"]
         start, end = float(self.x_range.start), float(self.x_range.end)
         width = end - start
         self._sent = bins_of(time, start - width, end + width, 3 * _BINS)
-        columns = {name: self._columns[name] for name in names if name != "time"}
-        self.series.data = envelopes(self._sent, time, columns)
+        inputs = {f"input{k}": self._columns[f"input{k}"] for k in range(len(self.inputs))}
+        self.inputs_drawn.data = envelopes(self._sent, time, inputs)
+        for k, source in enumerate(self.drawn):
+            columns = {field: self._columns[f"{field}{k}"] for field in _FIELDS}
+            source.data = envelopes(self._sent, time, columns)
 
     # -- what the user does ----------------------------------------------------------------------
 
@@ -243,7 +250,7 @@ class Plots:
 
     def _sight(self) -> None:
         self._asked = False
-        self._send(list(self._columns))
+        self._send()
 
     def _on_geometry(self, event: SelectionGeometry) -> None:
         if event.final and event.geometry.get("type") == "rect":

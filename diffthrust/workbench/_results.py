@@ -31,7 +31,7 @@ from diffthrust.workbench._session import Step
 
 _POINTS = 4000
 """Display: points of the scatter; more would cover each other."""
-_HEIGHT = 190
+_HEIGHT = 150
 
 
 class Results:
@@ -47,18 +47,25 @@ class Results:
         self.factors = FactorRange(factors=[])
         self.now = Span(location=None, dimension="width", line_color=VERMILLION, line_dash="dashed")
         self.points = ColumnDataSource(data={"x": [], "y": [], "index": []})
-        self.channel = Select(title="Residual of", options=[], width=150)
-        self.signal = Select(title="against", options=[], width=190)
+        self.channel = Select(title="Residual of", options=[], width=120)
+        self.signal = Select(title="against", options=[], width=160)
         for select in (self.channel, self.signal):
             select.on_change("value", lambda attr, old, new: self._draw_points())
         self.scatter = self._scatter()
         self.stretch, self.learned, self.experiment = text(), text(), text()
         self.run: Run | None = None
         self._signals: dict[str, tuple[np.ndarray, str]] = {}
+        beside = column(
+            row(self.channel, self.signal),
+            self.scatter,
+            sizing_mode="stretch_width",
+            styles={"flex": "1 1 290px", "min-width": "0"},
+        )
         first = row(
             self._staircase(),
-            column(row(self.channel, self.signal), self.scatter, sizing_mode="stretch_width"),
+            beside,
             sizing_mode="stretch_width",
+            styles={"flex-wrap": "wrap"},
         )
         self.layout = Tabs(
             tabs=[
@@ -82,9 +89,10 @@ class Results:
             x_range=self.factors,
             tools=[],
             toolbar_location=None,
+            styles={"flex": "1 1 200px", "min-width": "0"},
         )
         drawn.y_range.start = 0.0
-        drawn.vbar("step", top="error", width=0.9, source=self.steps, color=BLUE, alpha=0.75)
+        drawn.vbar("step", top="error", width=0.7, source=self.steps, color=BLUE, alpha=0.75)
         drawn.text(
             "step",
             "error",

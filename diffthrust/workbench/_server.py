@@ -14,6 +14,8 @@ from collections.abc import Callable
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
+from bokeh.core.validation import silence
+from bokeh.core.validation.warnings import EMPTY_LAYOUT
 from bokeh.document import Document
 from bokeh.server.server import Server
 from bokeh.settings import settings
@@ -57,6 +59,7 @@ class PageServer:
 
     def _run(self, port: int) -> None:
         settings.log_level = "error"  # of the browser's console
+        silence(EMPTY_LAYOUT)  # a list that is empty for now is no mistake
         asyncio.set_event_loop(asyncio.new_event_loop())
         key = secrets.token_bytes(32)
         try:

@@ -1,0 +1,129 @@
+"""The workbench in a real browser: the whole loop, by mouse and by keyboard alone."""
+
+from __future__ import annotations
+
+import http.client
+import importlib.util
+import re
+from contextlib import closing
+from pathlib import Path
+
+import command_line
+import pytest
+
+from diffthrust.cli._demo_logs import hidden_folder  # private: the demo's command writes by it
+from tests.workbench.page import CHROMIUM, looked_at, served
+
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (apt: chromium)"),
+    pytest.mark.skipif(
+        importlib.util.find_spec("playwright") is None, reason="Playwright is not installed"
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory) -> Path:
+    return hidden_folder(tmp_path_factory.mktemp("demo") / "hidden")
+
+
+FOCUSED = """() => {
+  let e = document.activeElement
+  while (e.shadowRoot?.activeElement) e = e.shadowRoot.activeElement
+  return e.innerText?.trim() || e.className || e.type
+}"""
+"""What has the focus, within the parts of the page that Bokeh has closed off."""
+
+
+def errors_shown(page) -> list[float]:
+    """The errors of the logs, as the list on the left gives them."""
+    labels = page.locator(".bk-RadioGroup label").all_inner_texts()
+    return [float(re.search(r"\) (\S+)$", label.strip())[1]) for label in labels]
+
+
+def test_the_whole_loop_load_diagnose_tick_save(demo):
+    """See the error, diagnose, add, the error falls, save, and `check` accepts it."""
+    with served(demo) as (address, process), looked_at(address) as page:
+        page.get_by_text("fit: converged").wait_for()
+        before = errors_shown(page)
+        assert len(before) == 3
+        page.get_by_role("button", name="Diagnose: what is missing?").click()
+        page.get_by_role("button", name="Add what was found").wait_for()
+        assert page.get_by_text("commands within").count()
+        page.get_by_text("reverse thrust asymmetry: removes").first.click()  # a tick
+        page.get_by_text("thruster + reverse thrust asymmetry").wait_for()
+        page.get_by_text("fit: converged").wait_for()
+        page.get_by_role("button", name="Undo").click()
+        page.get_by_text("thruster", exact=True).wait_for()
+        page.get_by_role("button", name="Add what was found").click()
+        page.get_by_text("thruster + command deadband + reverse thrust asymmetry").wait_for()
+        page.get_by_text(re.compile(r"unseen\) 0\.00")).wait_for()
+        after = errors_shown(page)
+        assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
+        page.get_by_role("button", name="Save", exact=True).click()
+        page.get_by_text(re.compile("Saved in .*explored")).wait_for()
+        process.kill()  # in the middle: what was saved is there, and whole
+    saved = demo / "explored"
+    names = ["diagnosis.html", "fit.json", "fit.toml", "report.html", "script.py"]
+    assert sorted(path.name for path in saved.iterdir()) == names
+    assert (
+        'effects = ["command_deadband", "reverse_thrust_asymmetry"]'
+        in (saved / "fit.toml").read_text()
+    )
+    command_line.run("check", saved)
+
+
+def test_by_keyboard_alone_in_a_narrow_window(demo):
+    with served(demo) as (address, _), looked_at(address, width=700) as page:
+        page.get_by_text("fit: converged").wait_for()
+        wide = page.evaluate("() => document.documentElement.scrollWidth")
+        assert wide <= 700
+        page.get_by_role("button", name="Diagnose: what is missing?").focus()
+        reached = set()
+        for _ in range(60):
+            page.keyboard.press("Tab")
+            reached.add(page.evaluate(FOCUSED))
+        assert {"Fit", "Save", "Copy as Python", "Leave it out", "checkbox"} <= reached
+        assert any("noUi-handle" in str(name) for name in reached)
+        handle = page.locator(".noUi-handle").first
+        value = handle.get_attribute("aria-valuenow")
+        handle.focus()
+        for _ in range(5):
+            page.keyboard.press("ArrowRight")
+        assert float(handle.get_attribute("aria-valuenow")) > float(value)
+        page.get_by_text("sliders were moved since the fit").wait_for()
+        page.get_by_role("button", name="Undo").focus()
+        page.keyboard.press("Enter")
+        page.get_by_text("sliders were moved since the fit").wait_for(state="detached")
+        assert float(handle.get_attribute("aria-valuenow")) == pytest.approx(float(value))
+
+
+def test_without_its_token_there_is_no_page_and_no_connection(demo):
+    with served(demo) as (address, _):
+        bare, _, token = address.partition("?")
+        port = int(bare.rstrip("/").rpartition(":")[2])
+        assert status_of(port, f"/?{token}") == 200
+        for query in ("/", "/?bokeh-session-id=guessed", f"/?{token[:-3]}abc"):
+            assert status_of(port, query) == 403
+        for origin in ("http://evil.example", f"http://localhost:{port}", "null"):
+            assert status_of(port, "/ws", **UPGRADE, Origin=origin) == 403
+        with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
+            connection.request("GET", "/ws", headers={**UPGRADE, "Origin": bare[:-1]})
+            assert connection.getresponse().status == 101
+            assert connection.sock.recv(1) == b"\x88"  # closed at once: it gave no token
+
+
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
+
+
+def status_of(port: int, query: str, **headers: str) -> int:
+    """The status with which a request is answered."""
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
+        connection.request("GET", query, headers=headers)
+        with connection.getresponse() as answer:
+            return answer.status
