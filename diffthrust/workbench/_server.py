@@ -8,6 +8,7 @@ page and no connection. Connections are accepted from this very address alone.
 from __future__ import annotations
 
 import asyncio
+import logging
 import secrets
 import threading
 from collections.abc import Callable
@@ -59,6 +60,8 @@ class PageServer:
 
     def _run(self, port: int) -> None:
         settings.log_level = "error"  # of the browser's console
+        # a page that is closed while something is fitted is no reason for a warning a second
+        logging.getLogger("bokeh.server").setLevel(logging.ERROR)
         silence(EMPTY_LAYOUT)  # a list that is empty for now is no mistake
         asyncio.set_event_loop(asyncio.new_event_loop())
         key = secrets.token_bytes(32)

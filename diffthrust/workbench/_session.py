@@ -200,6 +200,7 @@ class Session:
         self.earlier: list[Setup] = []
         self.fits: dict[tuple[object, ...], Fit] = {}
         self.diagnosis: Diagnosis | None = None
+        self._sliding: tuple[object, ...] = ()
         self._task: Task | None = None
         if source.fit is not None:
             self.accept(self.task, source.fit)
@@ -260,14 +261,21 @@ class Session:
         self._change(replace(self.setup, effects=effects), replace_values=True)
 
     def move(self, values: Mapping[str, float]) -> None:
-        """Set parameters, by full name.
+        """Set parameters, by full name; moves of the same ones are undone together.
+
+        A key that is held down moves a slider thirty times a second.
 
         Raises:
             InputError: a value outside its bounds, or a name that the model does not have.
         """
         _ = self.task.model.replace(dict(values))
         moved = replace(self.setup, values={**self.setup.values, **values}, moved=True)
+        undone = len(self.earlier)
+        again, self._sliding = self._sliding == (undone, *values), ()
         self._change(moved)
+        if again and self.earlier[undone:]:
+            self.earlier.pop()
+        self._sliding = (len(self.earlier), *values)
 
     def leave_out(self, stretch: Stretch) -> None:
         """Leave a stretch out of fits and comparisons.

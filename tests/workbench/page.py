@@ -42,7 +42,7 @@ def looked_at(address: str, width: int = 1280, height: int = 720) -> Iterator[An
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": width, "height": height})
-        page.set_default_timeout(240_000)
+        page.set_default_timeout(150_000)
         page.on("console", lambda message: wrong.append(message.text))
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("request", lambda request: wrong.append(f"request: {request.url}"))

@@ -143,6 +143,21 @@ def test_every_change_is_undone_and_done_again(session):
     assert session.setup.values["beta"] == 40.0
 
 
+def test_moves_of_one_slider_are_undone_together_and_those_of_two_apart(session):
+    first = session.setup
+    for value in (0.041, 0.042, 0.043):
+        session.move({"alpha": value})
+    second = session.setup
+    session.move({"beta": 40.0})
+    session.move({"alpha": 0.044})
+    session.undo()
+    session.undo()
+    assert session.setup is second
+    session.undo()
+    assert session.setup is first
+    assert not session.earlier
+
+
 def test_a_fit_that_comes_late_is_kept_and_takes_no_slider_back(session):
     task, fit = session.task, session.task.fit()
     session.move({"alpha": 0.05})
