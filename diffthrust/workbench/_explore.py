@@ -116,7 +116,13 @@ def explore(
     session = Session(opened(what, logs, holdout, trusted))
     comparison = session.task.compare()
     notebook = "ipykernel" in sys.modules
-    server = PageServer(lambda document: Page(document, session, comparison), port=port)
+    _ = session.task.addable  # before the page asks for it
+    pages: list[Page] = []
+    server = PageServer(
+        lambda document: pages.append(Page(document, session, comparison)),
+        lambda: [page.close() for page in pages],
+        port=port,
+    )
     bench = Workbench(session, server)
     if browser or (browser is None and not notebook):
         webbrowser.open(bench.address)

@@ -35,7 +35,7 @@ from diffthrust.workbench._tools import Tools
 
 _TALLER = """
 const taller = Math.min(Math.max(window.innerHeight / 720, 1), 1.35)
-for (const figure of figures) figure.height = Math.round(figure.height * taller)
+figures.forEach((figure, k) => { figure.height = Math.round(heights[k] * taller) })
 """
 """Display: plots are laid out for a window of 720 px, and grow with it."""
 
@@ -81,6 +81,17 @@ class Page:
             styles={"min-width": "430px", "flex": "1 1 430px"},
         )
         document.title = f"{session.source.name}: diffthrust"
+        figures = self.plots.figures
+        heights = {"figures": figures, "heights": [figure.height for figure in figures]}
+        taller = CustomJS(args=heights, code=_TALLER)
+        document.js_on_event(DocumentReady, taller)
+        # begun earlier, work costs the page seconds to load: Python runs one thread at a time
+        document.on_event(DocumentReady, lambda _: self._begin())
+        self._compared_by = session.setup.fitted_by
+        self.plots.show(self.run, self._left_out())
+        self.results.show_run(comparison.model, self.run)
+        self.results.show_diagnosis(session.diagnosis)
+        self._show_state()
         document.add_root(
             row(
                 self.left,
@@ -90,15 +101,6 @@ class Page:
                 styles={"flex-wrap": "wrap", "gap": "6px"},
             )
         )
-        taller = CustomJS(args={"figures": self.plots.figures}, code=_TALLER)
-        document.js_on_event(DocumentReady, taller)
-        # begun earlier, work costs the page seconds to load: Python runs one thread at a time
-        document.on_event(DocumentReady, lambda _: self._begin())
-        self._compared_by = session.setup.fitted_by
-        self.plots.show(self.run)
-        self.results.show_run(comparison.model, self.run)
-        self.results.show_diagnosis(session.diagnosis)
-        self._show_state()
 
     def _begin(self) -> None:
         """Once the page is there, also where it is loaded again."""

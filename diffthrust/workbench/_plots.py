@@ -41,6 +41,8 @@ while the next ones come."""
 _LIT = 1500
 """Display: samples of a selection that light up; more would cover each other."""
 
+_SMALL = 0.4
+"""Display: share of its height below which a series gets a scale of its own again."""
 _FIELDS = ("measured", "modelled", "residual")
 Stretches = Sequence[tuple[float, float]]
 
@@ -88,6 +90,12 @@ class Plots:
         for figure in drawn[:-1]:
             figure.xaxis.visible = False
         self.figures = drawn
+        count = len(self.inputs)
+        self._fields = [(drawn[k], (f"input{k}",)) for k in range(count)]
+        for k in range(len(self.channels)):
+            both = (f"measured{k}", f"modelled{k}")
+            self._fields += [(drawn[count + 2 * k], both)]
+            self._fields += [(drawn[count + 2 * k + 1], (f"residual{k}",))]
         return gridplot(
             [[figure] for figure in drawn],
             toolbar_location="right",
@@ -103,6 +111,7 @@ class Plots:
             unit,
             height=height,
             x_range=self.x_range,
+            y_range=Range1d(-1.0, 1.0),
             tools=[pan, wheel, select, ResetTool()],
             active_drag=pan,
             active_scroll=wheel,
@@ -136,15 +145,13 @@ class Plots:
                 color=color,
                 line_width=1.2 if column == "measured" else 1.8,
                 alpha=0.75 if column == "measured" else 1.0,
-                legend_label=words,
+                **(
+                    {} if k else {"legend_label": words}
+                ),  # in the first plot: it takes time to paint
             )
         figure.scatter("time", f"measured{k}", source=self.lit, size=5, color=VERMILLION)
-        figure.legend.orientation = "horizontal"
-        figure.legend.location = "top_right"
-        figure.legend.padding, figure.legend.margin = 2, 2
-        figure.legend.label_text_font_size = "11px"
-        figure.legend.background_fill_alpha = 0.7
-        figure.legend.border_line_color = None
+        if not k:
+            _place_legend(figure.legend)
         _hover(figure, [("measured", "measured", unit), ("model", "modelled", unit)])
         return figure
 
@@ -175,6 +182,7 @@ class Plots:
         duration = float(self._columns["time"][-1])
         self.x_range.update(start=0.0, end=duration, bounds=(-0.2 * duration, 1.2 * duration))
         self.x_range.reset_start, self.x_range.reset_end = 0.0, duration
+        self._fit_heights(anew=True)
         self._send()
 
     def update(self, run: Run) -> None:
@@ -185,6 +193,18 @@ class Plots:
             changed = (f"modelled{k}", f"residual{k}")
             columns = {n[: -len(str(k))]: envelope(self._sent, self._columns[n]) for n in changed}
             source.data.update(columns)  # pyright: ignore[reportArgumentType]
+        self._fit_heights()
+
+    def _fit_heights(self, *, anew: bool = False) -> None:
+        """Let all of a series be seen; scales stay while it fits, or the eye loses them."""
+        for figure, names in self._fields:
+            finite = [v[np.isfinite(v)] for v in (self._columns[name] for name in names)]
+            low = min((float(v.min()) for v in finite if v.size), default=-1.0)
+            high = max((float(v.max()) for v in finite if v.size), default=1.0)
+            room, ends = 0.08 * (high - low) or 1.0, figure.y_range
+            narrow = high - low < _SMALL * (ends.end - ends.start)
+            if anew or narrow or low < ends.start or high > ends.end:
+                ends.update(start=low - room, end=high + room)
 
     def shade(self, failing: Mapping[str, Stretches]) -> None:
         """Shade where each channel fails."""
@@ -260,6 +280,15 @@ class Plots:
 
 def _driven(run: Run) -> list[str]:
     return [name for name in run.record.inputs if name in run.signals]
+
+
+def _place_legend(legend: Any) -> None:
+    legend.orientation = "horizontal"
+    legend.location = "top_right"
+    legend.padding, legend.margin = 2, 2
+    legend.label_text_font_size = "11px"
+    legend.background_fill_alpha = 0.7
+    legend.border_line_color = None
 
 
 def _strips(pairs: Stretches) -> dict[str, list[float]]:

@@ -131,6 +131,7 @@ class Results:
             active_drag=select,
             toolbar_location=None,
         )
+        drawn.xaxis.axis_label = PlainText(text="")
         points = drawn.scatter("x", "y", source=self.points, size=3, color=VERMILLION, alpha=0.5)
         points.selection_glyph = points.glyph.clone(fill_color=SELECTED, line_color=SELECTED)
         points.nonselection_glyph = points.glyph.clone(fill_alpha=0.2, line_alpha=0.2)
@@ -164,8 +165,9 @@ class Results:
             "y": trace.residual[index].astype(np.float32),
             "index": index,
         }
-        self.scatter.yaxis.axis_label = PlainText(text=f"residual [{trace.unit}]")
-        self.scatter.xaxis.axis_label = PlainText(text=f"{self.signal.value} [{unit}]")
+        # another text, not another label: for each new model Bokeh goes through the whole page
+        self.scatter.yaxis[0].axis_label.text = f"residual [{trace.unit}]"
+        self.scatter.xaxis[0].axis_label.text = f"{self.signal.value} [{unit}]"
 
     def _on_geometry(self, event: SelectionGeometry) -> None:
         if not event.final or self.run is None or event.geometry.get("type") != "rect":

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
+import socket
 import threading
 from collections.abc import Callable
 
@@ -35,6 +36,7 @@ class PageServer:
 
     Args:
         fill: fills the document of the page, in the server's thread.
+        leave: is called at the end.
         port: to listen on; 0 for any that is free.
         patience: milliseconds after which a page that was closed ends the server.
 
@@ -43,47 +45,43 @@ class PageServer:
     """
 
     def __init__(
-        self, fill: Callable[[Document], None], *, port: int = 0, patience: int = _HOUR
+        self,
+        fill: Callable[[Document], object],
+        leave: Callable[[], object] = lambda: None,
+        *,
+        port: int = 0,
+        patience: int = _HOUR,
     ) -> None:
-        self._fill, self._patience = fill, patience
+        self._fill, self._leave, self._patience = fill, leave, patience
         self._ready, self.ended = threading.Event(), threading.Event()
-        self._error: OSError | None = None
+        _check_free(port)
         self._thread = threading.Thread(target=self._run, args=(port,), daemon=True)
         self.address = ""
         self._thread.start()
         self._ready.wait()
-        if self._error is not None:
-            raise InputError(
-                f"port {port}: the workbench cannot listen there ({self._error.strerror}).",
-                "Name another port, or none for any that is free.",
-            )
 
     def _run(self, port: int) -> None:
         settings.log_level = "error"  # of the browser's console
         # a page that is closed while something is fitted is no reason for a warning a second
         logging.getLogger("bokeh.server").setLevel(logging.ERROR)
         silence(EMPTY_LAYOUT)  # a list that is empty for now is no mistake
-        asyncio.set_event_loop(asyncio.new_event_loop())
+        loop = asyncio.new_event_loop()
+        asyncio.set_event_loop(loop)
         key = secrets.token_bytes(32)
-        try:
-            self._server = Server(
-                {"/": Application(FunctionHandler(self._filled))},
-                address=_HOST,
-                port=port,
-                # replaced below by the port that was found
-                allow_websocket_origin=[f"{_HOST}:{port}"],
-                secret_key=key,
-                sign_sessions=True,
-                generate_session_ids=False,
-                use_index=False,
-                unused_session_lifetime_milliseconds=self._patience,
-                check_unused_sessions_milliseconds=min(17_000, self._patience),
-                http_server_kwargs={"max_body_size": 1_000_000},
-            )
-        except OSError as error:
-            self._error = error
-            self._ready.set()
-            return
+        self._server = Server(
+            {"/": Application(FunctionHandler(self._filled))},
+            address=_HOST,
+            port=port,
+            # replaced below by the port that was found
+            allow_websocket_origin=[f"{_HOST}:{port}"],
+            secret_key=key,
+            sign_sessions=True,
+            generate_session_ids=False,
+            use_index=False,
+            unused_session_lifetime_milliseconds=self._patience,
+            check_unused_sessions_milliseconds=min(17_000, self._patience),
+            http_server_kwargs={"max_body_size": 1_000_000},
+        )
         found = self._server.port
         self._server._tornado._websocket_origins = {f"{_HOST}:{found}"}
         token = generate_session_id(key, signed=True)
@@ -91,6 +89,9 @@ class PageServer:
         self._server.start()
         self._server.io_loop.add_callback(self._ready.set)
         self._server.io_loop.start()
+        self._leave()
+        loop.run_until_complete(self._server._http.close_all_connections())
+        loop.close()
         self.ended.set()
 
     def _filled(self, document: Document) -> None:
@@ -105,3 +106,16 @@ class PageServer:
     def _stop(self) -> None:
         self._server.stop()
         self._server.io_loop.stop()
+
+
+def _check_free(port: int) -> None:
+    """Raise `InputError` where one cannot listen: Bokeh would leave a socket open."""
+    with socket.socket() as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((_HOST, port))
+        except OSError as error:
+            raise InputError(
+                f"port {port}: the workbench cannot listen there ({error.strerror}).",
+                "Name another port, or none for any that is free.",
+            ) from None
