@@ -19,6 +19,8 @@ from diffthrust.workbench._look import RIGHT, heading, text
 from diffthrust.workbench._path_figure import PathFigure
 from diffthrust.workbench._signal_path import signal_path
 
+_TITLE = 42
+"""Display: characters beside the value of a slider."""
 _STEPS = 400
 """Display: positions of a slider, more than the pixels that it has."""
 FOUND = "found or added"
@@ -176,9 +178,10 @@ class Controls:
         per, unit = shown_unit(parameter, model, self.shown)
         low, high = slider_range(parameter)
         words = name.replace("_", " ").replace(".", ", ")
-        about = f", {parameter.doc}" if parameter.doc else ""
+        quantity = f"{words} [{unit}]" if unit else words
+        longer = f"{words}, {parameter.doc}" + (f" [{unit}]" if unit else "")
         slider = Slider(
-            title=f"{words}{about}" + (f" [{unit}]" if unit else ""),
+            title=longer if parameter.doc and len(longer) <= _TITLE else quantity,
             start=per * low,
             end=per * high,
             step=per * (high - low) / _STEPS,

@@ -51,8 +51,8 @@ def spec_text(session: Session, folder: Path) -> str:
     for name, seconds in _shifts(session).items():
         channel = document["channels"][name]
         if not isinstance(channel, Mapping):  # channels.speed = "rpm" names the column alone
-            document["channels"][name] = channel = {"column": channel}
-        channel["shift"] = seconds
+            document["channels"][name] = {"column": channel}
+        document["channels"][name]["shift"] = seconds
     kept = zip(spec.model.effects, document.get("effects", []), strict=True)
     entries = {effect.name: entry for effect, entry in kept}
     document["effects"] = [entries.get(name, name) for name in setup.effects]

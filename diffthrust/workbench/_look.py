@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
+from bokeh.events import SelectionGeometry
 from bokeh.models import Button, Div, PlainText
 from bokeh.plotting import figure
 
@@ -92,3 +93,15 @@ def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
     made.grid.grid_line_color = "#eee"
     made.outline_line_color = None
     return made
+
+
+def box_of(event: SelectionGeometry) -> dict[str, float] | None:
+    """The corners ``x0``, ``x1``, ``y0``, ``y1`` of a box, once it is drawn."""
+    geometry: Any = event.geometry
+    if not event.final or geometry is None or geometry.get("type") != "rect":
+        return None
+    corners = {}
+    for axis in "xy":
+        ends = [float(geometry.get(f"{axis}{k}") or 0.0) for k in (0, 1)]
+        corners |= {f"{axis}0": min(ends), f"{axis}1": max(ends)}
+    return corners

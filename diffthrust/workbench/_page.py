@@ -302,7 +302,7 @@ class Page:
 
     def _followed(self, setup: Setup, index: int, run: Run) -> None:
         if setup.fitted_by == self.session.setup.fitted_by and index == self.shown:
-            self.plots.update(run)
+            self.plots.update(run, rescaled=False)
 
     def _release(self) -> None:
         values, self.sliding = self.sliding, {}

@@ -33,7 +33,7 @@ class PathFigure:
         columns = max(node.column for node in self.nodes)
         rows = max(node.row for node in self.nodes)
         self.wide = min(0.94, 0.94 * (columns + 1) / 6)
-        self.source = ColumnDataSource(
+        self.source: Any = ColumnDataSource(
             data={
                 "name": [node.name for node in self.nodes],
                 "label": [node.name.replace("_", "\n") for node in self.nodes],
@@ -51,11 +51,11 @@ class PathFigure:
 
     def _drawn(self, columns: float, rows: float) -> Any:
         tap = TapTool()
-        drawn = figure(
+        drawn: Any = figure(
             width=RIGHT - 10,
             height=int(70 + 58 * rows),
-            x_range=Range1d(-0.55, columns + 0.55),
-            y_range=Range1d(-rows - 0.6, 0.6),
+            x_range=Range1d(start=-0.55, end=columns + 0.55),
+            y_range=Range1d(start=-rows - 0.6, end=0.6),
             tools=[tap],
             toolbar_location=None,
             min_border=0,
@@ -122,7 +122,8 @@ def _arrow(begin: tuple[float, float], end: tuple[float, float]) -> Arrow:
     step = np.array([x1 - x0, y1 - y0])
     reach = float(np.min(half / np.maximum(np.abs(step), 1e-9)))
     a, b = np.array(begin) + reach * step, np.array(end) - reach * step
-    return Arrow(
+    arrow: Any = Arrow
+    return arrow(
         x_start=a[0],
         y_start=a[1],
         x_end=b[0],

@@ -26,7 +26,7 @@ from diffthrust.comparison._derived_signals import derived_signals, signals_of, 
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
-from diffthrust.workbench._look import BLUE, SELECTED, VERMILLION, plot, table, text
+from diffthrust.workbench._look import BLUE, SELECTED, VERMILLION, box_of, plot, table, text
 from diffthrust.workbench._session import Step
 
 _POINTS = 4000
@@ -170,14 +170,14 @@ class Results:
         self.scatter.xaxis[0].axis_label.text = f"{self.signal.value} [{unit}]"
 
     def _on_geometry(self, event: SelectionGeometry) -> None:
-        if not event.final or self.run is None or event.geometry.get("type") != "rect":
+        box = box_of(event)
+        if box is None or self.run is None:
             return
-        box, trace = event.geometry, self.run.shown_channels[self.channel.value]
+        trace = self.run.shown_channels[self.channel.value]
         signal = self._signals[self.signal.value][0]
         inside = np.ones(signal.size, bool)
         for values, low, high in ((signal, "x0", "x1"), (trace.residual, "y0", "y1")):
-            ends = sorted((float(box[low]), float(box[high])))
-            inside &= (values >= ends[0]) & (values <= ends[1])
+            inside &= (values >= box[low]) & (values <= box[high])
         self.on_select(inside)
 
     def light_up(self, selected: np.ndarray) -> None:

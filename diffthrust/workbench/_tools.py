@@ -120,13 +120,18 @@ class Tools:
         """Say what was saved."""
         self.said.text = paragraphs(words)
 
+    @property
+    def _ends(self) -> tuple[float, float]:
+        return float(self.start.value or 0.0), float(self.stop.value or 0.0)
+
     def _typed(self) -> None:
-        if not self._setting and (self.start.value or 0.0) < (self.stop.value or 0.0):
-            self.page.select(self.start.value, self.stop.value)
+        start, stop = self._ends
+        if not self._setting and start < stop:
+            self.page.select(start, stop)
 
     def _leave_out(self) -> None:
-        page, name = self.page, self.page.log_shown
-        stretch = Stretch(name, self.start.value, self.stop.value, self.note.value)
+        page = self.page
+        stretch = Stretch(page.log_shown, *self._ends, self.note.value)
         page.edit(partial(page.session.leave_out, stretch))
 
     def _shift(self) -> None:

@@ -101,6 +101,42 @@ def test_by_keyboard_alone_in_a_narrow_window(demo):
         assert page.evaluate(FIRST_SLIDER) == pytest.approx(value)
 
 
+def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(demo):
+    with served(demo) as (address, _), looked_at(address) as page:
+        page.get_by_text("fit: converged").wait_for()
+        box = page.locator("canvas").nth(1).bounding_box()
+        page.locator("[title='Select a stretch']").first.click()
+        page.mouse.move(box["x"] + 200, box["y"] + 60)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 300, box["y"] + 60, steps=4)
+        page.mouse.up()
+        start, stop = (page.locator(".bk-Spinner input").nth(k) for k in (0, 1))
+        page.wait_for_function("element => element.value != '0'", arg=stop.element_handle())
+        assert 0 < float(start.input_value()) < float(stop.input_value()) < 60
+        assert page.evaluate(LIT) > 20  # the same samples in the scatter
+        note = page.get_by_placeholder("weed in the propeller")
+        note.fill("<b onclick=alert()>weed</b> $$x$$")
+        note.press("Tab")
+        page.get_by_role("button", name="Leave it out").click()
+        page.get_by_text("<b onclick=alert()>weed</b> $$x$$").wait_for()
+        page.get_by_label("thrust", exact=True).check()
+        page.locator(".bk-Spinner input").nth(2).fill("0.05")
+        page.locator(".bk-Spinner input").nth(2).press("Tab")
+        page.get_by_role("button", name="Shift").click()
+        page.get_by_text("thrust comes +0.05 s later").wait_for()
+        page.get_by_text("fit: converged").wait_for()
+        page.get_by_role("button", name="Copy as Python").click()
+        page.get_by_text('shifted(0.05, "thrust").leave_out(').wait_for()
+        page.get_by_role("button", name="Take in").click()
+        page.get_by_text("Left out: ").wait_for(state="detached")
+
+
+LIT = """() => [...Bokeh.documents[0]._all_models.values()]
+  .filter(model => model.type == "ColumnDataSource")
+  .reduce((most, source) => Math.max(most, source.selected.indices.length), 0)
+"""
+
+
 def test_without_its_token_there_is_no_page_and_no_connection(demo):
     with served(demo) as (address, _):
         bare, _, token = address.partition("?")
