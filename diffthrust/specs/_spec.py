@@ -102,7 +102,7 @@ class Spec(Brief):
         """Read the unseen logs; there may be none."""
         return tuple(self._read(path) for path in self.holdout)
 
-    def log_name(self, path: Path) -> str:
+    def _log_name(self, path: Path) -> str:
         """The name of the log in one of the files, as reports give it."""
         # Folders day1/ and day2/ often hold a log.csv each: reports must keep them apart.
         unique = sum(file.name == path.name for file in (*self.train, *self.holdout)) == 1
@@ -121,7 +121,7 @@ class Spec(Brief):
                 start=logs.start,
                 stop=logs.stop,
                 rate=logs.rate,
-                name=self.log_name(path),
+                name=self._log_name(path),
                 **more,
             )
             self._check_units(log)
@@ -326,7 +326,7 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
         train=train,
         holdout=holdout,
     )
-    names = [spec.log_name(file) for file in (*train, *holdout)]
+    names = [spec._log_name(file) for file in (*train, *holdout)]
     for index, stretch in enumerate(file.logs.leave_out):
         if stretch.log not in names:
             near = nearest(stretch.log, names)

@@ -30,16 +30,15 @@ class Workbench:
     """A workbench that is open.
 
     Args:
-        session: what it shows: also to be looked at from Python.
+        session: what it shows.
         server: its page.
 
     Example:
         >>> bench = dft.explore(fit, browser=False, wait=False)
         >>> bench.address.startswith("http://127.0.0.1:")
         True
-        >>> print(bench.session.task.model)
-        thruster
         >>> bench.close()
+        >>> bench.wait()  # until it has ended
     """
 
     def __init__(self, session: Session, server: PageServer) -> None:

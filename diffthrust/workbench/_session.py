@@ -182,15 +182,13 @@ class Session:
         source: what was opened.
 
     Example:
-        >>> session = dft.workbench.Session(dft.workbench.Source("demo", dft.Thruster(), (log,)))
-        >>> session.accept(session.task, session.task.fit())
+        >>> session = Session(opened(fit))
         >>> session.tick("command_deadband")
         >>> print(session.task.model)
         thruster + command_deadband
         >>> session.undo()
-        >>> print(session.task.model), [step.added for step in session.staircase]
+        >>> print(session.task.model)
         thruster
-        (None, [''])
     """
 
     def __init__(self, source: Source) -> None:

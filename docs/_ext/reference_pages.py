@@ -44,6 +44,7 @@ AREAS = {
     "papers": ("Papers", ("papers",)),
     "many": ("Many logs, campaigns, fleets, checks", ("many", "checks")),
     "export": ("Export", ("export",)),
+    "workbench": ("The workbench", ("workbench",)),
 }
 """Pages, each with its title and the folders that it describes."""
 FOLDER_TITLES = {

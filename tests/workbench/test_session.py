@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust.workbench import Session, Source, Stretch
 from diffthrust.workbench._leaving import save, script, spec_text  # private: the page's buttons
-from diffthrust.workbench._source import opened  # private: `explore` opens by it
+from diffthrust.workbench._session import Session, Stretch  # private: what the page shows
+from diffthrust.workbench._source import Source, opened  # private: `explore` opens by it
 
 
 @pytest.fixture(scope="module")
