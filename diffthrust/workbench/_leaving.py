@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from base64 import b64decode
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import tomlkit
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.literals import as_python
+from diffthrust._support.page import image
 from diffthrust.checks._check import check
 from diffthrust.comparison._page import comparisons_of, write_comparison_page
 from diffthrust.estimation._model_lines import python_lines
@@ -198,6 +200,9 @@ def save(session: Session, folder: Path) -> tuple[Path, ...]:
     write_comparison_page(
         files["report.html"], title=title, spec=text, comparisons=comparisons, fit=fit
     )
+    files["errors.png"] = folder / "errors.png"
+    picture = b64decode(image(list(comparisons.values())[-1].plot))
+    write_whole(files["errors.png"], picture)
     return tuple(files.values())
 
 

@@ -67,7 +67,7 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
         page.get_by_text(re.compile("Saved in .*explored")).wait_for()
         process.kill()  # in the middle: what was saved is there, and whole
     saved = demo / "explored"
-    names = ["diagnosis.html", "fit.json", "fit.toml", "report.html", "script.py"]
+    names = ["diagnosis.html", "errors.png", "fit.json", "fit.toml", "report.html", "script.py"]
     assert sorted(path.name for path in saved.iterdir()) == names
     assert (
         'effects = ["command_deadband", "reverse_thrust_asymmetry"]'

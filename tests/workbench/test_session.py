@@ -221,7 +221,8 @@ def test_what_is_saved_is_accepted_by_check_and_opened_again(session, tmp_path):
     session.shift(0.05, "thrust")
     fitted(session)
     paths = save(session, tmp_path / "explored")
-    assert sorted(p.name for p in paths) == ["fit.json", "fit.toml", "report.html", "script.py"]
+    names = ["errors.png", "fit.json", "fit.toml", "report.html", "script.py"]
+    assert sorted(p.name for p in paths) == names
     command_line.run("check", tmp_path / "explored")
     again = Session(opened(tmp_path / "explored"))
     assert again.setup.effects == ("command_deadband",)
@@ -275,7 +276,12 @@ def test_a_session_needs_no_spec(tmp_path):
     session = Session(Source("own", dft.Thruster(), (example_names.log(),)))
     fitted(session)
     paths = save(session, tmp_path)
-    assert [p.name for p in paths] == ["fit.json", "report.html", "script.py"]
+    assert [p.name for p in paths] == [
+        "fit.json",
+        "report.html",
+        "script.py",
+        "errors.png",
+    ]
     with pytest.raises(dft.InputError, match="was not opened from a spec file"):
         spec_text(session, tmp_path)
     assert replace(session.setup, values={}).effects == ()

@@ -1,0 +1,103 @@
+"""The page without a browser: what its parts show of results, and what becomes of late answers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import example_names
+import made_diagnosis
+import pytest
+from bokeh.document import Document
+
+import diffthrust as dft
+from diffthrust.workbench._page import Page  # private: what `explore` shows
+from diffthrust.workbench._results import Results  # private: a part of it
+from diffthrust.workbench._session import Session  # private: what the page shows
+from diffthrust.workbench._source import opened  # private: `explore` opens by it
+
+
+class Ticking(Document):
+    """A document whose next ticks come when a test asks for them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ticks: list[Callable[[], Any]] = []
+
+    def add_next_tick_callback(self, callback: Any) -> Any:
+        self.ticks.append(callback)
+
+    def run_until(self, holds: Callable[[], bool]) -> None:
+        """Let everything that was worked out arrive, until something holds."""
+        end = time.monotonic() + 120
+        while not holds():
+            assert time.monotonic() < end
+            ticks, self.ticks = self.ticks, []
+            for tick in ticks:
+                tick()
+            time.sleep(0.01)
+
+
+@pytest.fixture
+def page():
+    session = Session(opened(example_names.fit()))
+    page = Page(Ticking(), session, session.task.compare())
+    yield page
+    page.close()
+
+
+def test_a_slider_is_followed_and_its_release_can_be_undone(page):
+    before = page.plots.drawn[0].data["modelled"].copy()
+    page._slide("alpha", 0.05)
+    page.document.run_until(lambda: (page.plots.drawn[0].data["modelled"] != before).any())
+    assert not page.session.setup.moved  # until it is let go
+    page._release()
+    assert page.session.setup.values["alpha"] == 0.05
+    assert not page.undoing.disabled
+    page._history("undo")
+    assert page.session.fitted
+
+
+def test_an_answer_for_a_model_that_was_left_is_dropped(page):
+    task, comparison = page.session.task, page.comparison
+    page.session.tick("command_deadband")
+    page._compared(task, comparison)
+    assert page._like(page.session.setup) is None  # sliders sleep until the new model has answered
+
+
+def test_a_refused_change_is_said_and_changes_nothing(page):
+    page.edit(lambda: page.session.shift(0.1))
+    assert "expected channels to shift" in page.progress.text
+    page.diagnose_stretch()
+    assert "Select a stretch first" in page.progress.text
+
+
+def test_the_learned_law_and_the_next_experiment_are_drawn():
+    results = Results(lambda samples: None)
+    full = made_diagnosis.diagnosis()
+    results.show_diagnosis(full)
+    drawn = [part.text for part in (results.learned, results.experiment)]
+    assert [text.count("data:image/png") for text in drawn] == [
+        int(bool(full.laws)),
+        int(full.experiment is not None),
+    ]
+    assert sum(text.count("data:image/png") for text in drawn) > 0
+
+
+def test_a_stretch_is_ranked_effect_by_effect():
+    results = Results(lambda samples: None)
+    results.show_stretch(example_names.diag(), "run1.csv, 2 to 5 s")
+    assert "command deadband" in results.stretch.text
+    assert results.layout.active == 1
+
+
+def test_names_of_users_are_text_on_the_page():
+    log = example_names.log().replaced(name="<img src=x onerror=alert(1)>.csv")
+    fit = dft.fit(dft.Thruster(), log, starts=1)
+    session = Session(opened(dft.Thruster(), log))
+    session.accept(session.task, fit)
+    page = Page(Ticking(), session, session.task.compare())
+    markup = [model.text for model in page.document.models if type(model).__name__ == "Div"]
+    assert not any("<img src=x" in text for text in markup)
+    page.close()
