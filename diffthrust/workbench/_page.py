@@ -136,7 +136,7 @@ class Page:
         self.diagnosing = button("Diagnose: what is missing?", self._diagnose, "primary", **wide)
         self.adding = button("Add what was found", self._add_found, "success", **wide)
         self.fitting = button("Fit", self._fit, **half)
-        self.stopping = button("Stop", self.long.stop, **half)
+        self.stopping = button("Stop", self._stop, **half)
         self.undoing = button("Undo", partial(self._history, "undo"), **half)
         self.redoing = button("Redo", partial(self._history, "redo"), **half)
         self.adding.visible = False
@@ -246,6 +246,11 @@ class Page:
     ) -> None:
         self._show_progress(doing, 0.0)
         self.long.ask(work, then, self._failed, stop=True)
+
+    def _stop(self) -> None:
+        """Stop what is fitted or diagnosed; a program that is being compiled is finished first."""
+        self.long.stop()
+        self._say("stopping at the next step")
 
     def _failed(self, error: Exception) -> None:
         if isinstance(error, Stopped):
