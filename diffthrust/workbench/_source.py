@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -139,13 +141,14 @@ def _of_spec(
 
 
 def _of_logs(path: Path) -> Source:
-    """Bare logs: the spec that `look` drafts, in a folder that nobody has to clear up."""
+    """Bare logs: the spec that `look` drafts, in a folder that goes with the process."""
     survey = look(path)
     if survey.model is None:
         raise InputError(
             f"{path}: no model suits its columns.", f"See what they are: diffthrust look {path}"
         )
     folder = Path(tempfile.mkdtemp(prefix="diffthrust-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return _of_spec(load_spec(survey.save_spec(folder / NAME)), drafted=True, name=path.stem)
 
 

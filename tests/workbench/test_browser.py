@@ -51,7 +51,8 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
         before = errors_shown(page)
         assert len(before) == 3
         page.get_by_role("button", name="Diagnose: what is missing?").click()
-        page.get_by_role("button", name="Add what was found").wait_for()
+        found = page.get_by_role("button", name="Add what was found")
+        found.wait_for(timeout=900_000)  # a first diagnosis compiles for minutes
         assert page.get_by_text("commands within").count()
         page.get_by_text("reverse thrust asymmetry: removes").first.click()  # a tick
         page.get_by_text("thruster + reverse thrust asymmetry").wait_for()
