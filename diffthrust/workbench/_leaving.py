@@ -8,6 +8,7 @@ from base64 import b64decode
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import tomlkit
@@ -16,15 +17,17 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.literals import as_python
 from diffthrust._support.page import image
-from diffthrust.checks._check import check
+from diffthrust.checks._run import run_again
 from diffthrust.comparison._page import comparisons_of, write_comparison_page
 from diffthrust.estimation._model_lines import python_lines
 from diffthrust.specs._file import NAME
-from diffthrust.specs._spec import load_spec
+from diffthrust.specs._scripts import script_file
+from diffthrust.specs._spec import Spec, load_spec
 from diffthrust.workbench._session import Session, Task
 
 _FIRST = "# Saved by the workbench of diffthrust: diffthrust explore opens it again."
 """The first line of a spec that may be overwritten: nobody has written it by hand."""
+_ELSEWHERE = "Name another folder."
 
 
 def spec_text(session: Session, folder: Path) -> str:
@@ -48,7 +51,7 @@ def spec_text(session: Session, folder: Path) -> str:
     logs = document["logs"]
     for key, files in (("train", spec.train), ("holdout", spec.holdout)):
         if files:
-            logs[key] = [Path(os.path.relpath(file.resolve(), folder)).as_posix() for file in files]
+            logs[key] = [_relative(file, folder) for file in files]
     _set_list(logs, "leave_out", [dict(vars(stretch)) for stretch in _stretches(session)])
     for name, seconds in _shifts(session).items():
         channel = document["channels"][name]
@@ -57,9 +60,21 @@ def spec_text(session: Session, folder: Path) -> str:
         document["channels"][name]["shift"] = seconds
     kept = zip(spec.model.effects, document.get("effects", []), strict=True)
     entries = {effect.name: entry for effect, entry in kept}
-    document["effects"] = [entries.get(name, name) for name in setup.effects]
+    home, words = spec.path.parent, [entries.get(name, name) for name in setup.effects]
+    document["model"] = _word(document["model"], home, folder)
+    document["effects"] = [_word(w, home, folder) if isinstance(w, str) else w for w in words]
     _set_parameters(document, session)
     return f"{_FIRST}\n\n{tomlkit.dumps(document)}"
+
+
+def _relative(file: Path, folder: Path) -> str:
+    return Path(os.path.relpath(file.resolve(), folder)).as_posix()
+
+
+def _word(word: str, home: Path, folder: Path) -> str:
+    """The word of a model or an effect; the path of a script as it is seen from the folder."""
+    script_of = script_file(word, home)
+    return f"{_relative(script_of, folder)}:{word.rpartition(':')[2]}" if script_of else word
 
 
 def _stretches(session: Session) -> list[Any]:
@@ -163,7 +178,7 @@ def _edit_code(task: Task, index: int) -> str:
 
 
 def save(session: Session, folder: Path) -> tuple[Path, ...]:
-    """Write spec, fit, report, figure and script into a folder, each whole or not at all.
+    """Write spec, fit, report, figure and script into a folder, all of them or none.
 
     The spec gets its [expected] block, so that ``diffthrust check`` accepts it as it is.
 
@@ -178,42 +193,64 @@ def save(session: Session, folder: Path) -> tuple[Path, ...]:
         InputError: there is no fit, a spec lies there that somebody has written, or a file cannot
             be written.
     """
-    task, fit = session.task, session.fit
-    if fit is None:
+    if session.fit is None:
         raise InputError("The present model is not fitted.", "Fit it, then save.")
-    made_folder(folder, "Name another folder.")
-    files = {name: folder / name for name in ("fit.json", "report.html", "script.py")}
-    if session.source.spec is not None:
-        files[NAME] = _save_spec(session, folder)
-        spec, place = load_spec(files[NAME], trust=[session.source.spec.path.parent]), files[NAME]
-        assert fit.origin is not None
-        origin = replace(fit.origin, spec=spec.sha256, spec_file=str(place.resolve()))
-        fit = replace(fit, origin=origin)
-    fit.save(files["fit.json"])
-    write_whole(files["script.py"], script(session).encode())
-    text = files[NAME].read_text("utf-8") if NAME in files else ""
-    if session.diagnosis is not None:
-        session.diagnosis.save(folder / "diagnosis.html", spec=text)
-        files["diagnosis"] = folder / "diagnosis.html"
-    comparisons = comparisons_of(fit, task.train, task.unseen)
-    title = session.source.name
-    write_comparison_page(
-        files["report.html"], title=title, spec=text, comparisons=comparisons, fit=fit
-    )
-    files["errors.png"] = folder / "errors.png"
-    picture = b64decode(image(list(comparisons.values())[-1].plot))
-    write_whole(files["errors.png"], picture)
-    return tuple(files.values())
+    folder = made_folder(folder, _ELSEWHERE).resolve()
+    _check_own(folder / NAME)
+    # Renamed once all are whole: a save that is killed would leave the spec of one model beside the
+    # fit of another.
+    try:
+        with TemporaryDirectory(prefix=".saving-", dir=folder) as place:
+            made = _written(session, Path(place), folder)
+            for path in made:
+                os.replace(path, folder / path.name)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written to ({error.strerror or error}).", _ELSEWHERE
+        ) from None
+    return tuple(folder / path.name for path in made)
 
 
-def _save_spec(session: Session, folder: Path) -> Path:
-    path = folder / NAME
+def _check_own(path: Path) -> None:
     if path.exists() and not path.read_text("utf-8", errors="replace").startswith(_FIRST):
         raise InputError(
             f"{path}: expected none, or one that the workbench has saved; nothing that somebody "
             "has written is overwritten.",
-            "Name another folder.",
+            _ELSEWHERE,
         )
-    write_whole(path, spec_text(session, folder.resolve()).encode())
-    check(folder, update=True, jobs=1)
-    return path
+
+
+def _written(session: Session, place: Path, folder: Path) -> list[Path]:
+    """Write the files in a place of their own; the fit says that its spec is in the folder."""
+    task, fit, spec, text = session.task, session.fit, session.source.spec, ""
+    assert fit is not None
+    paths = [place / name for name in ("fit.json", "report.html", "script.py", "errors.png")]
+    fit_file, report, lines, picture = paths
+    if spec is not None:
+        paths.append(place / NAME)
+        saved = _with_expected(session, folder / f"{place.name}.toml", spec.path.parent)
+        write_whole(place / NAME, saved.text.encode())
+        assert fit.origin is not None
+        origin = replace(fit.origin, spec=saved.sha256, spec_file=str(folder / NAME))
+        fit, text = replace(fit, origin=origin), saved.text
+    fit.save(fit_file)
+    write_whole(lines, script(session).encode())
+    if session.diagnosis is not None:
+        paths.append(place / "diagnosis.html")
+        session.diagnosis.save(paths[-1], spec=text)
+    comparisons = comparisons_of(fit, task.train, task.unseen)
+    title = session.source.name
+    write_comparison_page(report, title=title, spec=text, comparisons=comparisons, fit=fit)
+    write_whole(picture, b64decode(image(list(comparisons.values())[-1].plot)))
+    return paths
+
+
+def _with_expected(session: Session, draft: Path, home: Path) -> Spec:
+    """The spec with its [expected] block, by a draft in its folder, from which its paths lead."""
+    trust = [str(home.resolve())]
+    try:
+        write_whole(draft, spec_text(session, draft.parent).encode())
+        run_again(session.source.name, draft, update=True, trust=trust)
+        return load_spec(draft, trust=trust)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -240,6 +240,56 @@ def test_what_is_saved_is_accepted_by_check_and_opened_again(session, tmp_path):
     assert "command_deadband" not in (tmp_path / "explored" / "fit.toml").read_text()
 
 
+def test_a_save_touches_no_other_fit_and_a_broken_one_nothing(session, tmp_path, monkeypatch):
+    folder = tmp_path / "explored"
+    other = folder / "by_hand" / "fit.toml"
+    other.parent.mkdir(parents=True)
+    text = session.source.spec.text
+    other.write_text(text)
+    for log in ("run1.csv", "run2.csv"):
+        (other.parent / log).write_bytes((session.source.spec.path.parent / log).read_bytes())
+    save(fitted(session), folder)
+    assert other.read_text() == text  # `check` of the folder would have given it [expected]
+    saved = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    session.move({"alpha": 0.05})
+
+    def killed(*_args, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("diffthrust.workbench._leaving.write_comparison_page", killed)
+    with pytest.raises(KeyboardInterrupt):
+        save(session, folder)
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == saved
+    assert {path.name for path in folder.iterdir()} == {"by_hand", *(path.name for path in saved)}
+
+
+def test_a_folder_that_cannot_be_made_is_said(session, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(dft.InputError, match="the folder cannot be made"):
+        save(fitted(session), tmp_path / "file" / "explored")
+
+
+def test_a_model_of_ones_own_is_saved_and_its_fit_runs_no_script_untrusted(lacking, tmp_path):
+    ran, home = tmp_path / "ran", tmp_path / "home"
+    home.mkdir()
+    code = f"from pathlib import Path\nPath({str(ran)!r}).touch()\n"
+    code += "from diffthrust import Thruster\nclass Mine(Thruster):\n    '''Mine.'''\n"
+    (home / "own.py").write_text(code)
+    text = (lacking / "fit.toml").read_text().replace('"thruster"', '"own.py:Mine"')
+    (home / "fit.toml").write_text(text)
+    for name in ("run1.csv", "run2.csv"):
+        (home / name).write_bytes((lacking / name).read_bytes())
+    session = fitted(Session(opened(home, trust=[home])))
+    save(session, home / "explored")
+    command_line.run("check", home / "explored", "--trust", home)
+    ran.unlink()
+    with pytest.raises(dft.InputError, match=r"script own.py, which the workbench does not run"):
+        opened(home / "explored" / "fit.json")
+    assert not ran.exists()
+    again = opened(home / "explored" / "fit.json", trust=[home])
+    assert again.fit.parameters == session.fit.parameters
+
+
 def test_a_spec_that_somebody_has_written_is_not_overwritten(session, lacking):
     with pytest.raises(dft.InputError, match="is not fitted"):
         save(session, lacking)
