@@ -32,7 +32,6 @@ class PathFigure:
         places = {node.name: _place(node) for node in self.nodes}
         columns = max(node.column for node in self.nodes)
         rows = max(node.row for node in self.nodes)
-        self.wide = min(0.94, 0.94 * (columns + 1) / 6)
         self.source: Any = ColumnDataSource(
             data={
                 "name": [node.name for node in self.nodes],
@@ -75,7 +74,7 @@ class PathFigure:
             border_radius=4,
         )
         boxes.nonselection_glyph = boxes.selection_glyph = None
-        size = "9px" if columns > 5.5 else "10px"
+        size = "9px" if columns > 4.5 else "10px"  # "propeller" has 45 px where there are six
         drawn.text(
             "x",
             "y",

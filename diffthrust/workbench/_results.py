@@ -13,7 +13,9 @@ from bokeh.models import (
     BoxSelectTool,
     ColumnDataSource,
     FactorRange,
+    Label,
     PlainText,
+    Range1d,
     ResetTool,
     Select,
     Span,
@@ -46,6 +48,10 @@ class Results:
         self.steps = ColumnDataSource(data={"step": [], "error": [], "label": []})
         self.factors = FactorRange(factors=[])
         self.now = Span(location=None, dimension="width", line_color=VERMILLION, line_dash="dashed")
+        self.now_label: Any = Label(
+            x=4, y=0, x_units="screen", text_color=VERMILLION, text_font_size="11px"
+        )
+        self.heights = Range1d(start=0.0, end=1.0)
         self.points = ColumnDataSource(data={"x": [], "y": [], "index": []})
         self.channel = Select(title="Residual of", options=[], width=120)
         self.signal = Select(title="against", options=[], width=160)
@@ -87,11 +93,11 @@ class Results:
             "",
             height=_HEIGHT + 50,
             x_range=self.factors,
+            y_range=self.heights,
             tools=[],
             toolbar_location=None,
             styles={"flex": "1 1 200px", "min-width": "0"},
         )
-        drawn.y_range.start = 0.0
         drawn.vbar("step", top="error", width=0.7, source=self.steps, color=BLUE, alpha=0.75)
         drawn.text(
             "step",
@@ -103,12 +109,19 @@ class Results:
             text_font_size="11px",
         )
         drawn.add_layout(self.now)
-        drawn.y_range.range_padding = 0.3
+        drawn.add_layout(self.now_label)
+        self.errors_axis = drawn.yaxis[0]
         drawn.xaxis.major_label_text_font_size = "11px"
         return drawn
 
     def show_steps(self, steps: Sequence[Step], now: float | None, *, unseen: bool) -> None:
-        """Show the staircase, and as a dashed line the error of the present values."""
+        """Show the staircase, and as a dashed line the error of the present values.
+
+        Args:
+            steps: those of the session.
+            now: the error of values that sliders were moved to; ``None`` where none was.
+            unseen: the errors are of unseen logs.
+        """
         names = [step.added.replace("_", "\n") or "as\nopened" for step in steps]
         self.factors.factors = names
         errors = [step.unseen for step in steps]
@@ -118,6 +131,11 @@ class Results:
             "label": [f"{error:.3g}" for error in errors],
         }
         self.now.location = now
+        self.now_label.update(y=now or 0.0, text="" if now is None else f"sliders: {now:.3g}")
+        # no range follows a line by itself: the error that sliders had made was above the picture
+        self.heights.end = 1.2 * max(filter(np.isfinite, [*errors, now or 0.0]), default=1.0) or 1.0
+        logs = "unseen logs" if unseen else "training logs"
+        self.errors_axis.axis_label = PlainText(text=f"error, {logs}")
 
     # -- the scatter -----------------------------------------------------------------------------
 
