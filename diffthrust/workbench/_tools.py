@@ -116,9 +116,9 @@ class Tools:
         shifts = (f"{name} comes {by:+g} s later" for name, by in setup.shifts.items())
         self.shifts.text = paragraphs("\n".join(shifts))
 
-    def say(self, words: str) -> None:
-        """Say what was saved."""
-        self.said.text = paragraphs(words)
+    def say(self, words: str, kind: str = "") -> None:
+        """Say what was saved, or why it was not."""
+        self.said.text = paragraphs(words, kind)
 
     @property
     def _ends(self) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -82,6 +83,28 @@ def test_a_refused_change_is_said_and_changes_nothing(page):
     assert "expected channels to shift" in page.progress.text
     page.diagnose_stretch()
     assert "Select a stretch first" in page.progress.text
+
+
+def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
+    begun, end, ended = threading.Event(), threading.Event(), []
+
+    def diagnosing(report):
+        begun.set()
+        assert end.wait(120)
+        report("on", 0.5)  # raises where it was stopped
+
+    page._ask(diagnosing, ended.append, "looking")
+    assert begun.wait(120)
+    page.save(str(tmp_path / "explored"))
+    page.long.ask(lambda _: None, ended.append, page._failed)  # what waits gives way to it
+    page.document.run_until(lambda: "Saved in" in page.tools.said.text)
+    assert (tmp_path / "explored" / "fit.json").is_file()
+    assert not ended
+    end.set()
+    page.document.run_until(lambda: len(ended) == 2)
+    (tmp_path / "file").touch()
+    page.save(str(tmp_path / "file" / "explored"))
+    page.document.run_until(lambda: "cannot be made" in page.tools.said.text)
 
 
 def test_the_learned_law_and_the_next_experiment_are_drawn():
