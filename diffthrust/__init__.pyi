@@ -1,4 +1,6 @@
+from . import actuators as actuators
 from . import blackbox as blackbox
+from . import bodies as bodies
 from . import checks as checks
 from . import comparison as comparison
 from . import control as control
@@ -42,6 +44,7 @@ from .models._base.model import Model as Model
 from .models._base.parameter import Normal as Normal
 from .models._base.parameter import Parameter as Parameter
 from .models._base.parameter import parameter as parameter
+from .models._craft.craft import Craft as Craft
 from .models._dc_motor import DCMotorThruster as DCMotorThruster
 from .models._ducted_thruster import DuctedThruster as DuctedThruster
 from .models._linear_sensor import LinearSensor as LinearSensor
@@ -50,7 +53,6 @@ from .models._thruster import Thruster as Thruster
 from .models._vessel import Vessel as Vessel
 from .saved._load import load as load
 from .simulation._simulate import simulate as simulate
-from .simulation._step_size import CoarseStepWarning as CoarseStepWarning
 from .specs._spec import load_spec as load_spec
 from .survey._look import look as look
 from .uncertainty._intervals import intervals as intervals

@@ -86,13 +86,13 @@ class _Probe(NamedTuple):
 
 def acts(response: LinearResponse, effect: Effect, point: Point) -> bool:
     """Whether an effect adds anything anywhere."""
-    shift = shift_of(response, effect, {n.partition(".")[2]: v for n, v in point.items()})
+    shift = shift_of(response, effect, {n.rpartition(".")[2]: v for n, v in point.items()})
     return any(np.any(values) for parts in shift.values() for values in parts[0])
 
 
 def _probe_at(response: LinearResponse, effect: Effect, point: Point, near: bool) -> _Probe:
     named = effect._parameters
-    values = {name.partition(".")[2]: value for name, value in point.items()}
+    values = {name.rpartition(".")[2]: value for name, value in point.items()}
     here = shift_of(response, effect, values)
     moved = [n for n in values if not named[n].fixed and not (near and named[n].null is None)]
     shifts = [] if near else [here]

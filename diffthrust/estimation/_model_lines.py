@@ -89,11 +89,14 @@ def effects_line(effects: Iterable[Effect | str]) -> str:
 def _code(component: Component) -> str:
     """A model without its effects, or an effect, as it is constructed."""
     by_name = isinstance(component, Effect) and catalogue().get(component.name) is type(component)
+    if code := component.as_code(_code):
+        return code
     chosen = _chosen(component)
     if by_name and not chosen:
         return f'"{component.name}"'
     own = component.own and not by_name
-    place = "" if own else "dft." if isinstance(component, Model) else "dft.effects."
+    folder = type(component).__module__.split(".")[1:2]
+    place = "" if own else "dft." if folder == ["models"] else f"dft.{''.join(folder)}."
     arguments = ", ".join(f"{name}={_argument(value)}" for name, value in chosen.items())
     return f"{place}{type(component).__name__}({arguments})"
 
@@ -139,9 +142,15 @@ def _differing(model: Model) -> dict[str, dict[str, Any]]:
 def _constructed(component: Component) -> Mapping[str, Parameter]:
     """The parameters of a component that is made by its constructor and its arguments."""
     try:
-        return type(component)(**component.arguments)._parameters
+        return _made_again(component)._parameters
     except Exception:  # a constructor of the user's own, whose arguments are not kept
         return type(component).declared
+
+
+def _made_again(component: Component) -> Component:
+    """A component of the same arguments, and parts of theirs, with the numbers of its classes."""
+    parts = {name: _made_again(part) for name, part in component.parts.items()}
+    return type(component).made_of(component.arguments, parts)
 
 
 def _entry_code(entry: Mapping[str, Any]) -> str:
@@ -185,7 +194,7 @@ def _hints(parts: Iterable[Component]) -> list[str]:
 def _word(effect: Effect | str) -> str:
     if isinstance(effect, str):
         return as_toml(effect)
-    if catalogue().get(effect.name) is type(effect):
+    if effect.parts or catalogue().get(effect.name) is type(effect):
         return f'"{effect.name}"'
     if isinstance(effect, MadeEffect) and not effect.own:
         return as_toml(effect.as_table())

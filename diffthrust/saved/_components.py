@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 from diffthrust._support.errors import InputError
 from diffthrust._support.lossless import Decoder
 from diffthrust._support.names import listing
+from diffthrust.actuators import ACTUATORS
+from diffthrust.bodies import BODIES
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect
@@ -16,6 +18,7 @@ from diffthrust.models._base.made_effect import MADE_EFFECTS
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
+from diffthrust.models._craft.craft import Craft
 
 _C = TypeVar("_C", bound=Component)
 
@@ -32,8 +35,11 @@ def restore_model(decoder: Decoder, plain: dict[str, Any], classes: Sequence[typ
         InputError: a class is missing, or has changed.
     """
     model = restore_component(Model, decoder, plain, classes)
-    for effect in plain["effects"]:
-        model = model + restore_component(Effect, decoder, effect, classes)
+    for described in plain["effects"]:
+        effect = restore_component(Effect, decoder, described, classes)
+        if isinstance(model, Craft) and "members" in described:
+            effect = model.placed(effect, *described["members"])
+        model = model + effect
     return model
 
 
@@ -45,7 +51,11 @@ def restore_component(
     cls = _class_of(base, plain, classes)
     # Arguments shape a class (its options, its formula), parameters have their saved values: both
     # are needed to restore it.
-    component = cls(**{key: _restored(value) for key, value in plain["arguments"].items()})
+    arguments = {key: _restored(value) for key, value in plain["arguments"].items()}
+    parts = plain.get("parts", {}).items()
+    component = cls.made_of(
+        arguments, {k: restore_component(Component, decoder, p, classes) for k, p in parts}
+    )
     saved = {
         key: decoder.decoded(Parameter, described) for key, described in plain["parameters"].items()
     }
@@ -61,7 +71,10 @@ def restore_component(
 
 def _class_of(base: type, plain: dict[str, Any], classes: Sequence[type]) -> Any:
     name, origin = plain["name"], plain["own"]
-    by_name: Mapping[str, Any] = MODELS if base is Model else {**catalogue(), **MADE_EFFECTS}
+    parts = {**BODIES, **ACTUATORS}
+    by_name: Mapping[str, Any] = (
+        {**catalogue(), **MADE_EFFECTS} if base is Effect else {**MODELS, **parts, "craft": Craft}
+    )
     candidates: list[Any] = [*classes, *by_name.values()]  # also of installed packages
     if origin is None:
         if name in by_name:

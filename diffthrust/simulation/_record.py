@@ -192,7 +192,7 @@ def _bound(model: Model, log: Log, compared: bool) -> Record:
         measured_states={name: longer.values(name, unit) for name, unit in states.items()},
         recorded={name: log.values(name, unit) for name, unit in {**outputs, **states}.items()},
         noise={name: log.noise_in(name, unit) for name, unit in outputs.items()},
-        start=_measured_start(log, states),
+        start=_measured_start(model, log, states, outputs),
         rails=_rails(log, original, model.outputs) if compared else {},
     )
 
@@ -283,16 +283,19 @@ def are_tables(records: Iterable[Record]) -> bool:
     return all(record.log.static for record in records)
 
 
-def _measured_start(log: Log, states: Mapping[str, str]) -> dict[str, float]:
-    """First measurement of each measured state, by name with its unit, that begins with the log."""
-    start, counted = {}, log.counted
-    for name, unit in states.items():
+def _measured_start(
+    model: Model, log: Log, states: Mapping[str, str], outputs: Mapping[str, str]
+) -> dict[str, float]:
+    """The start of each state that a measurement from the beginning of the log tells."""
+    first, counted = {}, log.counted
+    for name, unit in {**outputs, **states}.items():
         if name not in log.inputs:
             values = counted.values(name, unit)
             valid = np.flatnonzero(np.isfinite(values))
             if valid.size and valid[0] < max(_EARLY, np.median(np.diff(valid, prepend=-1))):
-                start[name] = float(values[valid[0]])
-    return start
+                first[name] = float(values[valid[0]])
+    measured = {name: value for name, value in first.items() if name in states}
+    return {**model.start_from(first), **measured}
 
 
 def _rails(log: Log, original: np.ndarray, units: Mapping[str, str]) -> dict[str, RailSamples]:

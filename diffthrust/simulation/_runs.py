@@ -184,13 +184,14 @@ def _run(
     traces = {name: _trace(model, record, name, modelled[name]) for name in record.measured}
     pairs = {n: [(t.measured, t.residual)] for n, t in traces.items()}
     inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
+    of_effects = {*model.all_states} - {*model.states}
     return Run(
         name=record.name,
         time=record.log.time,
         channels=traces,
         errors=errors(pairs, model.outputs, ShownUnits((record.log.written,))),
         record=record,
-        signals={**inputs, **{n: v for n, v in modelled.items() if "." not in n}},
+        signals={**inputs, **{n: v for n, v in modelled.items() if n not in of_effects}},
         units={**model.inputs, **model.optional_inputs, **model.states, **model.outputs},
         start=start,
         substeps=substeps,

@@ -24,7 +24,7 @@ class CoarseStepWarning(UserWarning):
     Example:
         >>> import warnings
         >>> with warnings.catch_warnings():
-        ...     warnings.simplefilter("error", dft.CoarseStepWarning)
+        ...     warnings.simplefilter("error", dft.simulation.CoarseStepWarning)
         ...     modelled = dft.simulate(dft.Thruster(), log)
     """
 

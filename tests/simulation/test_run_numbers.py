@@ -26,6 +26,7 @@ from trajectories import (
 
 import diffthrust as dft
 from diffthrust import InputError, Log
+from diffthrust.simulation import CoarseStepWarning
 
 RNG = np.random.default_rng(6)
 
@@ -120,7 +121,7 @@ def test_steps_are_halved_until_the_error_is_a_hundredth_of_the_noise(monkeypatc
     assert fewest_steps(sensor, bind(sensor, [table])[0], None) == (1, {}, None)
     (short,) = bind(dft.Thruster(), [log.slice(0.0, 0.05)], compared=False)
     assert fewest_steps(dft.Thruster(), short, None) == (1, {}, None)
-    with pytest.warns(dft.CoarseStepWarning, match=r"with 32 .* of 'speed' is still 2\.9e-05"):
+    with pytest.warns(CoarseStepWarning, match=r"with 32 .* of 'speed' is still 2\.9e-05"):
         assert step_size_module.choose_substeps(dft.Thruster(), log, tolerance=1e-9) == 32
     assert step_size_module.choose_substeps(dft.Thruster(), log, tolerance=1e-9, warn=False) == 32
 
@@ -364,5 +365,5 @@ def test_a_model_too_fast_for_the_log_warns_and_more_substeps_are_chosen_first()
     log = dft.Log(time=time, inputs={"command": command}, measured={"speed": speed})
     assert dft.simulation.choose_substeps(dft.Thruster(), log) == 1
     assert dft.simulation.choose_substeps(dft.Thruster(alpha=0.1, beta=200.0), log) > 1
-    with pytest.warns(dft.CoarseStepWarning, match="too fast for the log's sample rate"):
+    with pytest.warns(CoarseStepWarning, match="too fast for the log's sample rate"):
         dft.simulation.choose_substeps(dft.Thruster(alpha=30.0, beta=30000.0), log)

@@ -15,6 +15,7 @@ import diffthrust as dft
 from diffthrust import InputError, Log, Model, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.models import MODELS, Ports, Relaxing, Signals
+from diffthrust.simulation import CoarseStepWarning
 
 JASON = thruster.JASON
 
@@ -496,7 +497,7 @@ def test_a_grid_too_coarse_for_the_model_is_warned_of():
     command = np.where(np.arange(60) % 2 == 0, 1.0, -1.0)
     log = Log(time, {"command": command}, {"speed": 0.1 * command})
     fast = dft.Thruster(alpha=50.0, beta=4e4)
-    with pytest.warns(dft.CoarseStepWarning, match=r"with 32 integrator steps .*'speed'"):
+    with pytest.warns(CoarseStepWarning, match=r"with 32 integrator steps .*'speed'"):
         assert dft.simulation.choose_substeps(fast, log) == 32
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -93,6 +93,20 @@ class Component:
         named = [p.name for p in accepted if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
         return {k: getattr(self, k, _ABSENT) for k in named if k not in self.declared}
 
+    @property
+    def parts(self) -> Mapping[str, Component]:
+        """The components that it is made of, by name; none by default."""
+        return {}
+
+    @classmethod
+    def made_of(cls, arguments: Mapping[str, Any], parts: Mapping[str, Any]) -> Self:
+        """The component that is made with some arguments and parts, besides parameters."""
+        return cls(**arguments, **parts)
+
+    def as_code(self, written: Callable[[Component], str]) -> str:
+        """How a component that has parts is written in Python; empty where by its arguments."""
+        return ""
+
     def as_plain(self) -> dict[str, Any]:
         """What it takes to make it again, as data: class, arguments, and parameters as they are.
 
@@ -109,12 +123,14 @@ class Component:
                     f"Keep it as self.{name}: a number, a word, or a tuple of these.",
                 )
         origin = {"class": cls.__qualname__, "module": cls.__module__, "file": file_of(cls)}
-        return {
+        plain = {
             "name": cls.name,
             "own": origin if self.own else None,
             "arguments": self.arguments,
             "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
         }
+        parts = {name: part.as_plain() for name, part in self.parts.items()}
+        return {**plain, "parts": parts} if parts else plain
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)

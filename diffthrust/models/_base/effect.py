@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.signals import Rate, Signal, Signals, elementwise, expect
+
+
+class Acting(NamedTuple):
+    """An effect as it acts at a port: itself, or behind the names of a part of a model.
+
+    Args:
+        effect: whose equations are read.
+        port: the port by its own name.
+        signals: what it reads.
+        states: the full name of each of its states.
+    """
+
+    effect: Effect
+    port: str
+    signals: Signals
+    states: Mapping[str, str]
 
 
 class Effect(Component):
@@ -110,6 +126,16 @@ class Effect(Component):
             {}
         """
         return {}
+
+    def acting(self, port: str, s: Signals) -> Acting:
+        """The effect, the port, the signals and the full names of its states, as it acts there.
+
+        Example:
+            >>> effect = dft.effects.ActuatorLag()
+            >>> dict(effect.acting("drive", dft.models.Signals({})).states)
+            {'response': 'actuator_lag.response'}
+        """
+        return Acting(self, port, s, {name: f"{self.name}.{name}" for name in self.states})
 
     def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
         """The error for a signal that it reads and that the model does not have there.
@@ -258,20 +284,20 @@ class Ports:
         return value
 
     def _through(self, effect: Effect, port: str, value: Signal) -> Signal:
-        where = type(effect).__name__
-        if not effect.states:
+        acting, place, signals, full = effect.acting(port, self._signals)
+        where = type(acting).__name__
+        if not full:
             with elementwise(where):
-                return effect.at(port, value, self._signals)
-        full = {name: f"{effect.name}.{name}" for name in effect.states}
+                return acting.at(place, value, signals)
         if self._starting:
-            start = effect.initial(value, self._signals)
+            start = acting.initial(value, signals)
             self.initial.update({full[name]: start.get(name, 0.0) for name in full})
-            signals = self._signals.also({name: self.initial[full[name]] for name in full})
+            signals = signals.also({name: self.initial[full[name]] for name in full})
         else:
-            signals = self._signals.also({name: self._signals[full[name]] for name in full})
+            signals = signals.also({name: self._signals[full[name]] for name in full})
         with elementwise(where):
-            rates = effect.rates(value, signals)
-            leaving = effect.at(port, value, signals)
+            rates = acting.rates(value, signals)
+            leaving = acting.at(place, value, signals)
         expect(f"{where}.rates", "rate of the state", full, rates)
         self.rates.update({full[name]: rates[name] for name in full})
         return leaving

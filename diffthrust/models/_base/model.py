@@ -13,6 +13,7 @@ from diffthrust._support.report import Report, Rows, Section
 from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.made_effect import MadeEffect
+from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.readable import reported_at
@@ -164,6 +165,49 @@ class Model(Component):
             {}
         """
         return {}
+
+    def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
+        """States at the start of a log that follow from what is measured of other outputs.
+
+        Args:
+            first: the first measurement of each output that begins with the log.
+
+        Example:
+            >>> rov = dft.Craft(dft.bodies.SixDegrees())
+            >>> round(rov.start_from({"heading": 3.1415926535})["qz"], 6)
+            1.0
+        """
+        return {}
+
+    def at(
+        self,
+        place: Sequence[float],
+        pointing: Sequence[float] = (1.0, 0.0, 0.0),
+        *,
+        reaction: float | None = None,
+    ) -> Mounted[Self]:
+        """The model at a place of a craft, where its output ``thrust`` pushes; see `Craft`.
+
+        Args:
+            place: forward, to starboard and down from the origin of the craft [m].
+            pointing: where a positive thrust pushes; ahead by default. Its length does not count.
+            reaction: torque per thrust that the propeller leaves on the hull [m], positive where it
+                turns the hull clockwise as seen along ``pointing``; none by default.
+
+        Raises:
+            InputError: a place or a direction that is none, or a model without a thrust.
+
+        Example:
+            >>> dft.Thruster().at((-0.35, 0.28, 0.0)).place
+            (-0.35, 0.28, 0.0)
+        """
+        if "thrust" not in self.outputs:
+            raise InputError(
+                f"at: expected a model with an output 'thrust', found '{self.name}', which puts "
+                f"out {listing(self.outputs)}.",
+                "Place a thruster, or one of dft.actuators.",
+            )
+        return Mounted(self, (*place,), (*pointing,), reaction)  # pyright: ignore[reportArgumentType]
 
     # -- parameters by their full names ------------------------------------------------------------
 

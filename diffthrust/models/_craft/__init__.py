@@ -1,0 +1,1 @@
+"""Bodies with thrusters placed on them."""

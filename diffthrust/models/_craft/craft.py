@@ -1,0 +1,521 @@
+"""A body with actuators placed on it, as vehicles are built."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.models._base.component import Component
+from diffthrust.models._base.effect import Effect, Ports
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.mounted import Mounted
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.registry import effect_named
+from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
+from diffthrust.models._craft.body import Body
+from diffthrust.models._craft.placed import Placed
+from diffthrust.models._craft.scope import PortsUnder, lifted, prefixed, signals_under
+from diffthrust.models._craft.six import Six, Triple, cross, dot, lessened, scaled, times
+
+TOLD = ("inflow", "crossflow")
+"""What the craft works out for each actuator: the speed of the water past it, along its axis in the
+direction in which it pushes the craft, and across [m/s]."""
+_GEOMETRY = ("x", "y", "z")
+_FORCE = "force of the actuator along its axis [N]"
+
+
+class Craft(Model):
+    """A body with thrusters placed on it: every thruster behind its own name.
+
+    An actuator ``port`` has its channels ``port.command``, ``port.speed``, ``port.thrust``, its
+    ports ``port.propeller``, and ``port.force``, the force with which it pushes the craft, and its
+    parameters ``port.gain``; its place ``port.x``, ``port.y``, ``port.z`` [m] is held, and may be
+    freed. Several that share their numbers have those of the first, and ``strength`` of each, its
+    force beside theirs, held at 1. The speed of the water past an actuator is known from the motion
+    of the body: effects that read ``inflow`` need no measurement of it.
+
+    Effects are added to the body (``craft + "wind"``), to one actuator (``craft + ("port",
+    "command_delay")``, or ``craft + "port.command_delay"``), or to all that share their numbers
+    (``craft + "command_delay"``), with one set of numbers for all of them.
+
+    Without a sensor of force, logs tell masses and dampings only beside the thrust: a fit names
+    that direction. Hold a mass that was weighed (``craft.replace(m11={"value": 36.0, "fixed":
+    True})``), or the strength of a thruster that was measured.
+
+    Source: Fossen 2021, chapters 6 and 9 (M v' + C(v) v + D(v) v + g = B u); the equations of body
+    and actuators are their own.
+
+    Args:
+        body: what moves: one of ``dft.bodies``.
+        share: groups of actuators, each with one set of numbers.
+        command: the unit of the commands, where all actuators have a choice; as they have it else.
+        **actuators: each a model at its place: ``dft.Thruster().at((-0.3, 0.2, 0))``.
+
+    Raises:
+        InputError: something else than a body or an actuator at its place, a name that is taken, or
+            a group of different models.
+
+    Example:
+        >>> thruster = dft.SpeedLoopThruster()
+        >>> boat = dft.Craft(
+        ...     dft.bodies.Planar(),
+        ...     port=thruster.at((-0.35, -0.285, 0)),
+        ...     starboard=thruster.at((-0.35, 0.285, 0)),
+        ...     share=[("port", "starboard")],
+        ... )
+        >>> boat.inputs
+        {'port.command': 'effort', 'starboard.command': 'effort'}
+        >>> print(boat + "command_deadband" + ("port", "command_delay"))
+        craft + command_deadband + port.command_delay
+    """
+
+    name = "craft"
+    options: ClassVar[tuple[str, ...]] = ("command",)
+
+    body: Body
+    actuators: Mapping[str, Mounted[Model]]
+    share: tuple[tuple[str, ...], ...]
+    inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
+    optional_inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
+    states: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
+    outputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
+    ports: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
+    angles: tuple[str, ...]  # pyright: ignore[reportIncompatibleVariableOverride]
+    time_scales: tuple[float, float]  # pyright: ignore[reportIncompatibleVariableOverride]
+    horizon: float | None  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        share: Sequence[Sequence[str]] = (),
+        command: str = "",
+        **actuators: Mounted[Any],
+    ) -> None:
+        _check_body(body)
+        for name, mounted in actuators.items():
+            _check_actuator(name, mounted, body)
+        bare = {n: replace(m, model=_without_effects(m.model)) for n, m in actuators.items()}
+        groups = _groups(bare, share)
+        self._set(body=body, actuators=bare, share=groups)
+        self._set(**self._channels(), declared=self._declared(), effects=())
+        units = {m.model.command for m in bare.values() if m.model.commands}
+        super().__init__(command=command or (*units, "")[0] if self.commands else "")
+        effects = [
+            self._on(effect, self._group_of(name))
+            for name, mounted in actuators.items()
+            if name == self._owner(name)
+            for effect in mounted.model.effects
+        ]
+        self._set(effects=tuple(self._fitted_in(effect) for effect in effects))
+
+    # -- its parts by their names ------------------------------------------------------------------
+
+    def _channels(self) -> dict[str, Any]:
+        """Inputs, states, outputs, ports and time scales of the body and of all actuators."""
+        body, models = self.body, {name: m.model for name, m in self.actuators.items()}
+        merged: dict[str, Any] = {"inputs": {}}
+        for kind in ("optional_inputs", "states", "outputs", "ports"):
+            merged[kind] = dict(getattr(body, kind))
+        for name, model in models.items():
+            for kind in ("inputs", "optional_inputs", "states", "outputs", "ports"):
+                merged[kind] |= prefixed(name, getattr(model, kind))
+            merged["ports"][f"{name}.force"] = _FORCE
+        scales = [body.time_scales, *(model.time_scales for model in models.values())]
+        # one word for all commands, where all can be given in the same units
+        choices = {(m.commands, m.command) for m in models.values() if m.commands}
+        commands = next(iter(choices))[0] if len(choices) == 1 else ()
+        commanded = tuple(f"{n}.{c}" for n, m in models.items() for c in m.commanded)
+        turning = (f"{n}.{angle}" for n, m in models.items() for angle in m.angles)
+        return {
+            **merged,
+            "angles": (*body.angles, *turning),
+            "time_scales": (min(s[0] for s in scales), max(s[1] for s in scales)),
+            "horizon": body.horizon,
+            "commands": commands,
+            "commanded": commanded if commands else (),
+        }
+
+    def _declared(self) -> dict[str, Parameter]:
+        """All parameters as the parts have them, and the places."""
+        named = dict(self.body._parameters)
+        for name, mounted in self.actuators.items():
+            if name == self._owner(name):
+                signals = _signals(mounted.model)
+                for k, p in mounted.model._parameters.items():
+                    named[f"{name}.{k}"] = lifted(p, name, signals)
+            if len(self._group_of(name)) > 1:
+                named[f"{name}.strength"] = Parameter(
+                    1.0, bounds=(None, None), fixed=True, size=1.0, doc="force beside its like"
+                )
+            for axis, value in zip(_GEOMETRY, mounted.place, strict=True):
+                named[f"{name}.{axis}"] = Parameter(value, "m", fixed=True, size=0.3, doc="place")
+            if mounted.reaction is not None:
+                named[f"{name}.reaction"] = Parameter(
+                    mounted.reaction, "m", fixed=True, size=0.02, doc="torque per thrust"
+                )
+        return named
+
+    def _group_of(self, name: str) -> tuple[str, ...]:
+        """The actuators with the numbers of one."""
+        return next((group for group in self.share if name in group), (name,))
+
+    def _owner(self, name: str) -> str:
+        """The actuator after which the numbers of one are called."""
+        return self._group_of(name)[0]
+
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """The actuators by their numbers: those that share them together, others alone.
+
+        Example:
+            >>> thruster = dft.Thruster()
+            >>> places = {"a": thruster.at((0, -1, 0)), "b": thruster.at((0, 1, 0))}
+            >>> dft.Craft(dft.bodies.Planar(), **places, share=["ab"]).groups()
+            (('a', 'b'),)
+        """
+        return tuple(dict.fromkeys(self._group_of(name) for name in self.actuators))
+
+    def actuator(self, name: str) -> Model:
+        """The model of one actuator by itself, with its present numbers and without effects.
+
+        Raises:
+            InputError: there is none of that name.
+
+        Example:
+            >>> boat = dft.Craft(dft.bodies.Planar(), bow=dft.Thruster(ct=0.03).at((1, 0, 0)))
+            >>> boat.actuator("bow").ct
+            0.03
+        """
+        self._check_name(name)
+        model, owner = self.actuators[name].model, self._owner(name)
+        named = {}
+        for k, p in model._parameters.items():
+            full = f"{owner}.{k}"
+            now = self._parameters[full].with_value(getattr(self, full))
+            named[k] = replace(now, unit=p.unit, pattern=p.pattern, probes=p.probes)
+        return model._copy(_parameters=named, **{k: p.value for k, p in named.items()})
+
+    def _check_name(self, name: str) -> None:
+        if name not in self.actuators:
+            near = nearest(name, self.actuators)
+            raise InputError(
+                f"The craft has no actuator '{name}'{f' ({near})' if near else ''}; "
+                f"it has {listing(self.actuators)}.",
+                "Correct the name.",
+            )
+
+    def commanded_in(self, unit: str) -> Self:
+        """The craft with all commands in another unit; see `Model.commanded_in`."""
+        converted = super().commanded_in(unit)
+        if not unit:
+            return converted
+        named, actuators = dict(converted._parameters), dict(self.actuators)
+        for name, mounted in self.actuators.items():
+            model = mounted.model
+            if not model.commands:
+                continue
+            actuators[name] = replace(mounted, model=model.commanded_in(unit))
+            if name == self._owner(name):
+                changed = self.actuator(name).commanded_in(unit)._parameters
+                signals = _signals(model)
+                named |= {f"{name}.{k}": lifted(p, name, signals) for k, p in changed.items()}
+        values = {k: p.value for k, p in named.items()}
+        return converted._copy(actuators=actuators, _parameters=named, **values)
+
+    # -- the equations -----------------------------------------------------------------------------
+
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
+        """Fossen 2021, equation 6.1 with 9.1: the body under the forces of its actuators."""
+        body = self.body._bound({k: getattr(self, k) for k in self.body._parameters})
+        water, forces = body.motion(s, port), Six()
+        rates: dict[str, Any] = {}
+        outputs: dict[str, Any] = {}
+        for name, mounted in self.actuators.items():
+            x, y, z = (getattr(self, f"{name}.{axis}") for axis in _GEOMETRY)
+            of_part = self._past(s, name, water.at((x, y, z)), mounted.pointing)
+            port.tell(**{f"{name}.{k}": of_part[k] for k in TOLD})
+            part_rates, part_outputs = self._bound_part(name).equations(
+                of_part, PortsUnder(port, name)
+            )
+            thrust = part_outputs["thrust"]
+            if len(self._group_of(name)) > 1:
+                thrust = getattr(self, f"{name}.strength") * thrust
+            thrust = port(f"{name}.force", thrust)
+            force, moment = self._wrench(name, thrust, part_outputs)
+            forces = forces.pushed(force, (x, y, z), moment)
+            rates |= {f"{name}.{k}": v for k, v in part_rates.items()}
+            outputs |= {f"{name}.{k}": v for k, v in part_outputs.items()}
+        body_rates, body_outputs = body.equations(s, port, water, forces)
+        return {**body_rates, **rates}, {**body_outputs, **outputs}
+
+    def _bound_part(self, name: str) -> Model:
+        """The model of an actuator that reads the craft's (possibly traced) values."""
+        model, owner = self.actuators[name].model, self._owner(name)
+        return model._bound({k: getattr(self, f"{owner}.{k}") for k in model._parameters})
+
+    @staticmethod
+    def _past(s: Signals, name: str, velocity: Triple, pointing: Triple) -> Signals:
+        """The signals of an actuator, with the water that moves past it."""
+        signals = signals_under(s, name)
+        axial = dot(velocity, pointing)
+        x, y, z = lessened(velocity, scaled(axial, pointing))
+        # the root has no derivative at rest: a micrometre per second stands in for it
+        across = jnp.sqrt(dot((x, y, z), (x, y, z)) + 1e-12)
+        past = {"inflow": axial + 0.0 * s["time"], "crossflow": across + 0.0 * s["time"]}
+        return signals.also({k: v for k, v in past.items() if k not in signals})
+
+    def _wrench(
+        self, name: str, thrust: Signal, outputs: Mapping[str, Signal]
+    ) -> tuple[Triple, Triple]:
+        """Force and moment of an actuator, by its direction."""
+        mounted = self.actuators[name]
+        force = scaled(thrust, mounted.pointing)
+        if "side_thrust" in outputs:
+            across = cross((0.0, 0.0, 1.0), mounted.pointing)
+            side = scaled(outputs["side_thrust"], across)
+            force = (force[0] + side[0], force[1] + side[1], force[2])
+        if mounted.reaction is None:
+            return force, (0.0, 0.0, 0.0)
+        torque = times(getattr(self, f"{name}.reaction"), thrust)
+        return force, scaled(torque, mounted.pointing)
+
+    def initial(self, s: Signals) -> Mapping[str, Signal | float]:
+        """Where states begin that nothing gives: as body and actuators say."""
+        begin = dict(self.body.initial(s))
+        for name in self.actuators:
+            part = self._bound_part(name).initial(signals_under(s, name))
+            begin |= {f"{name}.{k}": v for k, v in part.items()}
+        return begin
+
+    def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
+        """States at the start that follow from measured outputs: as the body says."""
+        return self.body.start_from(first)
+
+    # -- effects -----------------------------------------------------------------------------------
+
+    def __add__(self, other: Any) -> Self:
+        if isinstance(other, tuple) and other and other[0] in self.actuators:
+            if len(other) != 2:
+                raise InputError(
+                    f"{self}: expected an actuator and one effect, found {len(other)} entries.",
+                    'Write craft + ("port", "actuator_lag").',
+                )
+            return self + self.placed(other[1], other[0])
+        if isinstance(other, str):
+            member, _, effect = other.rpartition(".")
+            return self + self.placed(effect if member else other, *([member] if member else []))
+        if isinstance(other, Effect) and not isinstance(other, Placed):
+            return super().__add__(self.placed(other))
+        return super().__add__(other)
+
+    def placed(self, effect: Effect | str, *members: str) -> Effect:
+        """An effect where it acts on the craft.
+
+        Args:
+            effect: the effect, or its name.
+            *members: one actuator, or several that share their numbers; by default all that do, or
+                the body where it acts there.
+
+        Raises:
+            InputError: nothing, or more than one group of actuators, has a place for it.
+
+        Example:
+            >>> boat = dft.Craft(dft.bodies.Planar(), bow=dft.Thruster().at((1, 0, 0)))
+            >>> boat.placed("actuator_lag", "bow").ports
+            ('bow.drive',)
+            >>> boat.placed("wind").ports
+            ('surge_force', 'sway_force', 'yaw_moment')
+        """
+        if isinstance(effect, str):
+            effect = effect_named(effect)
+        for name in members:
+            self._check_name(name)
+        if members:
+            return self._on(effect, members)
+        if all(port in {*self.ports, *self.channel_units} for port in effect.ports):
+            return effect
+        places = [group for group in self.groups() if self._takes(effect, group[0])]
+        places = [group for group in places if len(group) > 1] or places
+        if len(places) == 1:
+            return self._on(effect, places[0])
+        if not places:
+            return effect  # which is refused with the ports that there are
+        raise InputError(
+            f"{self}: the effect '{effect.name}' can act on {listing(places)}, which do not share "
+            "their numbers.",
+            f'Say where: craft + ("{places[0][0]}", "{effect.name}").',
+        )
+
+    def placements(self, effect: Effect) -> Iterator[Effect]:
+        """Everywhere that an effect can act: all of a group, then each of its actuators.
+
+        Example:
+            >>> pair = {n: dft.Thruster().at((0, y, 0)) for n, y in (("a", -1), ("b", 1))}
+            >>> boat = dft.Craft(dft.bodies.Planar(), **pair, share=["ab"])
+            >>> [placed.name for placed in boat.placements(dft.effects.ActuatorLag())]
+            ['actuator_lag', 'a.actuator_lag', 'b.actuator_lag']
+        """
+        if all(port in {*self.ports, *self.channel_units} for port in effect.ports):
+            yield effect
+            return
+        groups = [group for group in self.groups() if self._takes(effect, group[0])]
+        for group in groups:
+            yield self._on(effect, group)
+        for group in groups:
+            if len(group) > 1:
+                yield from (self._on(effect, (name,)) for name in group)
+
+    def _takes(self, effect: Effect, name: str) -> bool:
+        model = self.actuators[name].model
+        return all(port in {*model.ports, *model.channel_units, "force"} for port in effect.ports)
+
+    def _on(self, effect: Effect, members: Sequence[str]) -> Placed:
+        """An effect on some actuators of one group."""
+        members = tuple(members)
+        model = _with_force(self.actuators[members[0]].model)
+        groups = {self._group_of(name) for name in members}
+        if len(groups) > 1:
+            raise InputError(
+                f"{self}: {listing(members)} do not share their numbers.",
+                f"Add the effect '{effect.name}' to each.",
+            )
+        fitted = (model + effect).effects[-1]
+        sharing = [group for group in self.share if self._takes(effect, group[0])]
+        if len(members) == 1:
+            name = f"{members[0]}.{effect.name}"
+        elif members == sharing[0] and len(sharing) == 1:
+            name = effect.name
+        else:
+            between = "and" if len(members) == 2 else "to"
+            name = f"{members[0]}_{between}_{members[-1]}.{effect.name}"
+        return Placed(fitted, members, name, _signals(model), TOLD)
+
+    # -- what it is made of, as data ---------------------------------------------------------------
+
+    @property
+    def structure(self) -> tuple[Hashable, ...]:
+        """What fixes the compiled code: body, actuators and directions, and who shares numbers."""
+        parts = (
+            (name, m.model.structure, m.pointing, m.reaction is None)
+            for name, m in self.actuators.items()
+        )
+        return (*super().structure, self.body.structure, tuple(parts), self.share)
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments that it was made with, as data; body and models stand in ``as_plain``."""
+        mounts = {
+            name: {"place": m.place, "pointing": m.pointing, "reaction": m.reaction}
+            for name, m in self.actuators.items()
+        }
+        return {"share": self.share, "command": self.command, "mounts": mounts}
+
+    @property
+    def own(self) -> bool:
+        """Whether it is of a class of the user's own."""
+        return type(self) is not Craft
+
+    @property
+    def parts(self) -> dict[str, Component]:
+        """Body and actuators by name.
+
+        Example:
+            >>> list(dft.Craft(dft.bodies.Axis(), aft=dft.Thruster().at((-1, 0, 0))).parts)
+            ['body', 'aft']
+        """
+        return {"body": self.body, **{name: m.model for name, m in self.actuators.items()}}
+
+    @classmethod
+    def made_of(cls, arguments: Mapping[str, Any], parts: Mapping[str, Any]) -> Self:
+        """The craft of a body and models, with the places among the arguments."""
+        mounts = arguments["mounts"]
+        placed = {name: Mounted(parts[name], **mount) for name, mount in mounts.items()}
+        remaining = {name: value for name, value in arguments.items() if name != "mounts"}
+        return cls(parts["body"], **remaining, **placed)
+
+    def as_code(self, written: Callable[[Component], str]) -> str:
+        """The call that makes it."""
+        lines = [written(self.body)]
+        for name, m in self.actuators.items():
+            more = "" if m.pointing == (1.0, 0.0, 0.0) else f", pointing={m.pointing}"
+            more += "" if m.reaction is None else f", reaction={m.reaction}"
+            lines.append(f"{name}={written(m.model)}.at({m.place}{more})")
+        if self.share:
+            lines.append(f"share={[*self.share]}")
+        inner = "".join(f"\n    {line}," for line in lines)
+        return f"{'' if self.own else 'dft.'}{type(self).__name__}({inner}\n)"
+
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{n}={type(m.model).__name__}" for n, m in self.actuators.items())
+        described = f"Craft({type(self.body).__name__}" + (f", {parts})" if parts else ")")
+        return " + ".join([described, *(repr(effect) for effect in self.effects)])
+
+
+def _signals(model: Model) -> frozenset[str]:
+    """Names that belong to an actuator: its channels, states and ports."""
+    return frozenset({*model.channel_units, *model.states, *model.ports, "force", *TOLD})
+
+
+def _without_effects(model: Model) -> Model:
+    return model._copy(effects=())
+
+
+def _with_force(model: Model) -> Model:
+    """A model with what it has on a craft: the port of its force, and the water past it."""
+    optional = {**dict.fromkeys(TOLD, "m/s"), **model.optional_inputs}
+    return model._copy(ports={**model.ports, "force": _FORCE}, optional_inputs=optional)
+
+
+def _groups(
+    actuators: Mapping[str, Mounted[Model]], share: Sequence[Sequence[str]]
+) -> tuple[tuple[str, ...], ...]:
+    groups = tuple(tuple(group) for group in share)
+    seen: set[str] = set()
+    for group in groups:
+        for name in group:
+            if name not in actuators or name in seen:
+                problem = "is in two groups" if name in seen else "is no actuator"
+                raise InputError(
+                    f"share: {name!r} {problem}; there are {listing(actuators)}.",
+                    'Name each once: share=[("port", "starboard")].',
+                )
+            seen.add(name)
+        kinds = {name: actuators[name].model.structure for name in group}
+        for name in group:
+            if kinds[name] != kinds[group[0]]:
+                raise InputError(
+                    f"share: expected one model for {listing(group)}, found "
+                    f"{actuators[group[0]].model} and {actuators[name].model}.",
+                    "Share numbers among actuators of one model only.",
+                )
+    return tuple(group for group in groups if len(group) > 1)
+
+
+def _check_body(body: object) -> None:
+    if isinstance(body, Body):
+        return
+    what = f"the class {body.__name__}" if isinstance(body, type) else f"{body!r:.60}"
+    raise InputError(
+        f"Craft: expected a body first, found {what}.",
+        "Give one of dft.bodies: dft.bodies.Planar().",
+    )
+
+
+def _check_actuator(name: str, mounted: object, body: Body) -> None:
+    if not isinstance(mounted, Mounted):
+        raise InputError(
+            f"Craft, {name}: expected an actuator at its place, found {mounted!r:.60}.",
+            f"Write {name}=dft.Thruster().at((x, y, z)); numbers of the body are given with the "
+            "body: dft.bodies.Planar(m11=36.0).",
+        )
+    taken = {*body.states, *body.outputs, *body.ports, *body.declared, "body", "share", "command"}
+    if name in taken or name.startswith("_"):
+        raise InputError(
+            f"Craft: an actuator cannot be called '{name}', which the body has already.",
+            "Call it by its place: port, starboard, bow, t1.",
+        )
