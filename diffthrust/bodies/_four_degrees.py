@@ -69,7 +69,9 @@ class FourDegrees(Body):
     q22: float = parameter(22.0, "N s^2/m^2", **_QUADRATIC, size=20.0, doc="quadratic, sway")
     q33: float = parameter(37.0, "N s^2/m^2", **_QUADRATIC, size=40.0, doc="quadratic, heave")
     q66: float = parameter(1.5, "N m s^2/rad^2", **_QUADRATIC, size=1.5, doc="quadratic, yaw")
-    weight: float = parameter(112.8, "N", bounds=(0, None), fixed=True)
+    weight: float = parameter(
+        112.8, "N", bounds=(0, None), fixed=True, transform="linear", size=10.0
+    )
     buoyancy: float = parameter(114.8, "N", bounds=(0, None), transform="linear", size=10.0)
     x_g: float = parameter(0.0, "m", fixed=True, size=0.1, doc="centre of mass")
     x_d: float = parameter(0.0, "m", fixed=True, size=0.1, doc="centre of resistance to sway")

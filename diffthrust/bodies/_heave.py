@@ -46,7 +46,9 @@ class Heave(Body):
     q33: float = parameter(
         37.0, "N s^2/m^2", bounds=(0, None), null=0.0, size=40.0, doc="quadratic damping"
     )
-    weight: float = parameter(112.8, "N", bounds=(0, None), fixed=True)
+    weight: float = parameter(
+        112.8, "N", bounds=(0, None), fixed=True, transform="linear", size=10.0
+    )
     buoyancy: float = parameter(114.8, "N", bounds=(0, None), transform="linear", size=10.0)
 
     def motion(self, s: Signals, port: Ports) -> Six:

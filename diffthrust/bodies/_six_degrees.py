@@ -91,7 +91,9 @@ class SixDegrees(Body):
     q44: float = parameter(1.5, "N m s^2/rad^2", **_D, size=1.5, doc="quadratic, roll")
     q55: float = parameter(1.5, "N m s^2/rad^2", **_D, size=1.5, doc="quadratic, pitch")
     q66: float = parameter(1.5, "N m s^2/rad^2", **_D, size=1.5, doc="quadratic, yaw")
-    weight: float = parameter(112.8, "N", bounds=(0, None), fixed=True)
+    weight: float = parameter(
+        112.8, "N", bounds=(0, None), fixed=True, transform="linear", size=10.0
+    )
     buoyancy: float = parameter(114.8, "N", bounds=(0, None), transform="linear", size=10.0)
     x_g: float = parameter(0.0, **_PLACE, doc="centre of mass")
     y_g: float = parameter(0.0, **_PLACE, doc="centre of mass")
