@@ -34,8 +34,8 @@ def test_it_is_what_a_tuple_would_be():
     assert later not in ((1,), [1, 2])
     assert later == counted()[1]
     assert (hash(later), repr(later)) == (hash((1, 2)), "(1, 2)")
-    assert (0, *later) == (0, 1, 2) == (0,) + later  # noqa: RUF005
-    assert later + (3,) == (1, 2, 3)  # noqa: RUF005
+    assert (0, *later) == (0, 1, 2) == (0,) + later
+    assert later + (3,) == (1, 2, 3)
     assert not Later(tuple)
 
 
