@@ -40,6 +40,7 @@ class RudderPropeller(Steered):
     options: ClassVar[tuple[str, ...]] = ("command",)
     inputs: ClassVar[Mapping[str, str]] = {"rudder_angle": "rad"}
     optional_inputs: ClassVar[Mapping[str, str]] = {"inflow": "m/s"}
+    feels: ClassVar[tuple[str, ...]] = ("inflow",)
     outputs: ClassVar[Mapping[str, str]] = {"side_thrust": "N"}
     ports: ClassVar[Mapping[str, str]] = {
         "rudder": "angle at which the rudder stands [rad]",

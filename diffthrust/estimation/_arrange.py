@@ -20,7 +20,7 @@ from diffthrust.simulation._fixed_step import starting_states
 from diffthrust.simulation._record import Record, measured_outputs
 from diffthrust.simulation._starts import following
 from diffthrust.simulation._step_size import sensor_noise
-from diffthrust.simulation._trajectory import Grid, Key
+from diffthrust.simulation._trajectory import Grid, Key, is_large
 
 _WASTE = 1.0
 """Logs share a batch while what they are padded with is at most this share of their samples: each
@@ -72,7 +72,8 @@ def build(
             n for n in trusted(model) if segmented and any(_reads(record, n) for record in group)
         )
         uniform = all(record.even for record in group)
-        grids.append(Grid(hold, substeps, restarted, uniform, compact, padded=is_unbatched()))
+        in_loop = compact or is_large(model)
+        grids.append(Grid(hold, substeps, restarted, uniform, in_loop, padded=is_unbatched()))
         batch = _batch(model, group, channels, starts, restarted, follow)
         if likelihood.law.censors:
             batch = at_rails(batch, group, channels)

@@ -15,7 +15,14 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._trajectory import Grid, Key, driven, starting_point, trajectory
+from diffthrust.simulation._trajectory import (
+    Grid,
+    Key,
+    driven,
+    is_large,
+    starting_point,
+    trajectory,
+)
 
 
 @program(1)
@@ -65,7 +72,13 @@ def simulated_from(
     inputs = record.inputs_for(key.model)
     outputs, states = _run(
         key,
-        Grid(record.holds(inputs), substeps, uniform=record.even, padded=is_unbatched()),
+        Grid(
+            record.holds(inputs),
+            substeps,
+            uniform=record.even,
+            compact=is_large(key.model),
+            padded=is_unbatched(),
+        ),
         {name: np.asarray(value, float) for name, value in values.items()},
         record.time,
         inputs,

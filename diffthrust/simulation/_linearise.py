@@ -28,6 +28,9 @@ class Reading(Ports):
         self.seen: dict[str, Any] = {}
         self.told: dict[str, Any] = {}
 
+    def hears(self, part: str) -> bool:
+        return True
+
     def tell(self, **signals: Any) -> None:
         super().tell(**signals)
         self.told |= signals

@@ -277,6 +277,15 @@ class Ports:
         """Let the effects at the ports that follow read what the model has worked out."""
         self._signals = self._signals.also(signals)
 
+    def hears(self, part: str) -> bool:
+        """Whether anything may read what is told of a part; where not, it need not be worked out.
+
+        Example:
+            >>> dft.models.Ports((), dft.models.Signals({})).hears("port")
+            False
+        """
+        return any(port.startswith(f"{part}.") for e in self._effects for port in e.ports)
+
     def __call__(self, port: str, value: Signal) -> Signal:
         for effect in self._effects:
             if port in effect.ports:

@@ -61,6 +61,9 @@ class Model(Component):
     commands: tuple[str, ...] = ()
     commanded: tuple[str, ...] = ()
 
+    feels: ClassVar[tuple[str, ...]] = ()
+    """What its equations read of the water that passes it on a craft: "inflow", "crossflow"."""
+
     command: str = ""
     effects: tuple[Effect, ...] = ()
 

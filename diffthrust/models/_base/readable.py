@@ -40,6 +40,9 @@ class _Noting(Ports):
         super().__init__((), signals)
         self._noted = noted
 
+    def hears(self, part: str) -> bool:
+        return True
+
     def __call__(self, port: str, value: Signal) -> Signal:
         self._noted[port] = tuple(self._signals)
         return value

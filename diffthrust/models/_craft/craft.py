@@ -237,8 +237,10 @@ class Craft(Model):
         outputs: dict[str, Any] = {}
         for name, mounted in self.actuators.items():
             x, y, z = (getattr(self, f"{name}.{axis}") for axis in _GEOMETRY)
-            of_part = self._past(s, name, water.at((x, y, z)), mounted.pointing)
-            port.tell(**{f"{name}.{k}": of_part[k] for k in TOLD})
+            of_part = signals_under(s, name)
+            if mounted.model.feels or port.hears(name):
+                of_part = _past(of_part, water.at((x, y, z)), mounted.pointing)
+                port.tell(**{f"{name}.{k}": of_part[k] for k in TOLD})
             part_rates, part_outputs = self._bound_part(name).equations(
                 of_part, PortsUnder(port, name)
             )
@@ -257,17 +259,6 @@ class Craft(Model):
         """The model of an actuator that reads the craft's (possibly traced) values."""
         model, owner = self.actuators[name].model, self._owner(name)
         return model._bound({k: getattr(self, f"{owner}.{k}") for k in model._parameters})
-
-    @staticmethod
-    def _past(s: Signals, name: str, velocity: Triple, pointing: Triple) -> Signals:
-        """The signals of an actuator, with the water that moves past it."""
-        signals = signals_under(s, name)
-        axial = dot(velocity, pointing)
-        x, y, z = lessened(velocity, scaled(axial, pointing))
-        # the root has no derivative at rest: a micrometre per second stands in for it
-        across = jnp.sqrt(dot((x, y, z), (x, y, z)) + 1e-12)
-        past = {"inflow": axial + 0.0 * s["time"], "crossflow": across + 0.0 * s["time"]}
-        return signals.also({k: v for k, v in past.items() if k not in signals})
 
     def _wrench(
         self, name: str, thrust: Signal, outputs: Mapping[str, Signal]
@@ -459,6 +450,16 @@ class Craft(Model):
 def _signals(model: Model) -> frozenset[str]:
     """Names that belong to an actuator: its channels, states and ports."""
     return frozenset({*model.channel_units, *model.states, *model.ports, "force", *TOLD})
+
+
+def _past(s: Signals, velocity: Triple, pointing: Triple) -> Signals:
+    """The signals of an actuator, with the water that moves past it where no log gives it."""
+    axial = dot(velocity, pointing)
+    across = lessened(velocity, scaled(axial, pointing))
+    # the root has no derivative at rest: a micrometre per second stands in for it
+    past = {"inflow": axial, "crossflow": jnp.sqrt(dot(across, across) + 1e-12)}
+    # 0.0 * time: what a body does not have is a plain number, and effects of a log read series
+    return s.also({k: v + 0.0 * s["time"] for k, v in past.items() if k not in s})
 
 
 def _without_effects(model: Model) -> Model:
