@@ -12,6 +12,7 @@ from . import effects as effects
 from . import estimation as estimation
 from . import experiments as experiments
 from . import export as export
+from . import layouts as layouts
 from . import logs as logs
 from . import many as many
 from . import models as models

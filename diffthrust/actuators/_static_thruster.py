@@ -5,10 +5,11 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from diffthrust.models._base.actuator import Actuator, power_law
+from diffthrust.models._base.actuator import Actuator
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.power_law import power_law
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 

@@ -72,6 +72,7 @@ class SixDegrees(Body):
     angles: ClassVar[tuple[str, ...]] = ("roll", "heading")
     time_scales: ClassVar[tuple[float, float]] = (0.02, 20.0)
     horizon: ClassVar[float | None] = 20.0
+    start_outputs: ClassVar[tuple[str, ...]] = ("roll", "pitch", "heading")
 
     m11: float = parameter(17.0, "kg", bounds=(0, None), doc="mass in surge")
     m22: float = parameter(24.0, "kg", bounds=(0, None), doc="mass in sway")
@@ -177,10 +178,9 @@ class SixDegrees(Body):
 
     def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
         """The quaternion of the first angles; those that no sensor reads are zero."""
-        names = ("roll", "pitch", "heading")
-        if not any(name in first for name in names):
+        if not any(name in first for name in self.start_outputs):
             return {}
-        q = _attitude.from_angles(*(first.get(name, 0.0) for name in names))
+        q = _attitude.from_angles(*(first.get(name, 0.0) for name in self.start_outputs))
         return dict(zip(_QUATERNION, q, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""The command ``diffthrust look``: survey a log, and draft a spec file."""
+"""The command ``diffthrust look``: survey a log, and draft a spec file; or draw a craft."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_json
 from diffthrust._support.visible import visible
 from diffthrust.cli._session import (
@@ -22,15 +23,15 @@ from diffthrust.cli._session import (
 
 def look_command(
     files: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(metavar="FILE...", help="A log, several of one kind, or a folder of them."),
-    ],
+    ] = None,
     figure: Annotated[
         Path | None,
         typer.Option(
             "--figure",
             metavar="FILE.png",
-            help="Draw the channels over time (.png, .svg, .pdf).",
+            help="Draw the channels over time, or the craft (.png, .svg, .pdf).",
             callback=file_type(*FIGURE_TYPES),
         ),
     ] = None,
@@ -43,11 +44,28 @@ def look_command(
             callback=file_type(".toml"),
         ),
     ] = None,
+    craft: Annotated[
+        Path | None,
+        typer.Option(
+            "--craft",
+            metavar="FILE.toml",
+            help="Show the craft of a spec, or of a file with [thrusters] alone.",
+            callback=file_type(".toml"),
+        ),
+    ] = None,
     json: JsonPath = None,
     all: Annotated[bool, typer.Option("--all", help="Show every field of a robot's log.")] = False,
 ) -> None:
-    """Survey a log, and draft a spec file for a first fit."""
+    """Survey a log, and draft a spec file for a first fit; or show a craft."""
+    if craft is not None and not files:
+        _show_craft(craft, figure)
+        return
     with session():
+        if not files:
+            raise InputError(
+                "expected a log to look at, found none.",
+                "Name one: diffthrust look run.csv; or a craft: diffthrust look --craft FILE.toml.",
+            )
         from diffthrust.survey._look import look, look_report
 
         survey = look(files)
@@ -65,3 +83,19 @@ def look_command(
     elif not spec:
         names = visible(" ".join(map(str, files)))
         typer.echo(f"Next: diffthrust look {names} --spec fit.toml drafts a spec file")
+
+
+def _show_craft(path: Path, figure: Path | None) -> None:
+    """The thrusters of a craft, and a drawing of it."""
+    with session():
+        from diffthrust.specs._thrusters import craft_from
+
+        craft = craft_from(path)
+        if figure:
+            write_figure(figure, craft.plot)
+        show(craft.layout_report())
+    written(figure)
+    if not figure:
+        typer.echo(
+            f"Next: diffthrust look --craft {visible(str(path))} --figure craft.png draws it"
+        )

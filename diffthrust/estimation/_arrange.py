@@ -60,7 +60,9 @@ def build(
     free = tuple(name for name, p in named.items() if not p.fixed)
     follow, starts = following(model, records), likelihood.starts(model, records)
     if initial != "estimate":
-        starts = tuple(n for n in starts if not any(n in r.measured_states for r in records))
+        # a start may also follow from measured outputs: a quaternion from the first angles
+        told = {n for r in records for n in (*r.measured_states, *r.start)}
+        starts = tuple(n for n in starts if n not in told)
     starts = tuple(n for n in starts if n not in follow)
     noise = _known_noise(records, channels)
     if likelihood.corrects or likelihood.noise.lasts:  # a given level is the sensor's alone

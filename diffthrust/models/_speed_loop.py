@@ -9,7 +9,8 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import RatesAndOutputs, Relaxing, Signals
+from diffthrust.models._base.power_law import power_law
+from diffthrust.models._base.signals import RatesAndOutputs, Relaxing, Signal, Signals
 
 
 @registered
@@ -75,10 +76,12 @@ class SpeedLoopThruster(Model):
         outputs = {"speed": s.speed, "thrust": thrust}
         if "command" not in s:  # the speed is prescribed by the log: nothing drives the shaft
             return {}, outputs
-        turning = s.command != 0
-        # 1 in the place of a command of 0: 0 ** p by p is 0 * log 0, a NaN that `where` does not
-        # keep out of the derivative
-        strength = jnp.where(turning, jnp.abs(s.command), 1.0) ** self.exponent
-        curve = self.gain * jnp.where(turning, jnp.sign(s.command) * strength, 0.0)
-        lag = (port("target", curve) - s.speed) / self.time_constant
+        target = port("target", self.gain * power_law(s.command, self.exponent))
+        lag = (target - s.speed) / self.time_constant
         return {"speed": Relaxing(port("loop", lag), 1.0 / self.time_constant)}, outputs
+
+    def settled(self, s: Signals) -> Mapping[str, Signal | float]:
+        """At the speed that the controller aims at."""
+        if "command" not in s:
+            return {}
+        return {"speed": self.gain * power_law(s.command, self.exponent)}

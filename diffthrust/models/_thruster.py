@@ -9,8 +9,9 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.power_law import power_law
 from diffthrust.models._base.quadratic_load import QuadraticLoad
-from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
 
 @registered
@@ -77,3 +78,9 @@ class Thruster(Model):
         drive = port("drive", self.beta * s.command)
         load = port("load", self.alpha * swept)
         return {"speed": port("shaft", drive - load)}, outputs
+
+    def settled(self, s: Signals) -> Mapping[str, Signal | float]:
+        """At the speed at which the load holds the drive."""
+        if "command" not in s:
+            return {}
+        return {"speed": power_law(self.beta / self.alpha * s.command, 0.5)}

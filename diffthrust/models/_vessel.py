@@ -12,7 +12,8 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import C, Model
 from diffthrust.models._base.parameter import Parameter, parameter
-from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
+from diffthrust.models._base.power_law import power_law
+from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 _INPUTS = {
     "propeller": {"propeller_speed": "rev/s", "rudder_angle": "rad"},
@@ -165,17 +166,10 @@ class Vessel(Model):
         }
         return component._copy(_parameters=described)
 
-    def _power(self, command: Signal) -> Signal:
-        """A command by the power law of the force, with a derivative also at rest."""
-        turning = command != 0
-        # 1 in the place of a command of 0, whose power has no derivative by the exponent
-        strength = jnp.where(turning, jnp.abs(command), 1.0) ** self.exponent
-        return jnp.where(turning, jnp.sign(command) * strength, 0.0)
-
     def _propeller(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
         n = port("revolutions", s.propeller_speed)
         angle = port("rudder", s.rudder_angle)
-        thrust = port("propulsion", self._power(n))
+        thrust = port("propulsion", power_law(n, self.exponent))
         port.tell(propulsion=thrust)
         side = port("steering", thrust * jnp.sin(angle))
         return thrust * jnp.cos(angle), side, -self.lever_arm * side
@@ -183,7 +177,7 @@ class Vessel(Model):
     def _twin(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
         left, right = s.left_force, s.right_force
         if self.command == "effort":
-            left, right = self._power(left), self._power(right)
+            left, right = (power_law(force, self.exponent) for force in (left, right))
         thrust = port("propulsion", left + right)
         # 0.0 * thrust and not 0.0: outputs of a whole log have its shape
         return thrust, 0.0 * thrust, self.lever_arm * (left - right)

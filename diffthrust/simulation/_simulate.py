@@ -46,9 +46,10 @@ def simulate(
         (240,)
     """
     written = log.written
-    if substeps is not None:  # measured outputs, in whatever unit, only serve to choose the step
-        states = {name: values for name, values in log.measured.items() if name in model.states}
-        log = log.replaced(measured=states)
+    if substeps is not None:  # other outputs, in whatever unit, only serve to choose the step
+        starting = {*model.states, *model.start_outputs}
+        kept = {name: values for name, values in log.measured.items() if name in starting}
+        log = log.replaced(measured=kept)
     (record,) = bind(model, [log], compared=False)
     if substeps is None:
         choice = sufficient_steps(model, record, initial)

@@ -16,7 +16,7 @@ from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.specs._lines import line_of
-from diffthrust.specs._parts import ExpectedNumber, ParameterPart, SpecFile
+from diffthrust.specs._parts import ChannelPart, ExpectedNumber, ParameterPart, SpecFile
 
 NAME = "fit.toml"
 """The name of a spec file inside a folder."""
@@ -135,6 +135,12 @@ def _dotted(data: dict[str, Any]) -> None:
     effects = effects if isinstance(effects, list) else []
     called = [e.get("name", "") if isinstance(e, dict) else e for e in effects]
     names = {str(word).rpartition(":")[2] for word in called}
+    channels = data.get("channels")
+    if isinstance(channels, dict):  # [channels.port.command] is the channel "port.command"
+        for name, table in list(channels.items()):
+            if isinstance(table, dict) and table and not {*ChannelPart.model_fields} & {*table}:
+                del channels[name]
+                channels |= {f"{name}.{key}": value for key, value in table.items()}
     for holder in (data, data.get("expected")):
         tables = holder.get("parameters") if isinstance(holder, dict) else None
         if not isinstance(tables, dict):

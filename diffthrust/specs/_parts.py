@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import (
+    AllowInfNan,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    field_validator,
+    model_validator,
+)
 
 from diffthrust._support.names import nearest
 from diffthrust.estimation import _arguments
@@ -198,6 +206,66 @@ class ChannelPart(_Part):
         return Column(**{key: value for key, value in fields.items() if value is not None})
 
 
+def _as_thrusters(value: Any) -> Any:
+    """Tables of thrusters stand beside the keys of all: both below ``[thrusters]``."""
+    if not isinstance(value, dict):
+        return value
+    keys = set(ThrustersPart.model_fields) - {"each"}
+    tables = {k: v for k, v in value.items() if k not in keys and isinstance(v, dict)}
+    return {**{k: v for k, v in value.items() if k not in tables}, "each": tables}
+
+
+class ThrusterPart(_Part):
+    """``[thrusters.NAME]``: one thruster of a craft."""
+
+    model: str = ""
+    """Its model, as "thruster" or "static_thruster"; that of all, or of ``like``, by default."""
+    on: str = ""
+    """The thruster that an azimuth turns, or that has a rudder behind it."""
+    at: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+    """Where it acts: forward, to starboard, down [m]."""
+    pointing: Annotated[list[float], Field(min_length=3, max_length=3)] = [1.0, 0.0, 0.0]
+    """Where a positive thrust pushes."""
+    like: str = ""
+    """The thruster whose numbers it shares."""
+    reaction: float | None = None
+    """Torque per thrust that its propeller leaves on the hull [m]."""
+    input: str = ""
+    """The column of its command."""
+    unit: str = ""
+    """The column's unit."""
+    pwm: PWMPart | None = None
+    """The column holds widths of pulses."""
+    effort: bool = False
+    """The column is a share of the full command."""
+
+
+class ThrustersPart(_Part):
+    """``[thrusters]``: those of a craft, each in a table, or all of a ready layout."""
+
+    frame: str = ""
+    """A ready layout: "bluerov2", "bluerov2_heavy", "blueboat", "otter", ..."""
+    columns: list[str] = []
+    """The columns of the commands, in the order of the layout."""
+    model: str = ""
+    """The model of all of them."""
+    on: str = ""
+    """The thruster that an azimuth turns, or that has a rudder behind it."""
+    unit: str = ""
+    """The unit of the columns."""
+    pwm: PWMPart | None = None
+    """The columns hold widths of pulses."""
+    effort: bool = False
+    """The columns are shares of the full command."""
+    each: dict[str, ThrusterPart] = {}
+    """The thrusters by name; in the file they stand below ``[thrusters]`` itself."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _split(cls, value: Any) -> Any:
+        return _as_thrusters(value)
+
+
 class PriorPart(_Part):
     """A Gaussian prior."""
 
@@ -290,6 +358,10 @@ class SpecFile(_Part):
     """Names of effects, ``script.py:Class``, or tables of a formula."""
     options: dict[str, str | bool | int | float] = {}
     """Arguments of the model, such as ``drive = "twin"``."""
+    body: str = ""
+    """Of a craft: the name of its body, as "planar"."""
+    thrusters: ThrustersPart | None = None
+    """Of a craft: its thrusters and their places."""
     logs: LogsPart
     """Which files, and how they are read."""
     channels: Annotated[

@@ -23,6 +23,7 @@ from diffthrust.logs._read import read_log
 from diffthrust.logs._robots.read import read_robot_log
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.model import Model
+from diffthrust.models._craft.craft import Craft
 from diffthrust.simulation._commands import adopted, command_kind
 from diffthrust.simulation._record import bind
 from diffthrust.specs._channels import columns_of, roles_of
@@ -38,6 +39,7 @@ from diffthrust.specs._scripts import (
     model_with,
     script_file,
 )
+from diffthrust.specs._thrusters import channels_of, craft_of
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._result import Diagnosis
@@ -303,6 +305,8 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
         path = path / NAME
     text = read_spec_text(path)
     file = parse_spec(text, path)
+    if file.model == Craft.name:
+        file = _with_commands(file, text, path)
     places = (trust,) if isinstance(trust, str | Path) else tuple(trust)
     model = _model(file, text, path, places)
     roles = roles_of(model, file, text, path)
@@ -338,6 +342,19 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     return spec
 
 
+def _with_commands(file: SpecFile, text: str, path: Path) -> SpecFile:
+    """A spec of a craft with the channels that its thrusters name as columns."""
+    try:
+        if file.thrusters is None:
+            raise InputError(
+                "the model 'craft' needs thrusters, found no [thrusters].",
+                'Add [thrusters] with frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
+            )
+        return file.model_copy(update={"channels": {**channels_of(file), **file.channels}})
+    except InputError as error:
+        raise _with_place(text, path, ("thrusters",), error) from None
+
+
 def _with_place(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
     """The same error, preceded by its place in the spec file."""
     return InputError(f"{line_of(text, path, loc)}: {error.problem}", error.mend)
@@ -346,14 +363,17 @@ def _with_place(text: str, path: Path, loc: Iterable[Any], error: InputError) ->
 def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -> Model:
     loc: tuple[str, ...] = ("model",)
     try:
-        check_place(file.model, path.parent, trust)
-        cls = model_class(file.model, path.parent)
-        loc = ("options", *list(file.options)[:1])
         options = dict(file.options)
-        # Channels for two thrusters leave no choice of the drive.
-        if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
-            options.setdefault("drive", "twin")
-        model = model_with(cls, options)
+        if file.model == Craft.name and file.thrusters is not None:
+            model = craft_of(file.body, file.thrusters)
+        else:
+            check_place(file.model, path.parent, trust)
+            cls = model_class(file.model, path.parent)
+            loc = ("options", *list(file.options)[:1])
+            # Channels for two thrusters leave no choice of the drive.
+            if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
+                options.setdefault("drive", "twin")
+            model = model_with(cls, options)
         if "command" not in options:
             for name in (name for name in model.commanded if name in file.channels):
                 loc = ("channels", name, "unit")
@@ -361,7 +381,8 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
                 model = model.commanded_in(command_kind(model, unit))
         loc = ("effects",)
         for entry in file.effects:
-            model = model + effect_of(entry, path.parent, trust)
+            dotted = isinstance(entry, str) and "." in entry and ":" not in entry
+            model = model + (entry if dotted else effect_of(entry, path.parent, trust))
         written = {name: channel.as_column().written for name, channel in file.channels.items()}
         for name, settings in file.parameters.items():
             loc = ("parameters", name)

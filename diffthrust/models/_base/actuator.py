@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
-
-import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
-from diffthrust.models._base.signals import Signal
+from diffthrust.models._base.signals import Signal, Signals
 
 
 class Actuator(Model):
@@ -74,6 +72,10 @@ class Steered(Actuator):
         values = {k: changed[k].value for k in names}
         return converted._copy(thruster=thruster, _parameters=changed, **values)
 
+    def settled(self, s: Signals) -> Mapping[str, Signal | float]:
+        """As the thruster does."""
+        return self._bound_thruster().settled(s)
+
     def _bound_thruster(self) -> Model:
         """The thruster that reads the present values."""
         return self.thruster._bound({k: getattr(self, k) for k in self.thruster._parameters})
@@ -100,17 +102,3 @@ class Steered(Actuator):
         usual = cls(self.thruster).command
         command = "" if self.command == usual else f", command={self.command!r}"
         return f"{place}{cls.__name__}({written(self.thruster)}{command})"
-
-
-def power_law(command: Signal, exponent: Any) -> Signal:
-    """sign(command) |command|^exponent, with a derivative also at rest.
-
-    Example:
-        >>> power_law(jnp.array([-4.0, 0.0, 4.0]), 0.5)
-        Array([-2.,  0.,  2.], dtype=float64)
-    """
-    turning = command != 0
-    # 1 in the place of a command of 0: 0 ** p by p is 0 * log 0, a NaN that `where` does not keep
-    # out of the derivative
-    strength = jnp.where(turning, jnp.abs(command), 1.0) ** exponent
-    return jnp.where(turning, jnp.sign(command) * strength, 0.0)

@@ -64,6 +64,9 @@ class Model(Component):
     feels: ClassVar[tuple[str, ...]] = ()
     """What its equations read of the water that passes it on a craft: "inflow", "crossflow"."""
 
+    start_outputs: tuple[str, ...] = ()
+    """Outputs from whose first measurements states follow; see `start_from`."""
+
     command: str = ""
     effects: tuple[Effect, ...] = ()
 
@@ -166,6 +169,19 @@ class Model(Component):
         Example:
             >>> dft.Thruster().initial(dft.models.Signals({}))
             {}
+        """
+        return {}
+
+    def settled(self, s: Signals) -> Mapping[str, Signal | float]:
+        """Where states end while the inputs stay as they are; none by default.
+
+        A craft's actuators begin so: they follow their commands far faster than the craft moves,
+        and a start of each in every log would be as many numbers more to estimate.
+
+        Example:
+            >>> s = dft.models.Signals({"command": 0.5})
+            >>> float(dft.SpeedLoopThruster(gain=300.0).settled(s)["speed"])
+            150.0
         """
         return {}
 

@@ -46,6 +46,7 @@ class Body(Component):
     angles: ClassVar[tuple[str, ...]] = ()
     time_scales: ClassVar[tuple[float, float]] = (0.05, 40.0)
     horizon: ClassVar[float | None] = None
+    start_outputs: ClassVar[tuple[str, ...]] = ()
 
     def motion(self, s: Signals, port: Ports) -> Six:
         """The velocities through the water, along and about the body's axes.

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.report import Report, Rows, Section
+from diffthrust._support.words import number
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
@@ -21,6 +24,9 @@ from diffthrust.models._craft.body import Body
 from diffthrust.models._craft.placed import Placed
 from diffthrust.models._craft.scope import PortsUnder, lifted, prefixed, signals_under
 from diffthrust.models._craft.six import Six, Triple, cross, dot, lessened, scaled, times
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TOLD = ("inflow", "crossflow")
 """What the craft works out for each actuator: the speed of the water past it, along its axis in the
@@ -137,6 +143,7 @@ class Craft(Model):
             "angles": (*body.angles, *turning),
             "time_scales": (min(s[0] for s in scales), max(s[1] for s in scales)),
             "horizon": body.horizon,
+            "start_outputs": body.start_outputs,
             "commands": commands,
             "commanded": commanded if commands else (),
         }
@@ -276,11 +283,12 @@ class Craft(Model):
         return force, scaled(torque, mounted.pointing)
 
     def initial(self, s: Signals) -> Mapping[str, Signal | float]:
-        """Where states begin that nothing gives: as body and actuators say."""
+        """Where states begin that nothing gives: actuators as settled by their first commands."""
         begin = dict(self.body.initial(s))
         for name in self.actuators:
-            part = self._bound_part(name).initial(signals_under(s, name))
-            begin |= {f"{name}.{k}": v for k, v in part.items()}
+            part, first = self._bound_part(name), signals_under(s, name)
+            at_first = {**part.settled(first), **part.initial(first)}
+            begin |= {f"{name}.{k}": v for k, v in at_first.items()}
         return begin
 
     def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
@@ -385,6 +393,48 @@ class Craft(Model):
             between = "and" if len(members) == 2 else "to"
             name = f"{members[0]}_{between}_{members[-1]}.{effect.name}"
         return Placed(fitted, members, name, _signals(model), TOLD)
+
+    @showing
+    def plot(self) -> Figure:
+        """Draw the craft from above and from the side: places, directions, the centre of mass.
+
+        Example:
+            >>> len(dft.layouts.BLUEROV2_HEAVY.craft().plot().axes)
+            2
+        """
+        from diffthrust.models._craft.figures import Drawn, craft_figure
+
+        drawn = [
+            Drawn(
+                name,
+                (*(getattr(self, f"{name}.{axis}") for axis in _GEOMETRY),),
+                mounted.pointing,
+                "side_thrust" in mounted.model.outputs,
+            )
+            for name, mounted in self.actuators.items()
+        ]
+        body = self.body._parameters
+        centre = tuple(getattr(self, n) if n in body else 0.0 for n in ("x_g", "y_g", "z_g"))
+        return craft_figure(str(self), drawn, centre)
+
+    def layout_report(self) -> Report:
+        """The actuators with their places and directions, as a table.
+
+        Example:
+            >>> report = dft.layouts.OTTER.craft().layout_report()
+            >>> type(report).__name__
+            'Report'
+        """
+        rows = []
+        for name, mounted in self.actuators.items():
+            place = (number(getattr(self, f"{name}.{axis}"), 3) for axis in _GEOMETRY)
+            pointing = ", ".join(f"{each:.3g}" for each in mounted.pointing)
+            owner = self._owner(name)
+            like = "" if owner == name else f"like {owner}"
+            rows.append((name, str(mounted.model), *place, pointing, like))
+        headings = ("Thruster", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "")
+        title = f"Craft of the body '{self.body.name}'"
+        return Report(Section("", title, Rows.of(headings, rows, numbers=(2, 3, 4))))
 
     # -- what it is made of, as data ---------------------------------------------------------------
 

@@ -1,0 +1,77 @@
+"""BlueROV2 and BlueROV2 Heavy of Blue Robotics."""
+
+import math
+
+from diffthrust.actuators import StaticThruster
+from diffthrust.bodies import SixDegrees
+from diffthrust.layouts._layout import Fact, Layout
+
+_C = math.sqrt(0.5)
+_WU = "Wu 2018, 6-DoF modelling and control of a remotely operated vehicle, Flinders University"
+_BENZON = "von Benzon et al. 2022, J. Mar. Sci. Eng. 10, 1898 (identified in a tank)"
+_T200 = "Blue Robotics, T200 performance charts at 16 V: 5.25 kgf ahead, 4.1 kgf astern"
+_LAW = Fact({"gain": 51.5, "exponent": 1.7, "reverse": 0.78}, "rule of thumb", _T200)
+"""Of a T200: the ends are of the charts, the exponent is a power law through their middle."""
+
+# masses are those of the rigid body and of the water together, as the body takes them
+BLUEROV2_HEAVY = Layout(
+    name="bluerov2_heavy",
+    title="BlueROV2 Heavy, eight T200 thrusters",
+    body=SixDegrees,
+    actuator=StaticThruster(),
+    places={
+        "t1": ((0.156, 0.111, 0.085), (_C, -_C, 0.0)),
+        "t2": ((0.156, -0.111, 0.085), (_C, _C, 0.0)),
+        "t3": ((-0.156, 0.111, 0.085), (_C, _C, 0.0)),
+        "t4": ((-0.156, -0.111, 0.085), (_C, -_C, 0.0)),
+        "t5": ((0.120, 0.218, 0.0), (0.0, 0.0, -1.0)),
+        "t6": ((0.120, -0.218, 0.0), (0.0, 0.0, -1.0)),
+        "t7": ((-0.120, 0.218, 0.0), (0.0, 0.0, -1.0)),
+        "t8": ((-0.120, -0.218, 0.0), (0.0, 0.0, -1.0)),
+    },
+    facts=(
+        Fact({"places": "of the eight thrusters"}, "published", _BENZON),
+        Fact({"directions": "signs of t1 to t8"}, "unknown", "as wired: try each on the vehicle"),
+        Fact({"m11": 13.5 + 6.36, "m22": 13.5 + 7.12, "m33": 13.5 + 18.68}, "measured", _BENZON),
+        Fact({"i44": 0.26 + 0.189, "i55": 0.23 + 0.135, "i66": 0.37 + 0.222}, "measured", _BENZON),
+        Fact({"d11": 13.7, "d22": 0.0, "d33": 33.0}, "measured", _BENZON),
+        Fact({"d44": 0.0, "d55": 0.8, "d66": 0.0}, "measured", _BENZON),
+        Fact({"q11": 141.0, "q22": 217.0, "q33": 190.0}, "measured", _BENZON),
+        Fact({"q44": 1.19, "q55": 0.47, "q66": 1.5}, "measured", _BENZON),
+        Fact({"weight": 13.5 * 9.82, "buoyancy": 1000.0 * 0.0134 * 9.82}, "published", _BENZON),
+        Fact({"z_g": 0.0, "z_b": -0.01}, "published", _BENZON),
+        _LAW,
+    ),
+)
+
+BLUEROV2 = Layout(
+    name="bluerov2",
+    title="BlueROV2, six T200 thrusters, four of them vectored",
+    body=SixDegrees,
+    actuator=StaticThruster(),
+    places={
+        "t1": ((0.14, 0.10, 0.0), (_C, -_C, 0.0)),
+        "t2": ((0.14, -0.10, 0.0), (_C, _C, 0.0)),
+        "t3": ((-0.14, 0.10, 0.0), (_C, _C, 0.0)),
+        "t4": ((-0.14, -0.10, 0.0), (_C, -_C, 0.0)),
+        "t5": ((0.0, 0.11, 0.0), (0.0, 0.0, -1.0)),
+        "t6": ((0.0, -0.11, 0.0), (0.0, 0.0, -1.0)),
+    },
+    facts=(
+        Fact(
+            {"places": "t1 to t4"},
+            "published",
+            "HippoCampusRobotics, hippo_sim, thrusters of the BlueROV2",
+        ),
+        Fact({"places": "t5, t6"}, "rule of thumb", "of the frame's width of 0.338 m"),
+        Fact({"directions": "signs of t1 to t6"}, "unknown", "as wired: try each on the vehicle"),
+        Fact({"m11": 11.5 + 5.5, "m22": 11.5 + 12.7, "m33": 11.5 + 14.57}, "published", _WU),
+        Fact({"i44": 0.16 + 0.12, "i55": 0.16 + 0.12, "i66": 0.16 + 0.12}, "published", _WU),
+        Fact({"d11": 4.03, "d22": 6.22, "d33": 5.18}, "published", _WU),
+        Fact({"d44": 0.07, "d55": 0.07, "d66": 0.07}, "published", _WU),
+        Fact({"q11": 18.18, "q22": 21.66, "q33": 36.99}, "published", _WU),
+        Fact({"q44": 1.55, "q55": 1.55, "q66": 1.55}, "published", _WU),
+        Fact({"weight": 112.8, "buoyancy": 114.8, "z_g": 0.02, "z_b": 0.0}, "published", _WU),
+        _LAW,
+    ),
+)

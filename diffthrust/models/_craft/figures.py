@@ -1,0 +1,98 @@
+"""A craft drawn from above and from the side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, unboxed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ARROW = 0.28
+"""Length of an arrow, as a share of the drawing."""
+_SIDEWAYS = 0.15
+"""An arrow whose part in the plane is shorter comes towards the reader, or goes from him."""
+
+
+class Drawn(NamedTuple):
+    """One actuator: its name, place [m] and direction, and whether it can turn."""
+
+    name: str
+    place: tuple[float, float, float]
+    pointing: tuple[float, float, float]
+    turns: bool
+
+
+def craft_figure(title: str, actuators: list[Drawn], centre: tuple[float, ...] | None) -> Figure:
+    """The craft from above, bow up, and from starboard, bow to the right.
+
+    Arrows show where a positive thrust pushes the craft; a dot comes towards the reader, a cross
+    goes away. ``centre`` is the centre of mass.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.4, 4.4), layout="constrained")
+    above, side = figure.subplots(1, 2)
+    # from above: starboard to the right, the bow up; the reader sees what goes down go away
+    _view(above, actuators, centre, axes=(1, 0), towards=(2, -1.0))
+    above.set_xlabel("to starboard [m]", fontsize=9)
+    above.set_ylabel("ahead [m]", fontsize=9)
+    above.set_title("From above", loc="left", fontsize=9)
+    # from starboard: the bow to the right, down is down; the reader sees starboard come
+    _view(side, actuators, centre, axes=(0, 2), towards=(1, 1.0))
+    side.invert_yaxis()
+    side.set_xlabel("ahead [m]", fontsize=9)
+    side.set_ylabel("down [m]", fontsize=9)
+    side.set_title("From starboard", loc="left", fontsize=9)
+    figure.suptitle(title, x=0.02, ha="left", fontsize=10)
+    return figure
+
+
+def _view(
+    panel: Axes,
+    actuators: list[Drawn],
+    centre: tuple[float, ...] | None,
+    axes: tuple[int, int],
+    towards: tuple[int, float],
+) -> None:
+    across, up = axes
+    points = np.array([a.place for a in actuators] + [centre or (0.0, 0.0, 0.0)])
+    span = max(np.ptp(points[:, 0]), np.ptp(points[:, 1]), np.ptp(points[:, 2]), 0.2)
+    length = _ARROW * span
+    groups: dict[tuple[float, float], list[str]] = {}
+    for a in actuators:
+        x, y = a.place[across], a.place[up]
+        dx, dy = a.pointing[across], a.pointing[up]
+        if np.hypot(dx, dy) > _SIDEWAYS:
+            style = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.6, "mutation_scale": 12}
+            end = (x + length * dx, y + length * dy)
+            panel.annotate("", end, (x, y), arrowprops=style)
+        else:
+            comes = a.pointing[towards[0]] * towards[1] > 0
+            panel.plot(x, y, "o", color="white", markeredgecolor=BLUE, markersize=10)
+            panel.plot(x, y, "." if comes else "x", color=BLUE, markersize=5)
+        if a.turns and across == 1:
+            ring = np.linspace(0.0, 2.0 * np.pi, 60)
+            panel.plot(x + 0.6 * length * np.cos(ring), y + 0.6 * length * np.sin(ring), ":",
+                       color=BLUE, linewidth=0.9)  # fmt: skip
+        panel.plot(x, y, "o", color=BLUE, markersize=3)
+        groups.setdefault((round(x, 3), round(y, 3)), []).append(a.name)
+    for (x, y), names in groups.items():
+        panel.annotate(", ".join(names), (x, y), xytext=(7, 7), textcoords="offset points",
+                       fontsize=8)  # fmt: skip
+    if centre is not None:
+        panel.plot(centre[across], centre[up], "+", color=VERMILLION, markersize=11, mew=1.8)
+        panel.annotate("CG", (centre[across], centre[up]), xytext=(6, -11),
+                       textcoords="offset points", fontsize=8, color=VERMILLION)  # fmt: skip
+    panel.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
+    panel.axvline(0.0, color=GREY, linewidth=0.6, zorder=0)
+    unboxed(panel)
+    middle = 0.5 * (points.min(0) + points.max(0))
+    half = 0.5 * span + 1.3 * length
+    panel.set_xlim(middle[across] - half, middle[across] + half)
+    panel.set_ylim(middle[up] - half, middle[up] + half)
+    panel.set_aspect("equal")

@@ -1,0 +1,165 @@
+"""The craft of a spec file: its body, and ``[thrusters]``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearby
+from diffthrust.actuators import ACTUATORS, Azimuth, RudderPropeller
+from diffthrust.bodies import BODIES
+from diffthrust.layouts import layout_named
+from diffthrust.models import MODELS
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.mounted import Mounted
+from diffthrust.models._craft.craft import Craft
+from diffthrust.specs._file import parse_toml, read_spec_text
+from diffthrust.specs._lines import line_of
+from diffthrust.specs._parts import ChannelPart, SpecFile, ThrusterPart, ThrustersPart
+
+STEERED = {cls.name: cls for cls in (Azimuth, RudderPropeller)}
+"""Actuators around the model of a thruster, which spec files give as ``on``."""
+
+
+def craft_of(body: str, thrusters: ThrustersPart, where: str = "") -> Craft:
+    """The craft that a spec file describes.
+
+    Args:
+        body: the name of its body; that of the layout where it names a frame.
+        thrusters: the table.
+        where: of the spec, for messages.
+
+    Raises:
+        InputError: a name that is not known, a thruster without a place, or numbers of columns and
+            thrusters that differ.
+    """
+    if thrusters.frame:
+        layout = layout_named(thrusters.frame)
+        if body and body != layout.body.name:
+            raise InputError(
+                f"{where}the frame '{layout.name}' is a craft of the body '{layout.body.name}', "
+                f"found body = {body!r}.",
+                "Leave body out, or place the thrusters one by one.",
+            )
+        model = _model(thrusters.model, thrusters.on) if thrusters.model else None
+        craft = layout.craft(model)
+        if thrusters.columns and len(thrusters.columns) != len(craft.actuators):
+            raise InputError(
+                f"{where}expected {len(craft.actuators)} columns, one for each thruster of "
+                f"'{layout.name}', found {len(thrusters.columns)}.",
+                f"Name them in the order of {', '.join(craft.actuators)}.",
+            )
+        strengths = {f"{n}.strength": {"fixed": False} for n in [*craft.actuators][1:]}
+        return craft.replace(strengths)
+    if not thrusters.each:
+        raise InputError(
+            f"{where}expected a frame or thrusters with their places in [thrusters], found none.",
+            'Write frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
+        )
+    return Craft(
+        _body(body, where)(), share=_groups(thrusters.each, where), **_mounts(thrusters, where)
+    )
+
+
+def channels_of(file: SpecFile) -> dict[str, ChannelPart]:
+    """The channels of the thrusters' commands that ``columns`` and ``input`` give."""
+    thrusters = file.thrusters
+    if thrusters is None:
+        return {}
+    craft = craft_of(file.body, thrusters)
+    inputs = dict(zip(craft.actuators, thrusters.columns, strict=False))
+    inputs |= {name: part.input for name, part in thrusters.each.items() if part.input}
+    shared = {key: getattr(thrusters, key) for key in ("unit", "pwm", "effort")}
+    channels = {}
+    for name, column in inputs.items():
+        part = thrusters.each.get(name)
+        own = {key: getattr(part, key) for key in ("unit", "pwm", "effort")} if part else {}
+        fields = {key: own.get(key) or shared[key] for key in shared}
+        given = {key: value for key, value in fields.items() if value}
+        channel = next(iter(craft.actuators[name].model.inputs))
+        channels[f"{name}.{channel}"] = ChannelPart(column=column, **given)
+    return channels
+
+
+def craft_from(path: Path | str) -> Craft:
+    """The craft of a spec file, or of a file of a layout alone: ``body`` and ``[thrusters]``.
+
+    Raises:
+        InputError: the file cannot be read, or describes no craft.
+
+    Example:
+        >>> _ = open("boat.toml", "w").write('thrusters = { frame = "otter" }')
+        >>> list(dft.specs.craft_from("boat.toml").actuators)
+        ['port', 'starboard']
+    """
+    from pydantic import ValidationError
+
+    path = Path(path)
+    text = read_spec_text(path)
+    tables = parse_toml(text, path)
+    described = tables.get("thrusters")
+    if not isinstance(described, Mapping):
+        raise InputError(
+            f"{path}: expected a table [thrusters], found {listing(tables)}.",
+            'Write [thrusters] with frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
+        )
+    try:
+        part = ThrustersPart.model_validate(described)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        where = line_of(text, path, ("thrusters", *problem["loc"]))
+        raise InputError(f"{where}: {problem['msg']}.", "Correct the key.") from None
+    return craft_of(str(tables.get("body", "")), part, f"{path}: ")
+
+
+def _mounts(thrusters: ThrustersPart, where: str) -> dict[str, Mounted[Model]]:
+    mounts = {}
+    for name, part in thrusters.each.items():
+        like = thrusters.each.get(part.like, part)
+        model = _model(part.model or like.model or thrusters.model, part.on or like.on)
+        if part.at is None:
+            raise InputError(
+                f"{where}[thrusters.{name}] has no place.", "Add at = [x, y, z] in metres."
+            )
+        mounts[name] = model.at(part.at, part.pointing, reaction=part.reaction)
+    return mounts
+
+
+def _groups(each: Mapping[str, ThrusterPart], where: str) -> list[tuple[str, ...]]:
+    """Who shares numbers with whom: ``like`` names the first of a group."""
+    groups: dict[str, list[str]] = {}
+    for name, part in each.items():
+        if part.like and (part.like not in each or each[part.like].like or part.like == name):
+            raise InputError(
+                f"{where}[thrusters.{name}]: like = {part.like!r} names no thruster with numbers "
+                "of its own.",
+                f"Name one of {listing(n for n, p in each.items() if not p.like and n != name)}.",
+            )
+        groups.setdefault(part.like or name, []).append(name)
+    return [(first, *(n for n in members if n != first)) for first, members in groups.items()]
+
+
+def _model(name: str, on: str = "") -> Model:
+    """A model of a thruster by its name, on an axis or before a rudder where ``on`` is its own."""
+    models: dict[str, Any] = {**MODELS, **ACTUATORS}
+    name = name or "static_thruster"
+    for word in (name, *([on] if on else [])):
+        if word not in models:
+            raise InputError(
+                f"the model {word!r} of a thruster is not known; {nearby(word, models)}.",
+                "Correct the name.",
+            )
+    if name in STEERED:
+        return STEERED[name](_model(on or "static_thruster"))
+    return models[name]()
+
+
+def _body(name: str, where: str) -> Any:
+    if name not in BODIES:
+        raise InputError(
+            f"{where}expected the body of the craft, found {name!r}; {nearby(name, BODIES)}.",
+            'Write body = "planar" at the top of the file.',
+        )
+    return BODIES[name]
