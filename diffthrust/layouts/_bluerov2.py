@@ -8,10 +8,15 @@ from diffthrust.layouts._layout import Fact, Layout
 
 _C = math.sqrt(0.5)
 _WU = "Wu 2018, 6-DoF modelling and control of a remotely operated vehicle, Flinders University"
-_BENZON = "von Benzon et al. 2022, J. Mar. Sci. Eng. 10, 1898 (identified in a tank)"
-_T200 = "Blue Robotics, T200 performance charts at 16 V: 5.25 kgf ahead, 4.1 kgf astern"
-_LAW = Fact({"gain": 51.5, "exponent": 1.7, "reverse": 0.78}, "rule of thumb", _T200)
-"""Of a T200: the ends are of the charts, the exponent is a power law through their middle."""
+_BENZON = (
+    "von Benzon et al. 2022, J. Mar. Sci. Eng. 10, 1898, as given in AndreasKing-Goks/0_THESIS, "
+    "BlueROV2_param.m"
+)
+_T200 = "Blue Robotics, T200 performance charts at 16 V: 5.25 kgf ahead, 4.07 kgf astern"
+_LAW = (
+    Fact({"gain": 51.5, "reverse": 0.776}, "measured", _T200),
+    Fact({"exponent": 1.6}, "rule of thumb", "a power law through the same charts"),
+)
 
 # masses are those of the rigid body and of the water together, as the body takes them
 BLUEROV2_HEAVY = Layout(
@@ -32,15 +37,19 @@ BLUEROV2_HEAVY = Layout(
     facts=(
         Fact({"places": "of the eight thrusters"}, "published", _BENZON),
         Fact({"directions": "signs of t1 to t8"}, "unknown", "as wired: try each on the vehicle"),
-        Fact({"m11": 13.5 + 6.36, "m22": 13.5 + 7.12, "m33": 13.5 + 18.68}, "measured", _BENZON),
-        Fact({"i44": 0.26 + 0.189, "i55": 0.23 + 0.135, "i66": 0.37 + 0.222}, "measured", _BENZON),
+        Fact(
+            {"m11": 13.5 + 6.3567, "m22": 13.5 + 7.1206, "m33": 13.5 + 18.6863}, "measured", _BENZON
+        ),
+        Fact(
+            {"i44": 0.26 + 0.1858, "i55": 0.23 + 0.1348, "i66": 0.37 + 0.2215}, "measured", _BENZON
+        ),
         Fact({"d11": 13.7, "d22": 0.0, "d33": 33.0}, "measured", _BENZON),
         Fact({"d44": 0.0, "d55": 0.8, "d66": 0.0}, "measured", _BENZON),
         Fact({"q11": 141.0, "q22": 217.0, "q33": 190.0}, "measured", _BENZON),
-        Fact({"q44": 1.19, "q55": 0.47, "q66": 1.5}, "measured", _BENZON),
-        Fact({"weight": 13.5 * 9.82, "buoyancy": 1000.0 * 0.0134 * 9.82}, "published", _BENZON),
+        Fact({"q44": 1.192, "q55": 0.47, "q66": 1.5}, "measured", _BENZON),
+        Fact({"weight": 13.5 * 9.81, "buoyancy": 999.7 * 0.0134 * 9.81}, "published", _BENZON),
         Fact({"z_g": 0.0, "z_b": -0.01}, "published", _BENZON),
-        _LAW,
+        *_LAW,
     ),
 )
 
@@ -72,6 +81,6 @@ BLUEROV2 = Layout(
         Fact({"q11": 18.18, "q22": 21.66, "q33": 36.99}, "published", _WU),
         Fact({"q44": 1.55, "q55": 1.55, "q66": 1.55}, "published", _WU),
         Fact({"weight": 112.8, "buoyancy": 114.8, "z_g": 0.02, "z_b": 0.0}, "published", _WU),
-        _LAW,
+        *_LAW,
     ),
 )

@@ -5,8 +5,8 @@ from diffthrust.bodies import Planar
 from diffthrust.layouts._layout import Fact, Layout
 
 _PEDERSEN = (
-    "Pedersen 2019, Optimization based system identification for the milliAmpere ferry, NTNU "
-    "(identified from trials)"
+    "Pedersen 2019, Optimization based system identification for the milliAmpere ferry, NTNU, as "
+    "given in the parameters of IDLab's simulator of it"
 )
 
 FERRY = Layout(

@@ -64,6 +64,7 @@ def _view(
     span = max(np.ptp(points[:, 0]), np.ptp(points[:, 1]), np.ptp(points[:, 2]), 0.2)
     length = _ARROW * span
     groups: dict[tuple[float, float], list[str]] = {}
+    behind: dict[tuple[float, float], tuple[float, float]] = {}
     for a in actuators:
         x, y = a.place[across], a.place[up]
         dx, dy = a.pointing[across], a.pointing[up]
@@ -80,10 +81,16 @@ def _view(
             panel.plot(x + 0.6 * length * np.cos(ring), y + 0.6 * length * np.sin(ring), ":",
                        color=BLUE, linewidth=0.9)  # fmt: skip
         panel.plot(x, y, "o", color=BLUE, markersize=3)
-        groups.setdefault((round(x, 3), round(y, 3)), []).append(a.name)
+        at, flipped = (round(x, 3), round(y, 3)), -1.0 if up == 2 else 1.0
+        groups.setdefault(at, []).append(a.name)
+        # on the side from which the arrow leaves; above what comes or goes
+        flat = np.hypot(dx, dy) > _SIDEWAYS
+        behind.setdefault(at, (-dx, -dy * flipped) if flat else (0.0, 1.0))
     for (x, y), names in groups.items():
-        panel.annotate(", ".join(names), (x, y), xytext=(7, 7), textcoords="offset points",
-                       fontsize=8)  # fmt: skip
+        words = ", ".join(names)
+        offset = ((8.0 + 3.0 * len(words)) * behind[x, y][0], 14.0 * behind[x, y][1])
+        panel.annotate(words, (x, y), xytext=offset, textcoords="offset points",
+                       fontsize=8, ha="center", va="center")  # fmt: skip
     if centre is not None:
         panel.plot(centre[across], centre[up], "+", color=VERMILLION, markersize=11, mew=1.8)
         panel.annotate("CG", (centre[across], centre[up]), xytext=(6, -11),
@@ -95,4 +102,4 @@ def _view(
     half = 0.5 * span + 1.3 * length
     panel.set_xlim(middle[across] - half, middle[across] + half)
     panel.set_ylim(middle[up] - half, middle[up] + half)
-    panel.set_aspect("equal")
+    panel.set_box_aspect(1)
