@@ -48,7 +48,7 @@ def candidates_of(
         InputError: a wanted effect that does not exist, that the model has no port for, or that is
             called like one of its parameters.
     """
-    named, chosen = _asked_for(wanted, constants_in(model))
+    named, chosen = _asked_for(wanted, model)
     measured = {name for record in records for name in record.measured}
     inputs = set.intersection(*(set(record.inputs) for record in records))
     has = {effect.name for effect in model.effects}
@@ -145,11 +145,9 @@ def _several(wanted: Candidates | None) -> Sequence[str | Effect | type[Effect]]
     return wanted if isinstance(wanted, Collection) else (wanted,)
 
 
-def _asked_for(
-    wanted: Candidates | None, constants: Sequence[str]
-) -> tuple[set[str], list[Effect]]:
+def _asked_for(wanted: Candidates | None, model: Model) -> tuple[set[str], list[Effect]]:
     """The names of effects that were asked for one by one, and all effects in question."""
-    effects = catalogue()
+    effects, constants = catalogue(), constants_in(model)
     chosen: list[Effect] = []
     named: set[str] = set()
     for candidate in _several(wanted):
@@ -157,8 +155,16 @@ def _asked_for(
             continue
         if isinstance(candidate, str) and candidate == _EVERY:
             names = {effect.name for effect in chosen}
-            chosen += [effect() for name, effect in effects.items() if name not in names]
+            every = (effect() for name, effect in effects.items() if name not in names)
+            chosen += [placed for effect in every for placed in model.placements(effect)]
             continue
+        if isinstance(candidate, str) and candidate.rpartition(".")[2] in effects:
+            placed = model.placements(effects[candidate.rpartition(".")[2]]())
+            at_places = [e for e in placed if candidate in (e.name, e.name.rpartition(".")[2])]
+            if at_places:
+                named |= {e.name for e in at_places}
+                chosen = [e for e in chosen if e.name not in named] + at_places
+                continue
         if isinstance(candidate, str):
             if candidate not in effects:
                 near = nearest(candidate, constants)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,6 +40,10 @@ class NoiseTerm(NamedTuple):
         return (*self.gains, *self.memory)
 
 
+_NOISE = re.compile(r"noise\.(.+?)\.(gain|drift|colour)(?:\..+)?")
+"""A gain of the observer: what it acts on, which may have a dot on a craft, and its kind."""
+
+
 def noises(nuisance: Sequence[str]) -> list[NoiseTerm]:
     """The parameters of an observer, grouped by noise term.
 
@@ -49,8 +54,9 @@ def noises(nuisance: Sequence[str]) -> list[NoiseTerm]:
     gains: dict[tuple[str, str], list[str]] = {}
     for name in nuisance:
         if not is_memory(name):
-            _, of, kind, *_ = name.split(".")
-            gains.setdefault((of, kind), []).append(name)
+            parts = _NOISE.fullmatch(name)
+            assert parts is not None
+            gains.setdefault((parts[1], parts[2]), []).append(name)
     return [
         NoiseTerm(tuple(names), tuple({f"noise.{of}.{_REMEMBERED.get(kind)}"} & {*nuisance}))
         for (of, kind), names in gains.items()

@@ -85,8 +85,13 @@ def pushed_at(port: str) -> type[Effect]:
         return value + self.amount
 
     amount = parameter(0.0, null=0.0)
-    return type("Push", (Effect,), {"name": f"push_{port}", "port": port, "amount": amount,
+    return type("Push", (Effect,), {"name": _push_name(port), "port": port, "amount": amount,
                                     "__call__": call})  # fmt: skip
+
+
+def _push_name(port: str) -> str:
+    """A name for the push at a port; those of an actuator on a craft have dots."""
+    return f"push_{port.replace('.', '_of_')}"
 
 
 def step_slopes(
@@ -154,7 +159,7 @@ class _Step:
 
     def pushed_model(self, values: Mapping[str, Any], push: Any) -> Any:
         """The model at some values, with a push at each port and channel."""
-        amounts = {f"push_{place}.amount": push[i] for i, place in enumerate(self.pushed)}
+        amounts = {f"{_push_name(place)}.amount": push[i] for i, place in enumerate(self.pushed)}
         return self.model.bind({**values, **amounts})
 
     def pushed_inputs(self, model: Any, push: Any) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from diffthrust._support.words import joined, number, percent
+from diffthrust.estimation._wiring import wiring_doubts
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
@@ -43,7 +44,8 @@ def doubts_about(
         model: at the optimum.
         logs: that are looked at whether they are sound, the unseen ones too.
     """
-    doubts = (*_turning(model, runs), *late_readings(runs), *doubts_of(logs, model))
+    wired = wiring_doubts(model, runs)
+    doubts = (*_turning(model, runs), *wired, *late_readings(runs), *doubts_of(logs, model))
     return (*doubts, *silent_doubts(little, doubts, model, runs))
 
 

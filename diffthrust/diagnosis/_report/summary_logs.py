@@ -129,6 +129,7 @@ def _held(diag: Findings) -> Part:
     (name, held), *others = diag.held.items()
     fixed, wanted = distinct_numbers(held.value, held.wanted)
     words = f"{name} is fixed at {fixed}; these logs suggest {wanted} {held.unit}".rstrip()
+    words = diag.fit.model.constant_words(name, held.value, held.wanted) or words
     short = f"{name} is fixed; these logs suggest another value"
     too = f", and others of {joined(name for name, _ in others)}" if others else ""
     return as_part((3, words + too), (7, words), (12, short))

@@ -170,10 +170,17 @@ def held_words(diag: Findings) -> list[str]:
     """
     return [
         f"{name} is fixed at {amount(f'{held.value:.4g}', held.unit)}; these logs suggest "
-        f"{amount(' ± '.join(with_error(held.wanted, held.std_error)), held.unit)}. Measure it "
-        f"again, or free it: model.free('{name}')."
+        f"{amount(' ± '.join(with_error(held.wanted, held.std_error)), held.unit)}"
+        f"{_constant_words(diag, name)}. Measure it again, or free it: "
+        f"model.free('{name}')."
         for name, held in diag.held.items()
     ]
+
+
+def _constant_words(diag: Findings, name: str) -> str:
+    held = diag.held[name]
+    words = diag.fit.model.constant_words(name, held.value, held.wanted)
+    return f" ({words})" if words else ""
 
 
 def stopped_words(diag: Findings) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeVar
 
 from jax.typing import ArrayLike
@@ -367,6 +367,25 @@ class Model(Component):
                     "Let it act at one of these ports.",
                 )
         return self._copy(effects=(*self.effects, self._fitted_in(other)))
+
+    def placements(self, effect: Effect) -> Iterable[Effect]:
+        """The effect everywhere that it may act: a craft has more places than one.
+
+        Example:
+            >>> [effect.name for effect in dft.Thruster().placements(dft.effects.ActuatorLag())]
+            ['actuator_lag']
+        """
+        return (effect,)
+
+    def constant_words(self, name: str, fixed: float, wanted: float) -> str:
+        """What it comes to that logs want another value of a fixed parameter; "" by default.
+
+        Example:
+            >>> boat = dft.layouts.OTTER.craft()
+            >>> boat.constant_words("port.strength", 1.0, 0.78)
+            'port gives 22 % less thrust than starboard'
+        """
+        return ""
 
     def _fitted_in(self, effect: Effect) -> Effect:
         """An effect with the units of this model's channels, and the optional ones it needs."""

@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.report import Report, Rows, Section
-from diffthrust._support.words import number
+from diffthrust._support.words import number, percent
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
@@ -368,6 +368,20 @@ class Craft(Model):
         for group in groups:
             if len(group) > 1:
                 yield from (self._on(effect, (name,)) for name in group)
+
+    def constant_words(self, name: str, fixed: float, wanted: float) -> str:
+        """A strength that logs want to be another, in words."""
+        member, _, what = name.rpartition(".")
+        if what != "strength":
+            return ""
+        if wanted < 0:
+            return f"{member} pushes the other way: turn its direction, or the sign of its command"
+        share = wanted / fixed - 1.0
+        change = f"{percent(abs(share))} {'more' if share > 0 else 'less'}"
+        group = [other for other in self._group_of(member) if other != member]
+        return (
+            f"{member} gives {change} thrust than {group[0] if len(group) == 1 else 'the others'}"
+        )
 
     def _takes(self, effect: Effect, name: str) -> bool:
         model = self.actuators[name].model

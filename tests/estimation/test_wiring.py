@@ -1,0 +1,96 @@
+"""Commands of a craft that are exchanged or turned are named; what is only physics is not."""
+
+import math
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust.actuators import StaticThruster
+from diffthrust.bodies import FourDegrees, Planar
+from diffthrust.estimation._wiring import wiring_doubts  # private: without a fit
+from diffthrust.simulation._record import bind  # private: a run of the model as given
+from diffthrust.simulation._runs import runs_over  # private: a run of the model as given
+
+C = math.sqrt(0.5)
+LAW = StaticThruster(gain=25.0, exponent=1.5)
+ROV = dft.Craft(
+    FourDegrees(),
+    t1=LAW.at((0.14, 0.10, 0.0), (C, -C, 0.0)),
+    t2=LAW.at((0.14, -0.10, 0.0), (C, C, 0.0)),
+    t3=LAW.at((-0.14, 0.10, 0.0), (C, C, 0.0)),
+    t4=LAW.at((-0.14, -0.10, 0.0), (C, -C, 0.0)),
+    t5=LAW.at((0.0, 0.11, 0.0), (0.0, 0.0, -1.0)),
+    t6=LAW.at((0.0, -0.11, 0.0), (0.0, 0.0, -1.0)),
+    share=[("t1", "t2", "t3", "t4", "t5", "t6")],
+)
+BOAT = dft.Craft(
+    Planar(), port=LAW.at((-0.4, -0.3, 0)), starboard=LAW.at((-0.4, 0.3, 0)),
+    share=[("port", "starboard")],
+)  # fmt: skip
+
+
+def doubts(craft, wired=None, truth=None, seed=1):
+    """The doubts on a log whose columns are wired otherwise, of another truth."""
+    rng = np.random.default_rng(seed)
+    time = 0.1 * np.arange(400)
+    steps = np.repeat(rng.uniform(-0.8, 0.8, (len(craft.inputs), 40)), 10, axis=1)
+    inputs = dict(zip(craft.inputs, steps, strict=True))
+    units = dict(craft.inputs)
+    out = dft.simulate(truth or craft, dft.Log(time, inputs, units=units), substeps=6)
+    names = [n for n in ("surge", "sway", "heave", "yaw_rate") if n in out]
+    measured = {n: out[n] + rng.normal(0, 0.01, 400) for n in names}
+    logged = {**inputs, **{n: s * inputs[other] for n, (other, s) in (wired or {}).items()}}
+    log = dft.Log(time, logged, measured, units=units)
+    runs = runs_over(craft, bind(craft, [log]), substeps=4)
+    return [*wiring_doubts(craft, runs)], log, inputs
+
+
+@pytest.mark.parametrize("pair", [("t1", "t2"), ("t2", "t3"), ("t1", "t5")])
+def test_two_exchanged(pair):
+    first, second = (f"{n}.command" for n in pair)
+    wired = {first: (second, 1.0), second: (first, 1.0)}
+    (doubt,), log, inputs = doubts(ROV, wired)
+    assert doubt.kind == "exchanged"
+    assert f"the commands of {pair[0]} and {pair[1]} exchanged" in doubt.evidence
+    mended = doubt.readings[0].log(log)
+    for name, series in inputs.items():
+        np.testing.assert_array_equal(mended.inputs[name], series)
+
+
+@pytest.mark.parametrize("name", ["t1", "t4", "t6"])
+def test_one_turned(name):
+    wired = {f"{name}.command": (f"{name}.command", -1.0)}
+    (doubt,), _, _ = doubts(ROV, wired)
+    assert (doubt.channel, doubt.kind) == (f"{name}.command", "sign")
+    assert f"the command of {name} turned" in doubt.evidence
+    assert "scale = -1" in doubt.mend
+
+
+def test_a_boat_with_its_sides_exchanged():
+    wired = {
+        "port.command": ("starboard.command", 1.0),
+        "starboard.command": ("port.command", 1.0),
+    }
+    (doubt,), _, _ = doubts(BOAT, wired)
+    assert "the commands of port and starboard exchanged" in doubt.evidence
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        None,
+        ROV.replace({"t3.strength": 0.4}),
+        ROV + ("t2", dft.effects.CommandDeadband(half_width=0.3)),
+        ROV.replace({"x_g": 0.05, "m22": 35.0, "q66": 0.4}),
+        ROV + dft.effects.CommandDelay(delay=0.3),
+    ],
+    ids=["nothing", "weak", "dead band", "another body", "late"],
+)
+@pytest.mark.parametrize("seed", [2, 3])
+def test_missing_physics_is_no_exchange(truth, seed):
+    assert doubts(ROV, truth=truth, seed=seed)[0] == []
+
+
+def test_other_models_are_not_doubted():
+    assert [*wiring_doubts(dft.Thruster(), ())] == []

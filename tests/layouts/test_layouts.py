@@ -1,0 +1,71 @@
+"""Ready layouts: every number has a source and a mark, and they move as they should."""
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust import InputError
+from diffthrust.layouts import Fact, Layout, layout_named
+
+READY = ("bluerov2", "bluerov2_heavy", "blueboat", "otter", "twin_azimuth_ferry", "jason_jr")
+
+
+@pytest.mark.parametrize("name", READY)
+def test_every_number_has_a_source_and_a_mark(name):
+    layout = layout_named(name)
+    craft = layout.craft()
+    told = {n for fact in layout.facts for n in fact.values}
+    assert "places" in told
+    owner = next(iter(craft.actuators))
+    for parameter, value in layout.values.items():
+        full = parameter if parameter in craft.parameters else f"{owner}.{parameter}"
+        assert craft.parameters[full].value == value
+    free = {n.rpartition(".")[2] for n, p in craft.parameters.items() if not p.fixed}
+    assert free <= told, free - told  # a number that a fit would move is of a source
+    report = " ".join(layout.report().split())
+    assert all(fact.mark in report for fact in layout.facts)
+
+
+@pytest.mark.parametrize(
+    ("name", "pushing", "moved"),
+    [
+        ("bluerov2_heavy", "1111----", "north"),
+        ("bluerov2", "----++", "depth"),
+        ("blueboat", "+0", "yaw_rate"),
+        ("otter", "++", "north"),
+    ],
+)
+def test_crafts_of_layouts_move_where_their_thrusters_push(name, pushing, moved):
+    craft = layout_named(name).craft()
+    time = 0.05 * np.arange(41)
+    full = 60.0 if craft.command == "rad/s" else 0.3
+    strength = {"+": full, "1": full, "0": 0.0, "-": 0.0}
+    inputs = {n: np.full(41, strength[c]) for n, c in zip(craft.inputs, pushing, strict=True)}
+    out = dft.simulate(craft, dft.Log(time, inputs, units=dict(craft.inputs)))
+    direction = -1.0 if moved == "depth" else 1.0  # the verticals of a BlueROV2 push up
+    assert direction * out[moved][-1] > 0.01
+
+
+def test_names_and_models_of_the_thrusters_can_be_others():
+    craft = dft.layouts.BLUEBOAT.craft(dft.SpeedLoopThruster(), names=("left", "right"))
+    assert list(craft.inputs) == ["left.command", "right.command"]
+    assert "left.time_constant" in craft.parameters
+    assert craft.actuators["left"].place == (-0.35, -0.285, 0.0)
+
+
+def test_what_is_no_layout_is_refused():
+    with pytest.raises(InputError, match=r"'bluerov' is not known.*bluerov2"):
+        layout_named("bluerov")
+    with pytest.raises(InputError, match="names of 2 thrusters, found 3"):
+        dft.layouts.OTTER.craft(names=("a", "b", "c"))
+    with pytest.raises(InputError, match="expected a mark"):
+        Fact({"m11": 3.0}, "guessed", "nobody")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_drawing_shows_every_thruster_from_two_sides():
+    figure = dft.layouts.BLUEROV2_HEAVY.craft().plot()
+    for panel in figure.axes:
+        words = ", ".join(text.get_text() for text in panel.texts)
+        assert all(f"t{k}" in words for k in range(1, 9))
+        assert "CG" in words
+    assert isinstance(dft.layouts.FERRY, Layout)
