@@ -62,13 +62,13 @@ def wiring_doubts(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
     if len(parts) < 2 or not axes:
         return
     logged = _unexplained(rows, axes, {})
-    found = [
+    tried = [
         (_unexplained(rows, axes, reading), reading) for reading in _readings(model, tuple(parts))
     ]
-    best = min((left for left, _ in found), default=logged)
+    best = min((left for left, _ in tried), default=logged)
     if not best < _LEFT * logged:
         return
-    likely = sorted((pair for pair in found if pair[0] <= _NEXT * best), key=lambda pair: pair[0])
+    likely = sorted((pair for pair in tried if pair[0] <= _NEXT * best), key=lambda pair: pair[0])
     if len(likely) > _MOST:
         return
     readings = tuple(_reading(reading, parts) for _, reading in likely)
@@ -144,8 +144,8 @@ class _Rows:
         )
         v = list(self.velocities.values())
         products = [a * b for a, b in combinations(v, 2)]
-        own = self.velocities[axis]
-        columns = [force + 0.0 * own, np.ones_like(own), *v, own * np.abs(own), *products]
+        along = self.velocities[axis]
+        columns = [force + 0.0 * along, np.ones_like(along), *v, along * np.abs(along), *products]
         return np.stack(columns, axis=1)
 
 

@@ -114,10 +114,10 @@ class Layout(Result):
             for name, (place, pointing) in zip(names, self.places.values(), strict=True)
         }
         body = self.body()
-        own = {n: v for n, v in self.values.items() if n in body._parameters}
+        of_body = {n: v for n, v in self.values.items() if n in body._parameters}
         craft = Craft(body, share=[names], **mounts)
-        law = {n: v for n, v in self.values.items() if n not in own and actuator is None}
-        return craft.replace({**own, **{f"{names[0]}.{n}": v for n, v in law.items()}})
+        law = {n: v for n, v in self.values.items() if n not in of_body and actuator is None}
+        return craft.replace({**of_body, **{f"{names[0]}.{n}": v for n, v in law.items()}})
 
     def _report(self) -> Report:
         rows = [(listing_of(fact.values), fact.mark, fact.source) for fact in self.facts]

@@ -75,11 +75,11 @@ def channels_of(file: SpecFile) -> dict[str, ChannelPart]:
     channels = {}
     for name, column in inputs.items():
         part = thrusters.each.get(name)
-        own = {key: getattr(part, key) for key in ("unit", "pwm", "effort")} if part else {}
-        fields = {key: own.get(key) or shared[key] for key in shared}
-        given = {key: value for key, value in fields.items() if value}
+        of_part = {key: getattr(part, key) for key in shared} if part else {}
+        fields = {key: of_part.get(key) or shared[key] for key in shared}
+        kept = {key: value for key, value in fields.items() if value}
         channel = next(iter(craft.actuators[name].model.inputs))
-        channels[f"{name}.{channel}"] = ChannelPart(column=column, **given)
+        channels[f"{name}.{channel}"] = ChannelPart(column=column, **kept)
     return channels
 
 

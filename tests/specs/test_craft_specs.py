@@ -118,4 +118,4 @@ def test_look_draws_a_craft(folder):
     shown = run("look", "--craft", "fit.toml")
     assert "like port" in shown.stdout
     (folder / "none.toml").write_text('model = "thruster"')
-    assert "expected a table [thrusters]" in run("look", "--craft", "none.toml").stderr
+    assert "expected a table [thrusters]" in run("look", "--craft", "none.toml", status=2).output

@@ -73,8 +73,8 @@ class Placed(Effect):
     @staticmethod
     def _states_of(effect: Effect, members: Sequence[str], member: str) -> dict[str, str]:
         """The states at one actuator, by their names behind that of the placed effect."""
-        own = f"{member}." if len(members) > 1 else ""
-        return {f"{own}{name}": unit for name, unit in effect.states.items()}
+        scope = f"{member}." if len(members) > 1 else ""
+        return {f"{scope}{name}": unit for name, unit in effect.states.items()}
 
     @property
     def inner(self) -> Effect:
@@ -85,7 +85,8 @@ class Placed(Effect):
         """The effect itself, at the actuator whose port this is."""
         member, _, short = port.partition(".")
         states = self._states_of(self.effect, self.members, member)
-        full = {n: f"{self.name}.{own}" for n, own in zip(self.effect.states, states, strict=True)}
+        pairs = zip(self.effect.states, states, strict=True)
+        full = {name: f"{self.name}.{state}" for name, state in pairs}
         return Acting(self.inner, short, signals_under(s, member), full)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
@@ -117,8 +118,8 @@ class Placed(Effect):
 
     def size_words(self, starts: Sequence[Mapping[str, float]]) -> str:
         """Its size in words, as the effect says it of the first actuator."""
-        own = f"{self.members[0]}."
-        short = [{n.removeprefix(own): v for n, v in start.items()} for start in starts]
+        scope = f"{self.members[0]}."
+        short = [{n.removeprefix(scope): v for n, v in start.items()} for start in starts]
         return self.inner.size_words(short)
 
     def _with(self, effect: Effect) -> Placed:
