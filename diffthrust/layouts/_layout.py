@@ -68,8 +68,8 @@ class Layout(Result):
     Example:
         >>> layout = dft.layouts.BLUEROV2_HEAVY
         >>> rov = layout.craft()
-        >>> rov.share[0][:3], round(rov.m11, 2)
-        (('t1', 't2', 't3'), 19.86)
+        >>> rov.share[0][:3], layout.values["d11"]
+        (('t1', 't2', 't3'), 13.7)
         >>> print(layout.craft(dft.Thruster(command="effort")).actuators["t5"].pointing)
         (0.0, 0.0, -1.0)
     """

@@ -58,9 +58,8 @@ def craft_of(body: str, thrusters: ThrustersPart, where: str = "") -> Craft:
             f"{where}expected a frame or thrusters with their places in [thrusters], found none.",
             'Write frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
         )
-    return Craft(
-        _body(body, where)(), share=_groups(thrusters.each, where), **_mounts(thrusters, where)
-    )
+    mounts: dict[str, Any] = _mounts(thrusters, where)
+    return Craft(_body(body, where)(), share=_groups(thrusters.each, where), **mounts)
 
 
 def channels_of(file: SpecFile) -> dict[str, ChannelPart]:
@@ -90,7 +89,8 @@ def craft_from(path: Path | str) -> Craft:
         InputError: the file cannot be read, or describes no craft.
 
     Example:
-        >>> _ = open("boat.toml", "w").write('thrusters = { frame = "otter" }')
+        >>> with open("boat.toml", "w") as file:
+        ...     _ = file.write('thrusters = { frame = "otter" }')
         >>> list(dft.specs.craft_from("boat.toml").actuators)
         ['port', 'starboard']
     """

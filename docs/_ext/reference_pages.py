@@ -31,7 +31,7 @@ from diffthrust._support.results import Brief  # noqa: E402
 
 AREAS = {
     "logs": ("Logs", ("logs", "survey", "soundness", "datasets")),
-    "models": ("Models and parameters", ("models",)),
+    "models": ("Models and parameters", ("models", "bodies", "actuators", "layouts")),
     "effects": ("Effects", ("effects",)),
     "simulation": ("Simulation", ("simulation",)),
     "estimation": ("Estimation", ("estimation", "saved", "specs")),
@@ -54,6 +54,9 @@ FOLDER_TITLES = {
     "saved": "Results out of files",
     "specs": "Spec files",
     "blackbox": "Linear models without physics",
+    "bodies": "Bodies of crafts",
+    "actuators": "What pushes a craft",
+    "layouts": "Ready layouts of crafts",
     "experiments": "Tests that separate rivals",
     "plans": "Plans for a rig",
     "checks": "Stored fits as regression tests",

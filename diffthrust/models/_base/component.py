@@ -22,6 +22,10 @@ class Component:
     Parameters are declared in the class body with `parameter` and read as plain numbers
     (``self.alpha``). Every component is a JAX pytree whose leaves are its parameter values, so it
     can be passed through ``jit``, ``vmap`` and ``grad``.
+
+    Example:
+        >>> dft.Thruster().arguments
+        {'command': 'V'}
     """
 
     name: ClassVar[str] = ""

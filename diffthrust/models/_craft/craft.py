@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.report import Report, Rows, Section
-from diffthrust._support.words import number, percent
+from diffthrust._support.words import joined, number, percent
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
@@ -345,8 +345,8 @@ class Craft(Model):
         if not places:
             return effect  # which is refused with the ports that there are
         raise InputError(
-            f"{self}: the effect '{effect.name}' can act on {listing(places)}, which do not share "
-            "their numbers.",
+            f"{self}: the effect '{effect.name}' can act on "
+            f"{joined(' and '.join(group) for group in places)}, which do not share their numbers.",
             f'Say where: craft + ("{places[0][0]}", "{effect.name}").',
         )
 
@@ -491,7 +491,7 @@ class Craft(Model):
         mounts = arguments["mounts"]
         placed = {name: Mounted(parts[name], **mount) for name, mount in mounts.items()}
         remaining = {name: value for name, value in arguments.items() if name != "mounts"}
-        return cls(parts["body"], **remaining, **placed)
+        return cls(parts["body"], **{**remaining, **placed})
 
     def as_code(self, written: Callable[[Component], str]) -> str:
         """The call that makes it."""

@@ -100,9 +100,10 @@ class Placed(Effect):
 
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Effect:
         """With sizes from the logs: those of the first actuator's signals."""
+        first = self.members[0]
 
         def short() -> Mapping[str, float]:
-            return signals_under(Signals(levels()), self.members[0])
+            return {n: float(v) for n, v in signals_under(Signals(levels()), first).items()}
 
         inner = self.inner
         adapted = inner.scaled(short)

@@ -15,8 +15,8 @@ class Six(NamedTuple):
 
     Example:
         >>> turning = dft.bodies.Six(surge=1.0, yaw=0.2)
-        >>> turning.at((0.0, 0.5, 0.0))
-        (0.9, 0.0, 0.0)
+        >>> turning.at((0.0, 0.5, 0.0)), turning.linear, turning.angular
+        ((0.9, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.2))
         >>> dft.bodies.Six().pushed((10.0, 0.0, 0.0), (0.0, 0.5, 0.0)).yaw
         -5.0
     """
