@@ -158,36 +158,38 @@ def _asked_for(wanted: Candidates | None, model: Model) -> tuple[set[str], list[
             every = (effect() for name, effect in effects.items() if name not in names)
             chosen += [placed for effect in every for placed in model.placements(effect)]
             continue
-        if isinstance(candidate, str) and candidate.rpartition(".")[2] in effects:
-            placed = model.placements(effects[candidate.rpartition(".")[2]]())
-            at_places = [e for e in placed if candidate in (e.name, e.name.rpartition(".")[2])]
-            if at_places:
-                named |= {e.name for e in at_places}
-                chosen = [e for e in chosen if e.name not in named] + at_places
-                continue
-        if isinstance(candidate, str):
-            if candidate not in effects:
-                near = nearest(candidate, constants)
-                besides = f"; constants of the model are {listing(constants)}" if constants else ""
-                raise InputError(
-                    f"candidates: the effect {candidate!r} is not known; "
-                    f"{nearby(candidate, effects)}{besides}{f' ({near})' if near else ''}.",
-                    "Correct the name ('diffthrust effects' lists all). An effect of your own is "
-                    "given as an object, on the command line as my_effect.py:MyEffect; 'all' "
-                    "stands for the catalogue.",
-                )
-            candidate = effects[candidate]
-        if isinstance(candidate, type) and issubclass(candidate, Effect):
-            candidate = candidate()
-        if not isinstance(candidate, Effect):
-            raise InputError(
-                f"candidates: expected names, effects or classes of effects, found {candidate!r}.",
-                "Give for example 'command_deadband', or an effect of your own.",
-            )
-        if candidate.name not in named:  # it replaces its like in the catalogue
-            named.add(candidate.name)
-            chosen = [effect for effect in chosen if effect.name != candidate.name] + [candidate]
+        for effect in _called(candidate, model):
+            if effect.name not in named:  # it replaces its like in the catalogue
+                named.add(effect.name)
+                chosen = [other for other in chosen if other.name != effect.name] + [effect]
     return named, chosen
+
+
+def _called(candidate: object, model: Model) -> Sequence[Effect]:
+    """The effects that a name, a class or an object stands for: a name, at all of its places."""
+    effects, constants = catalogue(), constants_in(model)
+    if isinstance(candidate, str):
+        member, _, word = candidate.rpartition(".")
+        if word not in effects:
+            near = nearest(candidate, constants)
+            besides = f"; constants of the model are {listing(constants)}" if constants else ""
+            raise InputError(
+                f"candidates: the effect {candidate!r} is not known; "
+                f"{nearby(word, effects)}{besides}{f' ({near})' if near else ''}.",
+                "Correct the name ('diffthrust effects' lists all). An effect of your own is "
+                "given as an object, on the command line as my_effect.py:MyEffect; 'all' "
+                "stands for the catalogue.",
+            )
+        placed = [e for e in model.placements(effects[word]()) if not member or e.name == candidate]
+        return placed or (effects[word](),)
+    if isinstance(candidate, type) and issubclass(candidate, Effect):
+        candidate = candidate()
+    if not isinstance(candidate, Effect):
+        raise InputError(
+            f"candidates: expected names, effects or classes of effects, found {candidate!r}.",
+            "Give for example 'command_deadband', or an effect of your own.",
+        )
+    return (candidate,)
 
 
 # -- fixed parameters, each a candidate whose null is its value ------------------------------------
