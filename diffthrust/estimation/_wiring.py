@@ -37,9 +37,9 @@ _SPAN = 0.6
 """Time over which changes of velocities are taken [s]: longer than a thruster takes to follow,
 shorter than a craft takes to settle."""
 _LEFT = 0.7
-"""A reading must leave no more than this share of what the commands as logged leave unexplained.
-Higher: missing physics (a dead band of one thruster) reads as an exchange. Lower: an exchange of
-two of eight thrusters, which moves a quarter of the forces, is missed."""
+"""A reading must leave no more than this share of what the commands as logged leave unexplained. Of
+a vehicle of six thrusters an exchange or a turned command leaves less; one thruster at 0.4 of its
+strength, its dead band, a delay or another body leave more (tests/estimation/test_wiring.py)."""
 _NEXT = 1.05
 """Readings that leave up to so many times what the best one leaves are as good."""
 _MOST = 3

@@ -21,9 +21,9 @@ _SIGNALS = (Number, np.ndarray, jax.Array, Relaxing)
 
 
 _UNROLLED = 10
-"""Numerics: the most states whose stages are written out one after the other. Six stages of a craft
-of 21 states, with 20 derivatives, took XLA more than four minutes; in a loop 10 s, and run as
-fast. A vessel of six states runs a fifth faster written out."""
+"""Numerics: the most states whose stages are written out one after the other. A craft of 21 states
+compiled in 6.1 s of processor time written out and in 2.5 s in a loop, and 3 000 samples ran in 7.8
+and 6.8 ms; with derivatives the difference in compilation is larger."""
 
 
 def is_large(model: Model) -> bool:
