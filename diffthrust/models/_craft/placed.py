@@ -109,9 +109,14 @@ class Placed(Effect):
         adapted = inner.scaled(short)
         return self if adapted is inner else self._with(adapted)
 
-    def consequence(self, model: Component) -> str:
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
         """What the numbers come to, in words, as the effect says it."""
-        return self.inner.consequence(model)
+        return self.inner.consequence(model, recorded)
+
+    def over_logs(self, ranges: Mapping[str, tuple[float, float]]) -> str:
+        """What the numbers come to over what the logs hold, at the first actuator."""
+        scope = f"{self.members[0]}."
+        return self.inner.over_logs({n.removeprefix(scope): r for n, r in ranges.items()})
 
     def of_sampling(self, step: float) -> str:
         """What a log's held samples do to the numbers, as the effect says it."""
