@@ -35,8 +35,8 @@ def diag():
 
 def test_what_takes_time_is_not_tried(diag):
     assert {*diag.untestable} == TIMED
-    assert not TIMED & {c.effect for c in diag.ranking}
-    assert diag.added == ("reverse_thrust_asymmetry",)
+    # added it is, or a learned curve says the same of the same port
+    assert {c.effect for c in diag.ranking} == {"reverse_thrust_asymmetry"}
     trusted = dft.diagnosis.headroom(diag.fit, table(1), holdout=table(2))
     assert all(not channel.rung.dynamic for channel in trusted.channels.values())
 
