@@ -38,15 +38,17 @@ BLUEROV2_HEAVY = Layout(
         Fact({"places": "of the eight thrusters"}, "published", _BENZON),
         Fact({"directions": "signs of t1 to t8"}, "unknown", "as wired: try each on the vehicle"),
         Fact(
-            {"m11": 13.5 + 6.3567, "m22": 13.5 + 7.1206, "m33": 13.5 + 18.6863}, "measured", _BENZON
+            {"m11": 13.5 + 6.3567, "m22": 13.5 + 7.1206, "m33": 13.5 + 18.6863},
+            "published",
+            _BENZON,
         ),
         Fact(
-            {"i44": 0.26 + 0.1858, "i55": 0.23 + 0.1348, "i66": 0.37 + 0.2215}, "measured", _BENZON
+            {"i44": 0.26 + 0.1858, "i55": 0.23 + 0.1348, "i66": 0.37 + 0.2215}, "published", _BENZON
         ),
-        Fact({"d11": 13.7, "d22": 0.0, "d33": 33.0}, "measured", _BENZON),
-        Fact({"d44": 0.0, "d55": 0.8, "d66": 0.0}, "measured", _BENZON),
-        Fact({"q11": 141.0, "q22": 217.0, "q33": 190.0}, "measured", _BENZON),
-        Fact({"q44": 1.192, "q55": 0.47, "q66": 1.5}, "measured", _BENZON),
+        Fact({"d11": 13.7, "d22": 0.0, "d33": 33.0}, "published", _BENZON),
+        Fact({"d44": 0.0, "d55": 0.8, "d66": 0.0}, "published", _BENZON),
+        Fact({"q11": 141.0, "q22": 217.0, "q33": 190.0}, "published", _BENZON),
+        Fact({"q44": 1.192, "q55": 0.47, "q66": 1.5}, "published", _BENZON),
         Fact({"weight": 13.5 * 9.81, "buoyancy": 999.7 * 0.0134 * 9.81}, "published", _BENZON),
         Fact({"z_g": 0.0, "z_b": -0.01}, "published", _BENZON),
         *_LAW,
