@@ -34,6 +34,8 @@ TITLES = {
     "checks": "Stored fits",
     "saved": "Results out of files",
     "export": "Export",
+    "layouts": "Layouts of crafts",
+    "workbench": "The workbench",
     "cli": "The command line",
     "_support": "Files and processes",
 }

@@ -41,7 +41,7 @@ class Pooled(Result):
         notes: remarks for the user.
 
     Example:
-        >>> pooled = fleet.pool(["ct"])
+        >>> pooled = fleet.pool(["ct"], draws=2000)
         >>> pooled.table.shape[0], pooled.population.shape[0]
         (3, 1)
         >>> pooled.convergence.status.value, pooled.exact
