@@ -9,7 +9,7 @@ from short_logs import made_log
 import diffthrust as dft
 from diffthrust import InputError
 
-pytestmark = pytest.mark.filterwarnings("ignore::diffthrust.CoarseStepWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::diffthrust.simulation.CoarseStepWarning")
 
 
 class Runaway(dft.Effect):

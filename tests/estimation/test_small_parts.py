@@ -266,7 +266,9 @@ def steered(seed=0, count=COUNT):
     return dft.Log(time, {"rudder_angle": np.array(angle)}, {"yaw_rate": np.array(read)}, units)
 
 
-@pytest.mark.filterwarnings("ignore::diffthrust.CoarseStepWarning")  # of the one that fails
+@pytest.mark.filterwarnings(
+    "ignore::diffthrust.simulation.CoarseStepWarning"
+)  # of the one that fails
 def test_a_fit_of_whole_runs_that_fails_says_why_and_innovations_find_it():
     log = steered()
     whole = dft.fit(Yawing(), log, substeps=2)  # from the truth

@@ -266,7 +266,9 @@ def test_measured_logs_are_known_and_read_from_the_draft_as_it_is(file, tmp_path
 FITTED = ("ngs_thruster/CL1stateStep.csv", "emps/DATA_EMPS_SC.csv")
 
 
-@pytest.mark.filterwarnings("ignore::diffthrust.CoarseStepWarning")  # what is fitted is rough
+@pytest.mark.filterwarnings(
+    "ignore::diffthrust.simulation.CoarseStepWarning"
+)  # what is fitted is rough
 @pytest.mark.parametrize("file", slow_but(FITTED, SETS))
 def test_measured_logs_are_fitted_from_the_draft_as_it_is(file, tmp_path):
     fit = measured(file, tmp_path).fit()
