@@ -129,8 +129,9 @@ class Section:
     """
 
     def __init__(self, title: str, *parts: Part, folded: bool = False) -> None:
-        self.title, self.folded = title, folded
-        self.parts = tuple(part for part in parts if part)
+        self.title: str = title
+        self.folded: bool = folded
+        self.parts: tuple[Part, ...] = tuple(part for part in parts if part)
 
     def fold(self) -> Section:
         """The same, folded."""
@@ -146,7 +147,7 @@ class Report:
     """Sections in order; those without any content are left out."""
 
     def __init__(self, *sections: Section) -> None:
-        self.sections = tuple(section for section in sections if section.parts)
+        self.sections: tuple[Section, ...] = tuple(section for section in sections if section.parts)
 
 
 def notes(sentences: Iterable[str]) -> tuple[str, ...]:

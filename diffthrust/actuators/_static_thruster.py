@@ -1,7 +1,7 @@
 """A thruster without dynamics."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 
@@ -44,7 +44,7 @@ class StaticThruster(Actuator):
     exponent: float = parameter(1.0, bounds=(0.05, 4.0), transform="log", doc="of the curve")
     reverse: float = parameter(1.0, bounds=(0, None), fixed=True, size=0.5, doc="astern to ahead")
 
-    def commanded_in(self, unit: str):
+    def commanded_in(self, unit: str) -> Self:
         """The curve of a command in another unit; see `Model.commanded_in`."""
         converted, before = super().commanded_in(unit), self.command or "effort"
         if converted.command == before:

@@ -42,7 +42,8 @@ class Workbench:
     """
 
     def __init__(self, session: Session, server: PageServer) -> None:
-        self.session, self._server = session, server
+        self.session: Session = session
+        self._server = server
 
     @property
     def address(self) -> str:

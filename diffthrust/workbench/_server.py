@@ -53,10 +53,11 @@ class PageServer:
         patience: int = _HOUR,
     ) -> None:
         self._fill, self._leave, self._patience = fill, leave, patience
-        self._ready, self.ended = threading.Event(), threading.Event()
+        self._ready = threading.Event()
+        self.ended: threading.Event = threading.Event()
         _check_free(port)
         self._thread = threading.Thread(target=self._run, args=(port,), daemon=True)
-        self.address = ""
+        self.address: str = ""
         self._thread.start()
         self._ready.wait()
 

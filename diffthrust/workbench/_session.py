@@ -193,7 +193,7 @@ class Session:
 
     def __init__(self, source: Source) -> None:
         self.source = source
-        self.setup = Setup(effects=tuple(effect.name for effect in source.model.effects))
+        self.setup: Setup = Setup(effects=tuple(effect.name for effect in source.model.effects))
         self.undone: list[Setup] = []
         self.earlier: list[Setup] = []
         self.fits: dict[tuple[object, ...], Fit] = {}
