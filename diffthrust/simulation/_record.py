@@ -256,10 +256,13 @@ def _check_time(model: Model, log: Log) -> None:
         looks = f"a whole log of {log.duration:g} s"
     elif log.step >= fastest / 50:
         return
+    mend = f"Check the unit of the time column ({mend})."
+    if log.static:
+        mend = "Say how long each row of the table is held: read_log(..., time=0.5, static=True)."
     raise InputError(
         f"{log.name}: the time base gives {looks}, but a '{model.name}' has time constants between "
         f"{fastest:g} s and {slowest:g} s, which such a log is not made to show.",
-        f"Check the unit of the time column ({mend}).",
+        mend,
     )
 
 
