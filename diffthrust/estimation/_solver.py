@@ -20,17 +20,12 @@ from diffthrust.estimation._problem import Problem
 MOST_STEPS = 300
 _CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
 _FLAT = 1e-10  # added to the undamped curvature, so that flat directions have a finite step
-_SWITCH = 1.5
-"""Numerics: one curvature takes over from the other where it errs by so much less. Rosenbrock's
-valley takes 188 steps from (-30, 40), and 216 without."""
 _AT_A_TIME = 8  # steps side by side with others, before those that have ended make room
 
 
 class _State(eqx.Module):
     trial: Any
     quadratic: Quadratic
-    secant: Any
-    augmented: Any
     damping: Any
     predicted: Any
     steps: Any
@@ -42,11 +37,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     """Levenberg-Marquardt on a likelihood given as a `Quadratic`, within a box.
 
     The objective returns ``(cost, Quadratic)``, so that one evaluation serves value, gradient and
-    information. Where residuals are large the information is a poor curvature, and the steps creep:
-    what it lacks is learned from the change of the gradient, and used where it foretells the gain
-    better, as in NL2SOL (Dennis, Gay & Welsch 1981). Over the Otter's whole runs three starts each
-    crept for 300 steps to log-likelihoods of 3244 to 3252; so they end in 139 to 237 at 3323.
-    Damping is by the information's diagonal (Marquardt's scaling, Moré 1978), which
+    information. Damping is by the information's diagonal (Marquardt's scaling, Moré 1978), which
     makes the steps independent of the parameters' units. A step is the best that the damped
     quadratic allows within the box. The iteration ends where a full Gauss-Newton step would gain
     less than ``atol`` in log-likelihood.
@@ -64,9 +55,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     ) -> _State:
         zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
         zeros = zeros._replace(cost=jnp.full_like(zeros.cost, jnp.inf))
-        no, flat = jnp.array(False), jnp.zeros_like(zeros.information)
-        damping, predicted = jnp.array(1e-3), jnp.array(jnp.inf)
-        return _State(y, zeros, flat, no, damping, predicted, jnp.array(0), no, no)
+        no = jnp.array(False)
+        return _State(y, zeros, jnp.array(1e-3), jnp.array(jnp.inf), jnp.array(0), no, no)
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -77,30 +67,20 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         first = state.steps == 0
         # a failed simulation costs infinity: as zero residuals it would look like a perfect fit
         accept = (first | (gain > 1e-4 * state.predicted)) & jnp.isfinite(new.cost)
-        moved = state.trial - y
         y = jnp.where(accept, state.trial, y)
         q = jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
-        # of both curvatures the one that told the gain of the last step better: a switch needs more
-        plain = gain + old.gradient @ moved + 0.5 * moved @ old.information @ moved
-        bent = abs(plain + 0.5 * moved @ state.secant @ moved)
-        better = bent * jnp.where(state.augmented, 1.0 / _SWITCH, _SWITCH) < abs(plain)
-        augmented = jnp.where(jnp.isfinite(gain), better & ~first, state.augmented)
-        learned = _with_secant(state.secant, moved, old, new)
-        secant = jnp.where(accept & ~first, learned, state.secant)
         good = accept & (gain > 0.7 * state.predicted)
         factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
         damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
-        move, predicted, remaining = self._move(y, q, secant, augmented, damping)
+        move, remaining = self._move(y, q, damping)
+        predicted = -(q.gradient @ move + 0.5 * move @ q.information @ move)
         stuck = (damping >= 1e13) & ~accept
         settled = jnp.isfinite(q.cost) & (remaining < self.atol)
         failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
-        ended = (state.steps + 1, settled, failed)
-        return y, _State(y + move, q, secant, augmented, damping, predicted, *ended), q
+        return y, _State(y + move, q, damping, predicted, state.steps + 1, settled, failed), q
 
-    def _move(
-        self, y: Any, q: Quadratic, secant: Any, augmented: Any, damping: Any
-    ) -> tuple[Any, Any, Any]:
-        """The damped step within the box, its gain, and what a Gauss-Newton step would gain."""
+    def _move(self, y: Any, q: Quadratic, damping: Any) -> tuple[Any, Any]:
+        """The damped step within the box, and what an undamped one would still gain."""
         # Unit columns first, so that damping with the identity is Marquardt's scaling. Optimistix's
         # own solver damps unscaled: with units 1e3 apart it reported success at a cost of 188,
         # where the optimum costs 0.085. A coordinate that nothing depends on stays where it is.
@@ -110,23 +90,17 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         scaled = q.information / scale[:, None] / scale[None, :]
         scaled = jnp.where(held[:, None] | held[None, :], 0.0, scaled)
         scaled = jnp.where(jnp.isfinite(scaled), scaled, 0.0)
-        bent = jnp.where(
-            held[:, None] | held[None, :], 0.0, secant / scale[:, None] / scale[None, :]
-        )
-        curved = jax.lax.cond(augmented, lambda: _upward(scaled + bent), lambda: scaled)
         slope = jnp.where(held, 0.0, q.gradient / scale)
         low, high = (jnp.where(abs(side - y) <= _CONTACT, 0.0, side - y) * scale
                      for side in (self.lower, self.upper))  # fmt: skip
-        damped, flat = curved + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
+        damped, flat = scaled + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
         # one after the other, so that the search within the box is compiled once for both
         move, full = jax.lax.map(
             lambda matrix: least_in_box(matrix, slope, low, high), jnp.stack([damped, flat])
         )
         # of the undamped step: under strong damping every step is short, also far from an optimum
         remaining = -(slope @ full + 0.5 * full @ scaled @ full)
-        predicted = -(slope @ move + 0.5 * move @ curved @ move)
-        move = jnp.clip(y + move / scale, self.lower, self.upper) - y
-        return move, predicted, remaining
+        return jnp.clip(y + move / scale, self.lower, self.upper) - y, remaining
 
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -150,31 +124,6 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         result: Any,
     ) -> tuple[Any, Any, dict[str, Any]]:
         return y, state.quadratic, {}
-
-
-def _upward(matrix: Any) -> Any:
-    """A curvature that is positive along all axes: a step then leaves a saddle downhill."""
-    values, axes = jnp.linalg.eigh(matrix)
-    return (axes * jnp.maximum(abs(values), _FLAT)[None, :]) @ axes.T
-
-
-def _with_secant(secant: Any, moved: Any, old: Quadratic, new: Quadratic) -> Any:
-    """The curvature that the information lacks, after one more step.
-
-    The update of Davidon, Fletcher and Powell on what is lacking, sized first, so that what was
-    learned far away does not stay (Dennis, Gay & Welsch 1981, section 3).
-    """
-    change = new.gradient - old.gradient
-    lacking = change - new.information @ moved
-    size = abs(moved @ lacking) / jnp.maximum(abs(moved @ secant @ moved), 1e-300)
-    secant = jnp.minimum(1.0, size) * secant
-    residual, along = lacking - secant @ moved, change @ moved
-    pairs = jnp.outer(residual, change)
-    away = (moved @ residual) / along**2
-    update = (pairs + pairs.T) / along - away * jnp.outer(change, change)
-    fine = abs(along) > 1e-12 * jnp.linalg.norm(change) * jnp.linalg.norm(moved)
-    fine &= jnp.all(jnp.isfinite(update))
-    return secant + jnp.where(fine, update, 0.0)
 
 
 class Solved(NamedTuple):
@@ -261,6 +210,5 @@ def _begin(layout: Any, z: np.ndarray) -> _State:
     n, blocks = z.size, np.zeros((layout.width or len(layout.free), 0))
     sigma = np.zeros(len(layout.channels))
     zero, no = np.asarray(0.0), np.asarray(False)
-    flat = np.zeros((n, n))
-    q = Quadratic(np.asarray(np.inf), np.zeros(n), flat, zero, sigma, blocks)
-    return _State(z, q, flat, no, np.asarray(1e-3), np.asarray(np.inf), np.asarray(0), no, no)
+    q = Quadratic(np.asarray(np.inf), np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
+    return _State(z, q, np.asarray(1e-3), np.asarray(np.inf), np.asarray(0), no, no)

@@ -177,21 +177,6 @@ def test_units_change_neither_the_answer_nor_the_way(scale):
     np.testing.assert_allclose(plain, peer.x, rtol=1e-5)
 
 
-def test_a_minimum_with_large_residuals_is_reached():
-    # Brown & Dennis 1971; the minimum as printed by Moré, Garbow & Hillstrom 1981, problem 16. By
-    # the information alone the search stood at 1.2e6 after its 300 steps.
-    t = np.arange(1, 21) / 5.0
-
-    def residual(y):
-        return (y[0] + t * y[1] - jnp.exp(t)) ** 2 + (y[2] + y[3] * jnp.sin(t) - jnp.cos(t)) ** 2
-
-    point, quadratic, _, steps = minimise(residual, [25.0, 5.0, -5.0, -1.0])
-    assert steps < 100
-    assert 2.0 * float(quadratic.cost) == pytest.approx(85822.2, abs=0.05)
-    expected = least_squares(residual, point, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    np.testing.assert_allclose(point, expected, rtol=1e-5)
-
-
 def test_a_singular_solution_is_reached():
     y, q, done, _ = minimise(powell, [3.0, -1.0, 0.0, 1.0])
     assert done
