@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
-import jax.numpy as jnp
-
+from diffthrust.models._axis_vehicle import PORTS, STATES, along_axis
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.parameter import parameter
@@ -30,12 +29,9 @@ class Axis(Body):
     """
 
     name = "axis"
-    states: ClassVar[Mapping[str, str]] = {"position": "m", "velocity": "m/s"}
-    outputs: ClassVar[Mapping[str, str]] = states
-    ports: ClassVar[Mapping[str, str]] = {
-        "hull": "force of the water on the hull [N]",
-        "force": "net force [N]",
-    }
+    states: ClassVar[Mapping[str, str]] = STATES
+    outputs: ClassVar[Mapping[str, str]] = STATES
+    ports: ClassVar[Mapping[str, str]] = PORTS
 
     mass: float = parameter(340.0, "kg", bounds=(0, None))
     drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None))
@@ -48,7 +44,4 @@ class Axis(Body):
         """Yoerger et al. 1990, section IV."""
         thrust = forces.surge + 0.0 * s.velocity
         port.tell(thrust=thrust)
-        hull = port("hull", -self.drag * s.velocity * jnp.abs(s.velocity))
-        force = port("force", thrust + hull)
-        rates = {"position": s.velocity, "velocity": force / self.mass}
-        return rates, {"position": s.position, "velocity": s.velocity}
+        return along_axis(s, port, thrust, self.mass, self.drag)

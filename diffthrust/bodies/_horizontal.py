@@ -3,22 +3,20 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import jax.numpy as jnp
-
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.signals import Rate, Signal, Signals
 from diffthrust.models._craft.six import Six
+from diffthrust.models._planar_motion import (
+    FORCE_PORTS,
+    WATER_PORTS,
+    rates_of,
+    through_water,
+)
 
 PORTS: Mapping[str, str] = {
-    "surge_through_water": "speed through the water along x, which the forces depend on [m/s]",
-    "sway_through_water": "speed through the water along y [m/s]",
+    **WATER_PORTS,
     "propulsion": "force of all actuators along x [N]",
-    "surge_force": "force along x [N]",
-    "sway_force": "force along y [N]",
-    "yaw_moment": "moment about z [N m]",
-    "surge_acceleration": "rate of the speed over ground along x [m/s^2]",
-    "sway_acceleration": "rate of the speed over ground along y [m/s^2]",
-    "yaw_acceleration": "rate of the yaw rate [rad/s^2]",
+    **FORCE_PORTS,
 }
 
 
@@ -42,9 +40,7 @@ class Damping(NamedTuple):
 
 def motion(s: Signals, port: Ports) -> Six:
     """The velocities through the water."""
-    u = port("surge_through_water", s.surge)
-    v = port("sway_through_water", s.sway)
-    port.tell(surge_through_water=u, sway_through_water=v)
+    u, v = through_water(s, port)
     return Six(surge=u, sway=v, yaw=s.yaw_rate)
 
 
@@ -72,14 +68,4 @@ def rates(
     yaw = port("yaw_moment", about - (m22 - m11) * u * v_mass)
     yawing = yaw / i33
     surging, swaying = surge / m11, sway / m22 - x_g * yawing
-    # a coupling of sway and yaw needs both accelerations as they are without it
-    port.tell(sway_alone=swaying, yaw_alone=yawing)
-    cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
-    return {
-        "surge": port("surge_acceleration", surging),
-        "sway": port("sway_acceleration", swaying),
-        "yaw_rate": port("yaw_acceleration", yawing),
-        "north": s.surge * cos - s.sway * sin,
-        "east": s.surge * sin + s.sway * cos,
-        "heading": r,
-    }
+    return rates_of(s, port, surging, swaying, yawing)

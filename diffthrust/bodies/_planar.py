@@ -10,6 +10,7 @@ from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
 from diffthrust.models._craft.body import Body
 from diffthrust.models._craft.six import Six
+from diffthrust.models._planar_motion import STATES
 
 
 @registered
@@ -41,15 +42,8 @@ class Planar(Body):
     """
 
     name = "planar"
-    states: ClassVar[Mapping[str, str]] = {
-        "surge": "m/s",
-        "sway": "m/s",
-        "yaw_rate": "rad/s",
-        "north": "m",
-        "east": "m",
-        "heading": "rad",
-    }
-    outputs: ClassVar[Mapping[str, str]] = states
+    states: ClassVar[Mapping[str, str]] = STATES
+    outputs: ClassVar[Mapping[str, str]] = STATES
     optional_inputs: ClassVar[Mapping[str, str]] = {"wind_speed": "m/s", "wind_direction": "rad"}
     ports: ClassVar[Mapping[str, str]] = _horizontal.PORTS
     angles: ClassVar[tuple[str, ...]] = ("heading",)

@@ -99,11 +99,7 @@ def candidates_of(
             )
         elif all(p.null is None for p in effect._parameters.values()):
             if effect.name in named:
-                raise InputError(
-                    f"candidates: the effect {effect.name!r} has no parameter with a null value: "
-                    "at which value does it leave the model unchanged?",
-                    "Give one in its declaration, such as parameter(0.3, null=0.0).",
-                )
+                raise _without_null(effect)
             untestable[effect.name] = "no parameter of it has a null value"
         elif all(port in unseen for port in effect.ports):
             why = f" while the logs prescribe {listing(prescribed)}" if prescribed else ""
@@ -111,6 +107,14 @@ def candidates_of(
         else:
             tried.append(effect)
     return tried, untestable
+
+
+def _without_null(effect: Effect) -> InputError:
+    return InputError(
+        f"candidates: the effect {effect.name!r} has no parameter with a null value: "
+        "at which value does it leave the model unchanged?",
+        "Give one in its declaration, such as parameter(0.3, null=0.0).",
+    )
 
 
 def _takes_time(model: Model, effect: Effect, inputs: Collection[str]) -> bool:

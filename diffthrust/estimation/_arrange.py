@@ -58,12 +58,10 @@ def build(
     nuisance = likelihood.parameters(channels, records)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
-    follow, starts = following(model, records), likelihood.starts(model, records)
+    follow = following(model, records)
+    starts = tuple(n for n in likelihood.starts(model, records) if n not in follow)
     if initial != "estimate":
-        # a start may also follow from measured outputs: a quaternion from the first angles
-        told = {n for r in records for n in (*r.measured_states, *r.start)}
-        starts = tuple(n for n in starts if n not in told)
-    starts = tuple(n for n in starts if n not in follow)
+        starts = tuple(n for n in starts if n not in _measured_starts(records))
     noise = _known_noise(records, channels)
     if likelihood.corrects or likelihood.noise.lasts:  # a given level is the sensor's alone
         noise = [None] * len(noise)
@@ -110,6 +108,11 @@ def build(
     )
     problem = Problem(model, tuple(records), layout, numbers, tuple(order), nuisance=nuisance)
     return _for_noise(problem)
+
+
+def _measured_starts(records: Sequence[Record]) -> set[str]:
+    """States whose start is measured, or follows from outputs: a quaternion from first angles."""
+    return {n for r in records for n in (*r.measured_states, *r.start)}
 
 
 def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> Problem:

@@ -224,8 +224,8 @@ def _over_whole_runs(ended: Ended, starts: int, rng: np.random.Generator) -> End
     Where much is missing, the way through segments may lead into another valley. BlueBoat with its
     forces exchanged, a basic vessel: from segments of 20 s to an NRMSE of 0.76 in training and 1.08
     on unseen runs, from whole runs at once to 0.68 and 0.76. On the Esso Osaka it is the other way.
-    Starts are drawn once: on a made boat none of the two dozen that lack of agreement draws
-    came near the optimum that was known, and they were three quarters of all steps.
+    Starts are drawn once: none of the two dozen that are drawn of a made boat for lack of agreement
+    came near the optimum that was known, and they took three quarters of all steps.
     """
     entire = _followed(ended, None)
     known = entire.search.best.z

@@ -289,12 +289,7 @@ def checked_fields(
             sigmas[key] = _checked_noise(noise[key], unit, stored_units[key], where)
         if rails.get(key) is not None:
             ends[key] = _checked_rails(rails[key], unit, stored_units[key], where)
-    for key in unsigned:
-        if negative := int((stored[key] < 0).sum()):
-            sentences.append(
-                f"measured {key!r}: {negative} samples are negative although the sensor is "
-                "declared to report the absolute value."
-            )
+    sentences += _negative_notes(unsigned, stored)
     return dict(
         time=stamps,
         inputs={key: stored[key] for key in inputs},
@@ -310,6 +305,17 @@ def checked_fields(
         name=name,
         notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
     )
+
+
+def _negative_notes(unsigned: Collection[str], stored: Mapping[str, np.ndarray]) -> list[str]:
+    """A sentence for each sensor that is said to give no sign, and does."""
+    counts = {key: int((stored[key] < 0).sum()) for key in unsigned}
+    return [
+        f"measured {key!r}: {negative} samples are negative although the sensor is declared to "
+        "report the absolute value."
+        for key, negative in counts.items()
+        if negative
+    ]
 
 
 def _check_names(

@@ -1,7 +1,7 @@
 """A vehicle that moves along one axis."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -9,7 +9,21 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
+
+STATES: Mapping[str, str] = {"position": "m", "velocity": "m/s"}
+PORTS: Mapping[str, str] = {
+    "hull": "force of the water on the hull [N]",
+    "force": "net force [N]",
+}
+
+
+def along_axis(s: Signals, port: Ports, thrust: Signal, mass: Any, drag: Any) -> RatesAndOutputs:
+    """The motion along one axis under a thrust (Yoerger et al. 1990, section IV)."""
+    hull = port("hull", -drag * s.velocity * jnp.abs(s.velocity))
+    force = port("force", thrust + hull)
+    rates = {"position": s.velocity, "velocity": force / mass}
+    return rates, {"position": s.position, "velocity": s.velocity}
 
 
 @registered
@@ -32,12 +46,9 @@ class AxisVehicle(Model):
 
     name = "axis_vehicle"
     inputs: ClassVar[Mapping[str, str]] = {"thrust": "N"}
-    states: ClassVar[Mapping[str, str]] = {"position": "m", "velocity": "m/s"}
-    outputs: ClassVar[Mapping[str, str]] = {"position": "m", "velocity": "m/s"}
-    ports: ClassVar[Mapping[str, str]] = {
-        "hull": "force of the water on the hull [N]",
-        "force": "net force [N]",
-    }
+    states: ClassVar[Mapping[str, str]] = STATES
+    outputs: ClassVar[Mapping[str, str]] = STATES
+    ports: ClassVar[Mapping[str, str]] = PORTS
     time_scales: ClassVar[tuple[float, float]] = (0.05, 40.0)
 
     mass: float = parameter(340.0, "kg", bounds=(0, None))
@@ -45,7 +56,4 @@ class AxisVehicle(Model):
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Yoerger et al. 1990, section IV."""
-        hull = port("hull", -self.drag * s.velocity * jnp.abs(s.velocity))
-        force = port("force", s.thrust + hull)
-        rates = {"position": s.velocity, "velocity": force / self.mass}
-        return rates, {"position": s.position, "velocity": s.velocity}
+        return along_axis(s, port, s.thrust, self.mass, self.drag)

@@ -14,6 +14,13 @@ from diffthrust.models._base.model import C, Model
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.power_law import power_law
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._planar_motion import (
+    FORCE_PORTS,
+    STATES,
+    WATER_PORTS,
+    rates_of,
+    through_water,
+)
 
 _INPUTS = {
     "propeller": {"propeller_speed": "rev/s", "rudder_angle": "rad"},
@@ -21,18 +28,12 @@ _INPUTS = {
 }
 _COMMANDED = {"propeller": ("propeller_speed",), "twin": ("left_force", "right_force")}
 _PORTS = {
-    "surge_through_water": "speed through the water along x, which the forces depend on [m/s]",
-    "sway_through_water": "speed through the water along y [m/s]",
+    **WATER_PORTS,
     "revolutions": "speed at which the propeller turns [rev/s]",
     "rudder": "angle at which the propeller or rudder stands [rad]",
     "propulsion": "force of the drive along its axis (twin: the sum) [N]",
     "steering": "force of the drive across, at the lever arm behind [N]",
-    "surge_force": "force along x [N]",
-    "sway_force": "force along y [N]",
-    "yaw_moment": "moment about z [N m]",
-    "surge_acceleration": "rate of the speed over ground along x [m/s^2]",
-    "sway_acceleration": "rate of the speed over ground along y [m/s^2]",
-    "yaw_acceleration": "rate of the yaw rate [rad/s^2]",
+    **FORCE_PORTS,
 }
 _OF_FORCE = ("N", "kg")
 """What the units of masses, dampings and forces begin with: all that is divided by A."""
@@ -83,15 +84,8 @@ class Vessel(Model):
 
     name = "vessel"
     options: ClassVar[tuple[str, ...]] = ("drive", "command")
-    states: ClassVar[Mapping[str, str]] = {
-        "surge": "m/s",
-        "sway": "m/s",
-        "yaw_rate": "rad/s",
-        "north": "m",
-        "east": "m",
-        "heading": "rad",
-    }
-    outputs: ClassVar[Mapping[str, str]] = states
+    states: ClassVar[Mapping[str, str]] = STATES
+    outputs: ClassVar[Mapping[str, str]] = STATES
     ports: Mapping[str, str] = _PORTS  # pyright: ignore[reportIncompatibleVariableOverride]
     angles: ClassVar[tuple[str, ...]] = ("heading",)
     time_scales: ClassVar[tuple[float, float]] = (0.05, 20.0)
@@ -184,24 +178,11 @@ class Vessel(Model):
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Siramdasu & Fahimi 2013, equations (1) to (5), (15) and (16)."""
-        u = port("surge_through_water", s.surge)
-        v = port("sway_through_water", s.sway)
-        r = s.yaw_rate
-        port.tell(surge_through_water=u, sway_through_water=v, m22=self.m22, i33=self.i33)
+        (u, v), r = through_water(s, port), s.yaw_rate
+        port.tell(m22=self.m22, i33=self.i33)
         surge, sway, yaw = (self._propeller if self.drive == "propeller" else self._twin)(s, port)
         surge = port("surge_force", surge + self.m22 * v * r - self.d11 * u)
         sway = port("sway_force", sway - self.m11 * u * r - self.d22 * v)
         yaw = port("yaw_moment", yaw - (self.m22 - self.m11) * u * v - self.d33 * r)
-        surging, swaying, yawing = surge / self.m11, sway / self.m22, yaw / self.i33
-        # a coupling of sway and yaw needs both accelerations as they are without it
-        port.tell(sway_alone=swaying, yaw_alone=yawing)
-        cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
-        rates = {
-            "surge": port("surge_acceleration", surging),
-            "sway": port("sway_acceleration", swaying),
-            "yaw_rate": port("yaw_acceleration", yawing),
-            "north": s.surge * cos - s.sway * sin,
-            "east": s.surge * sin + s.sway * cos,
-            "heading": r,
-        }
+        rates = rates_of(s, port, surge / self.m11, sway / self.m22, yaw / self.i33)
         return rates, {name: s[name] for name in self.outputs}

@@ -21,8 +21,10 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 from diffthrust.models._craft.body import Body
+from diffthrust.models._craft.checks import check_actuator, check_body, groups_of
+from diffthrust.models._craft.merged import FORCE, merged_channels
 from diffthrust.models._craft.placed import Placed
-from diffthrust.models._craft.scope import PortsUnder, lifted, prefixed, signals_under
+from diffthrust.models._craft.scope import PortsUnder, lifted, signals_under
 from diffthrust.models._craft.six import Six, Triple, cross, dot, lessened, scaled, times
 
 if TYPE_CHECKING:
@@ -32,7 +34,6 @@ TOLD = ("inflow", "crossflow")
 """What the craft works out for each actuator: the speed of the water past it, along its axis in the
 direction in which it pushes the craft, and across [m/s]."""
 _GEOMETRY = ("x", "y", "z")
-_FORCE = "force of the actuator along its axis [N]"
 
 
 class Craft(Model):
@@ -103,13 +104,14 @@ class Craft(Model):
         command: str = "",
         **actuators: Mounted[Any],
     ) -> None:
-        _check_body(body)
+        check_body(body)
         for name, mounted in actuators.items():
-            _check_actuator(name, mounted, body)
+            check_actuator(name, mounted, body)
         bare = {n: replace(m, model=_without_effects(m.model)) for n, m in actuators.items()}
-        groups = _groups(bare, share)
+        groups = groups_of(bare, share)
         self._set(body=body, actuators=bare, share=groups)
-        self._set(**self._channels(), declared=self._declared(), effects=())
+        models = {name: mounted.model for name, mounted in bare.items()}
+        self._set(**merged_channels(body, models), declared=self._declared(), effects=())
         units = {m.model.command for m in bare.values() if m.model.commands}
         super().__init__(command=command or (*units, "")[0] if self.commands else "")
         effects = [
@@ -121,32 +123,6 @@ class Craft(Model):
         self._set(effects=tuple(self._fitted_in(effect) for effect in effects))
 
     # -- its parts by their names ------------------------------------------------------------------
-
-    def _channels(self) -> dict[str, Any]:
-        """Inputs, states, outputs, ports and time scales of the body and of all actuators."""
-        body, models = self.body, {name: m.model for name, m in self.actuators.items()}
-        merged: dict[str, Any] = {"inputs": {}}
-        for kind in ("optional_inputs", "states", "outputs", "ports"):
-            merged[kind] = dict(getattr(body, kind))
-        for name, model in models.items():
-            for kind in ("inputs", "optional_inputs", "states", "outputs", "ports"):
-                merged[kind] |= prefixed(name, getattr(model, kind))
-            merged["ports"][f"{name}.force"] = _FORCE
-        scales = [body.time_scales, *(model.time_scales for model in models.values())]
-        # one word for all commands, where all can be given in the same units
-        choices = {(m.commands, m.command) for m in models.values() if m.commands}
-        commands = next(iter(choices))[0] if len(choices) == 1 else ()
-        commanded = tuple(f"{n}.{c}" for n, m in models.items() for c in m.commanded)
-        turning = (f"{n}.{angle}" for n, m in models.items() for angle in m.angles)
-        return {
-            **merged,
-            "angles": (*body.angles, *turning),
-            "time_scales": (min(s[0] for s in scales), max(s[1] for s in scales)),
-            "horizon": body.horizon,
-            "start_outputs": body.start_outputs,
-            "commands": commands,
-            "commanded": commanded if commands else (),
-        }
 
     def _declared(self) -> dict[str, Parameter]:
         """All parameters as the parts have them, and the places."""
@@ -533,54 +509,4 @@ def _without_effects(model: Model) -> Model:
 def _with_force(model: Model) -> Model:
     """A model with what it has on a craft: the port of its force, and the water past it."""
     optional = {**dict.fromkeys(TOLD, "m/s"), **model.optional_inputs}
-    return model._copy(ports={**model.ports, "force": _FORCE}, optional_inputs=optional)
-
-
-def _groups(
-    actuators: Mapping[str, Mounted[Model]], share: Sequence[Sequence[str]]
-) -> tuple[tuple[str, ...], ...]:
-    groups = tuple(tuple(group) for group in share)
-    seen: set[str] = set()
-    for group in groups:
-        for name in group:
-            if name not in actuators or name in seen:
-                problem = "is in two groups" if name in seen else "is no actuator"
-                raise InputError(
-                    f"share: {name!r} {problem}; there are {listing(actuators)}.",
-                    'Name each once: share=[("port", "starboard")].',
-                )
-            seen.add(name)
-        kinds = {name: actuators[name].model.structure for name in group}
-        for name in group:
-            if kinds[name] != kinds[group[0]]:
-                raise InputError(
-                    f"share: expected one model for {listing(group)}, found "
-                    f"{actuators[group[0]].model} and {actuators[name].model}.",
-                    "Share numbers among actuators of one model only.",
-                )
-    return tuple(group for group in groups if len(group) > 1)
-
-
-def _check_body(body: object) -> None:
-    if isinstance(body, Body):
-        return
-    what = f"the class {body.__name__}" if isinstance(body, type) else f"{body!r:.60}"
-    raise InputError(
-        f"Craft: expected a body first, found {what}.",
-        "Give one of dft.bodies: dft.bodies.Planar().",
-    )
-
-
-def _check_actuator(name: str, mounted: object, body: Body) -> None:
-    if not isinstance(mounted, Mounted):
-        raise InputError(
-            f"Craft, {name}: expected an actuator at its place, found {mounted!r:.60}.",
-            f"Write {name}=dft.Thruster().at((x, y, z)); numbers of the body are given with the "
-            "body: dft.bodies.Planar(m11=36.0).",
-        )
-    taken = {*body.states, *body.outputs, *body.ports, *body.declared, "body", "share", "command"}
-    if name in taken or name.startswith("_"):
-        raise InputError(
-            f"Craft: an actuator cannot be called '{name}', which the body has already.",
-            "Call it by its place: port, starboard, bow, t1.",
-        )
+    return model._copy(ports={**model.ports, "force": FORCE}, optional_inputs=optional)
