@@ -43,7 +43,7 @@ def craft_of(body: str, thrusters: ThrustersPart, where: str = "") -> Craft:
                 f"found body = {body!r}.",
                 "Leave body out, or place the thrusters one by one.",
             )
-        model = _model(thrusters.model, thrusters.on) if thrusters.model else None
+        model = _model(thrusters.model, thrusters.on, where) if thrusters.model else None
         craft = layout.craft(model)
         if thrusters.columns and len(thrusters.columns) != len(craft.actuators):
             raise InputError(
@@ -118,7 +118,8 @@ def _mounts(thrusters: ThrustersPart, where: str) -> dict[str, Mounted[Model]]:
     mounts = {}
     for name, part in thrusters.each.items():
         like = thrusters.each.get(part.like, part)
-        model = _model(part.model or like.model or thrusters.model, part.on or like.on)
+        kind, on = part.model or like.model or thrusters.model, part.on or like.on
+        model = _model(kind, on, f"{where}[thrusters.{name}]: ")
         if part.at is None:
             raise InputError(
                 f"{where}[thrusters.{name}] has no place.", "Add at = [x, y, z] in metres."
@@ -141,18 +142,18 @@ def _groups(each: Mapping[str, ThrusterPart], where: str) -> list[tuple[str, ...
     return [(first, *(n for n in members if n != first)) for first, members in groups.items()]
 
 
-def _model(name: str, on: str = "") -> Model:
+def _model(name: str, on: str = "", where: str = "") -> Model:
     """A model of a thruster by its name, on an axis or before a rudder where ``on`` is its own."""
     models: dict[str, Any] = {**MODELS, **ACTUATORS}
     name = name or "static_thruster"
     for word in (name, *([on] if on else [])):
         if word not in models:
             raise InputError(
-                f"the model {word!r} of a thruster is not known; {nearby(word, models)}.",
+                f"{where}the model {word!r} of a thruster is not known; {nearby(word, models)}.",
                 "Correct the name.",
             )
     if name in STEERED:
-        return STEERED[name](_model(on or "static_thruster"))
+        return STEERED[name](_model(on or "static_thruster", where=where))
     return models[name]()
 
 

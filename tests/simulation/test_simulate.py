@@ -448,6 +448,7 @@ class Counted(Model):
         return {"velocity": (s.push - s.velocity) / self.mass}, {"velocity": s.velocity}
 
 
+@pytest.mark.usefixtures("nothing_stored")
 def test_another_log_of_the_same_shape_and_other_values_trace_nothing():
     time = inputs.grid(3.0, 0.1)
     rng = np.random.default_rng(28)

@@ -99,7 +99,7 @@ def test_a_frame_and_its_columns(folder):
         (
             'model = "static_thruster"',
             'model = "static_thrustr"',
-            r"'static_thrustr'.*not known",
+            r"fit\.toml.*'static_thrustr'.*not known",
         ),
         ("port.command_delay", "prt.command_delay", r"no actuator 'prt'.*'port'"),
     ],
