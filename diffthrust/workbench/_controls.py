@@ -9,6 +9,7 @@ from html import escape
 from bokeh.layouts import column
 from bokeh.models import BasicTickFormatter, CheckboxGroup, Select, Slider
 
+from diffthrust._support.words import humanize
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.estimation._estimate import shown_unit
 from diffthrust.logs._written import ShownUnits
@@ -34,7 +35,7 @@ def slider_range(parameter: Parameter) -> tuple[float, float]:
         (0.0, 0.12)
     """
     (low, high), value = parameter.limits, parameter.value
-    reach = 2 * max(abs(value), 0.0) or (parameter.size or 1.0)
+    reach = 2 * abs(value) or (parameter.size or 1.0)
     if math.isinf(low):
         low = min(value - reach, -reach if parameter.null == 0.0 else value)
     if math.isinf(high):
@@ -118,7 +119,7 @@ class Controls:
         self.boxes.labels = [self._label(name) for name in names]
         self.boxes.active = [i for i, name in enumerate(names) if name in self.effects]
         self._setting = False
-        lines = [f"<b>{escape(_words(n))}</b>: {escape(self._about(n))}" for n in names]
+        lines = [f"<b>{escape(humanize(n))}</b>: {escape(self._about(n))}" for n in names]
         if not lines:
             lines = [
                 "None yet. Diagnose ranks them; or tap a box for all that may be missing there."
@@ -136,7 +137,7 @@ class Controls:
 
     def _label(self, name: str) -> str:
         worth = self.worth.get(name)
-        return _words(name) + (f": removes {worth.cells[0]}" if worth else "")
+        return humanize(name) + (f": removes {worth.cells[0]}" if worth else "")
 
     def _about(self, name: str) -> str:
         """The first sentence of what an effect is, and what it is worth."""
@@ -202,7 +203,3 @@ class Controls:
     def _on_end(self) -> None:
         if not self._setting:
             self.on_release()
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

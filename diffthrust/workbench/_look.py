@@ -9,8 +9,7 @@ from bokeh.events import SelectionGeometry
 from bokeh.models import Button, Div, PlainText
 from bokeh.plotting import figure
 
-BLUE, VERMILLION, GREEN, DARK = "#0072B2", "#D55E00", "#009E73", "#3a3f44"
-"""Okabe & Ito 2008: distinct with every kind of colour vision."""
+GREEN, DARK = "#009E73", "#3a3f44"
 SELECTED, FAILING, LEFT_OUT = "#56B4E9", "#E69F00", "#999999"
 LEFT, RIGHT = 260, 340
 """Widths of the columns [px]: at 1 280 the plots get over half of the page."""

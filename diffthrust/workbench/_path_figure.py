@@ -9,7 +9,8 @@ import numpy as np
 from bokeh.models import Arrow, ColumnDataSource, Range1d, TapTool, VeeHead
 from bokeh.plotting import figure
 
-from diffthrust.workbench._look import BLUE, RIGHT
+from diffthrust._support.figures import BLUE
+from diffthrust.workbench._look import RIGHT
 from diffthrust.workbench._signal_path import Node, SignalPath
 
 _FILL = {"input": "#e8f5f0", "port": "#ffffff", "state": "#f0f0f0", "output": "#f0f0f0"}

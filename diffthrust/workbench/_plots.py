@@ -22,16 +22,15 @@ from bokeh.models import (
     WheelZoomTool,
 )
 
+from diffthrust._support.figures import BLUE, VERMILLION
 from diffthrust.simulation._runs import Run
 from diffthrust.workbench._envelope import bins_of, envelope, envelopes, stretches
 from diffthrust.workbench._look import (
-    BLUE,
     DARK,
     FAILING,
     GREEN,
     LEFT_OUT,
     SELECTED,
-    VERMILLION,
     box_of,
     plot,
 )

@@ -23,12 +23,14 @@ from bokeh.models import (
     Tabs,
 )
 
+from diffthrust._support.figures import BLUE, VERMILLION
 from diffthrust._support.page import image
+from diffthrust._support.words import humanize
 from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
-from diffthrust.workbench._look import BLUE, SELECTED, VERMILLION, box_of, plot, table, text
+from diffthrust.workbench._look import SELECTED, box_of, plot, table, text
 from diffthrust.workbench._session import Step
 
 _POINTS = 4000
@@ -213,9 +215,9 @@ class Results:
             return
         tried = [t for t in diagnosis.ranking if t.stage == 0][:8]
         rows = [("", "effect", "evidence (fall of the information criterion)")]
-        rows += [(f"{k}", t.effect.replace("_", " "), f"{-t.delta_bic:.1f}") for k, t in
+        rows += [(f"{k}", humanize(t.effect), f"{-t.delta_bic:.1f}") for k, t in
                  enumerate(tried, 1)]  # fmt: skip
-        found = ", ".join(name.replace("_", " ") for name in diagnosis.added) or "nothing for sure"
+        found = ", ".join(humanize(name) for name in diagnosis.added) or "nothing for sure"
         remaining = diagnosis.remaining
         place = f" What remains acts at '{remaining.port}'." if remaining else ""
         self.stretch.text = (
