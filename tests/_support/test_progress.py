@@ -167,5 +167,5 @@ def test_a_warning_stands_where_the_work_was_asked_for():
     time = np.arange(100) * 0.05
     log = dft.Log(time, {"command": np.sin(time)}, {"speed": 20 * np.sin(time)})
     with pytest.warns(dft.simulation.CoarseStepWarning) as seen:
-        dft.fit(dft.Thruster(), log, starts=1)
+        dft.fit(dft.Thruster(), log, starts=1, substeps=1)
     assert {warning.filename for warning in seen} == {__file__}

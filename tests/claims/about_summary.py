@@ -404,7 +404,7 @@ def _other_model(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "it errs no less"
 
 
-@claim(r"The logs look sound\.")
+@claim(r"(?:The logs|They) look sound\.")
 def _sound(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if not diag.stages[0].fit.doubts_sought:
         yield "nobody looked"

@@ -33,7 +33,6 @@ def doubtful(diag: Findings) -> list[Part]:
     return [
         _sound(diag),
         _logs(diag),
-        _tables(diag),
         _odd_logs(diag),
         _caution(diag),
         _bounds(diag),
@@ -43,11 +42,17 @@ def doubtful(diag: Findings) -> list[Part]:
 
 
 def _sound(diag: Findings) -> Part:
-    """That nothing looks wrong with the logs, where that was looked for."""
+    """That nothing looks wrong with the logs, where that was looked for; that tables have no time.
+
+    Both are one line: in a summary of a map with two findings there was room for the first alone.
+    """
     odd = any(log.accused for log in diag.odd_logs)
-    if odd or diag.doubts or diag.before.hints or not diag.stages[0].fit.doubts_sought:
-        return ()
-    return as_part((5, "The logs look sound"))
+    sought = diag.stages[0].fit.doubts_sought
+    sound = sought and not (odd or diag.doubts or diag.before.hints)
+    if diag.before.tabular:
+        words = "The logs are tables without time"
+        return as_part((5, f"{words}. They look sound" if sound else words))
+    return as_part((5, "The logs look sound")) if sound else ()
 
 
 def _logs(diag: Findings) -> Part:
@@ -70,11 +75,6 @@ def _logs(diag: Findings) -> Part:
     if diag.before.hints:
         return as_part((11, "Check the logs: a channel may not mean what its name says"))
     return ()
-
-
-def _tables(diag: Findings) -> Part:
-    """That static tables say nothing of what takes time."""
-    return as_part((4, "The logs are tables without time")) if diag.before.tabular else ()
 
 
 def _odd_logs(diag: Findings) -> Part:
