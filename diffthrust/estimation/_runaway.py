@@ -62,12 +62,12 @@ def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
     far = [name for name, value in _suspects(fit, VERY_FAR)] if doubts else []
     if not far:
         return fit
-    added, told, others = [], set(), fit.doubts
+    added, doubted, others = [], set(), fit.doubts
     for name in far:
-        if name not in told:
+        if name not in doubted:
             shared = _sharing(fit, name)
             added.append(_doubt_on(name, shared, fit, runs))
-            told.update(shared)
+            doubted.update(shared)
     pointer = f" But {joined(far)} ran very far from the first guess: look at the doubts."
     return replace(fit, message=fit.message + pointer, doubts=Later(lambda: (*others, *added)))
 
