@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._admission import errors_between, refitted_stage
+from diffthrust.diagnosis._admission import ended_worse, errors_between, refitted_stage
 from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth, explained_share
 from diffthrust.diagnosis._innovations_fit import (
@@ -37,7 +37,7 @@ from diffthrust.diagnosis._search_state import (
     SearchState,
 )
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import simulation_fitter
+from diffthrust.diagnosis._simulation_fit import share_between, simulation_fitter
 
 _STEPS = 8
 """Numerics: steps of the fit of a pair, from which it is seen which pairs may lower the errors."""
@@ -83,7 +83,7 @@ def with_proven(
     with context.clock("pairs"):
         started = _started(context, state, base, singles)[: SETTINGS.pairs.most_fitted]
         for trial in started:
-            if proven := _proven_pair(context, state, trial, singles):
+            if proven := _proven_pair(context, state, base, trial, singles):
                 return _added(context, state, proven)
         for name in lowering[:1]:
             stage = _refitted(context, state, singles[name])
@@ -165,6 +165,7 @@ def _few_steps(
 def _proven_pair(
     context: SearchContext,
     state: SearchState,
+    base: TrialFit,
     trial: TrialFit,
     singles: Mapping[str, TrialFit],
 ) -> Proven | None:
@@ -181,13 +182,30 @@ def _proven_pair(
         single = simulation.solve((*last.effects, kept), values, None, trial.clip)
         ends = [single, *([singles[kept]] if kept in singles else [])]
         single = min(ends, key=lambda end: end.expected)
+        if _is_hopeless(context.fitter, base, single, trial):
+            continue
         alone.append(_refitted(context, state, single))
+        if ended_worse(stage, alone[-1]):  # which is nested in it
+            within = replace(state, stages=(*state.stages, alone[-1]))
+            stage = _refitted(context, within, trial)
         if not _removed(alone[-1], stage).sure:
             proven = _is_proven_alone(last, alone[-1])
             return Proven((kept,), (alone[-1],)) if proven else None
-    if all(_removed(last, single).sure for single in alone):
+    if len(alone) == 2 and all(_removed(last, single).sure for single in alone):
         return Proven((first, second), (min(alone, key=lambda s: s.train.nrmse), stage))
     return Proven((first, second), (stage,))
+
+
+def _is_hopeless(fitter: CandidateFitter, base: TrialFit, single: TrialFit, pair: TrialFit) -> bool:
+    """Whether one of two, as it was fitted to whole runs, does nothing of what both do.
+
+    No fit from more starts is needed to say so: where a weak thruster beside a current brought a
+    boat from an NRMSE of 0.91 to 0.09, a sway coupling in its place ended at 0.94 after 3100 steps.
+    """
+    helps = share_between(fitter, base, single).sure
+    return not helps and (
+        share_between(fitter, single, pair).low > SETTINGS.pairs.least_single_share
+    )
 
 
 def _is_proven_alone(last: FittedStage, stage: FittedStage) -> bool:

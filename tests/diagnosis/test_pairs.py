@@ -75,9 +75,19 @@ def searched(monkeypatch):
             fitted.append(effects)
             return stage(sizes.get(effects, 1.0), *effects)
 
+        def share_between(fitter, first, second):
+            before, after = (stage(sizes.get(trial.effects, 1.0)) for trial in (first, second))
+            errors = pairs_module.errors_between(before.unseen_runs, after.unseen_runs)
+            return pairs_module.explained_share(errors)
+
+        def ended_worse(after, before):
+            return after.fit.train.nrmse > before.fit.train.nrmse
+
         pair = [names for names in sizes if len(names) == 2]
         monkeypatch.setattr(pairs_module, "refitted_stage", refitted)
         monkeypatch.setattr(pairs_module, "simulation_fitter", lambda fitter: fitter)
+        monkeypatch.setattr(pairs_module, "ended_worse", ended_worse)
+        monkeypatch.setattr(pairs_module, "share_between", share_between)
         monkeypatch.setattr(pairs_module, "_started", lambda *_: [Trial(names) for names in pair])
         given = SearchState(
             SimpleNamespace(trial=Trial(())), (stage(1.0, unseen=bool(unseen)),), {}
@@ -138,6 +148,16 @@ def test_without_unseen_logs_no_pair_is_fitted(searched):
     state, fitted = searched({("a", "b"): 0.3, ("a",): 1.0, ("b",): 1.0}, unseen=())
     assert [stage.effects for stage in state.stages] == [()]
     assert fitted == []
+
+
+def test_one_that_does_nothing_alone_is_not_fitted_from_more_starts(searched):
+    _, fitted = searched({("a", "b"): 0.1, ("a",): 0.3, ("b",): 1.05})
+    assert fitted == [("a", "b"), ("a",)]
+
+
+def test_a_pair_that_ended_worse_than_one_of_it_is_fitted_from_there(searched):
+    _, fitted = searched({("a", "b"): 0.1, ("a",): 0.09, ("b",): 1.0})
+    assert fitted == [("a", "b"), ("a",), ("a", "b")]
 
 
 def test_the_next_pair_is_fitted_where_the_first_is_not_proven(searched):
