@@ -407,6 +407,10 @@ class UnknownTerm:
     """It stands for them if whole runs err by no more than this factor with it.
     Origin: chosen, a twentieth of the error. Lower: imitations stay. Higher: named effects give way
     to a curve that is no better."""
+    hopeless_error: float = 2.0
+    """A curve that errs by more than this factor where they stand is not made a law of.
+    Origin: chosen; a closed form errs as its curve does, to a tenth. Lower: curves that unseen logs
+    leave, which a form follows. Higher: minutes for a vessel."""
     noise_floor: float = 1.25
     """Whole runs err as one-step predictions do up to this factor: no law can do better.
     Origin: the one-step size is a t-distribution's, 0.87 of a Gaussian's standard deviation, so

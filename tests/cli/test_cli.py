@@ -169,7 +169,7 @@ def test_in_a_process_of_its_own_the_cache_is_filled(sensor, tmp_path):
         check=False,
     )
     assert result.returncode == 0, result.stderr
-    assert result.stderr == ""
+    assert "cache" not in result.stderr  # a slow machine is told of its progress
     assert "slope" in result.stdout
     kept = {file.name.split("-")[0] for file in cache.iterdir()}
     search, simulation = "jit_solved_by_passes", "jit_compiled_simulation"

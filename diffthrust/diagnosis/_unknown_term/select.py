@@ -83,7 +83,7 @@ def learned_law(
     base, law = initial, None
     if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
         imitated = SETTINGS.unknown_term.imitated_share * (first.cost - trial.cost)
-        law = _learned_beside(context, initial.fit, first, place, imitated)
+        law = _learned_beside(context, initial.fit, first, place, imitated, last.fit)
         if law and not error_within(law.reported, last.fit, SETTINGS.unknown_term.replacing_error):
             law = None
     if law is None:
@@ -111,8 +111,13 @@ def _learned_beside(
     trial: TrialFit,
     place: DrivingPort,
     least_evidence: float = 0.0,
+    instead: Fit | None = None,
 ) -> LearnedLaw | None:
     """The law of the likeliest term beside a model, or of its rival; if whole runs surely improve.
+
+    ``instead`` is the fit in the place of which it would stand: a curve that errs far more is not
+    followed. Of a boat with five effects, brought by them from an NRMSE of 1.25 to 0.008, three
+    curves were fitted, with their closed forms, none below 1.2: a third of the diagnosis.
 
     A closed form is judged in the place of its curve: unseen logs may go where the training logs
     say nothing of the curve.
@@ -128,7 +133,10 @@ def _learned_beside(
     fitted = [law for law in (likeliest, challenger) if law is not None]
     if not fitted:
         return None
-    law = try_closed_forms(context, baseline, trial, min(fitted, key=_doubt))
+    best = min(fitted, key=_doubt)
+    if instead and not error_within(best.fit, instead, SETTINGS.unknown_term.hopeless_error):
+        return None
+    law = try_closed_forms(context, baseline, trial, best)
     plain = None if explained else memoryless_variant(likely, law.curve)
     if plain and plain is not rival and (memoryless := fit_curve(context, baseline, trial, plain)):
         law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
