@@ -144,6 +144,17 @@ def servos(first):
     return lambda d: d.MAVLink_servo_output_raw_message(0, 0, first, *[1500] * 7)
 
 
+def parameter(name, value):
+    """A setting, as ArduPilot tells it to a ground station."""
+    return lambda d: d.MAVLink_param_value_message(name.encode(), value, 9, 1, 0)
+
+
+def dataflash_parameters(values):
+    """The format of parameters in a DataFlash log, and their messages."""
+    rows = [("PARM", (1000 * k, name, value)) for k, (name, value) in enumerate(values.items())]
+    return {"PARM": ("QNf", ["TimeUS", "Name", "Value"])}, rows
+
+
 def write_bag_1(path: Path, topics):
     """Write a ROS 1 bag; the topics as for `write_bag`, but with types and stamps of ROS 1."""
     from rosbags.rosbag1 import Writer
@@ -180,7 +191,7 @@ _ULOG = {"uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "uint8_t": "B", "int
          "float": "f", "double": "d", "bool": "?"}  # fmt: skip
 
 
-def write_ulog(path: Path, formats, subscriptions, rows, dropouts=()):
+def write_ulog(path: Path, formats, subscriptions, rows, dropouts=(), parameters=None):
     """Write a PX4 log, as "ULog File Format" of the PX4 guide has it.
 
     Args:
@@ -190,6 +201,7 @@ def write_ulog(path: Path, formats, subscriptions, rows, dropouts=()):
         subscriptions: pairs of message and instance.
         rows: pairs of the number of a subscription and flat values, in order.
         dropouts: lengths of time [ms] in which the recorder lost messages.
+        parameters: settings by name; those that are integers are written as such.
     """
 
     def message(kind, content):
@@ -208,6 +220,10 @@ def write_ulog(path: Path, formats, subscriptions, rows, dropouts=()):
     for name, fields in formats.items():
         text = f"{name}:" + "".join(f"{kind} {field};" for kind, field in fields)
         out += message("F", text.encode())
+    for name, value in (parameters or {}).items():
+        code, kind = ("<i", "int32_t") if isinstance(value, int) else ("<f", "float")
+        key = f"{kind} {name}".encode()
+        out += message("P", struct.pack("<B", len(key)) + key + struct.pack(code, value))
     for number_, (name, instance) in enumerate(subscriptions):
         out += message("A", struct.pack("<BH", instance, number_) + name.encode())
     for number_, values in rows:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 
@@ -32,6 +32,7 @@ class Contents:
         fields: its columns or fields, in the order of the file; those of a table have one length.
         notes: sentences on what was left out or is damaged.
         sheet: the sheet of an Excel file with several sheets, to be passed to `read_log`.
+        parameters: settings of an autopilot by name, where its log has them.
     """
 
     path: Path
@@ -40,6 +41,7 @@ class Contents:
     fields: tuple[Field, ...]
     notes: tuple[str, ...] = ()
     sheet: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
@@ -55,8 +57,9 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
     file = Path(path)
     kind = kind_of(file)
     if kind.messages:
-        fields, notes = all_fields(file, kind)
-        return Contents(file, kind.article.split(" ", 1)[1], True, fields, notes)
+        fields, notes, parameters = all_fields(file, kind)
+        word = kind.article.split(" ", 1)[1]
+        return Contents(file, word, True, fields, notes, parameters=parameters)
     source = open_table(file, kind, (), sheet, strict=False)
     remarks = list(source.notes)
     columns = _columns(source, remarks)

@@ -20,7 +20,7 @@ from diffthrust.logs._robots.dataflash import (
     stamps,
     values_of,
 )
-from diffthrust.logs._robots.gathered import LONGEST, Gathered
+from diffthrust.logs._robots.gathered import LONGEST, Gathered, RobotContents
 from diffthrust.logs._robots.series import (
     Series,
     column_place,
@@ -253,11 +253,11 @@ _METADATA = {
 }
 
 
-def dataflash_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+def dataflash_fields(path: Path) -> RobotContents:
     """Read all numbers of a DataFlash log.
 
     Returns:
-        The messages, several instances named ``ESC[0]``, and notes on damage.
+        The messages, several instances named ``ESC[0]``, notes on damage, and parameters.
 
     Raises:
         InputError: the file is damaged.
@@ -268,9 +268,20 @@ def dataflash_fields(path: Path) -> tuple[list[Gathered], list[str]]:
         for message in log.messages.values():
             if message.name not in _METADATA:
                 gathered += _messages(message, log)
+        parameters = _parameters(log)
     except Exception as error:  # a damaged log raises exceptions of any kind
         raise damaged(path, "DataFlash", error) from None
-    return gathered, _damage_notes(log.damages)
+    return RobotContents(gathered, _damage_notes(log.damages), parameters)
+
+
+def _parameters(log: Dataflash) -> dict[str, float]:
+    """The settings that a log begins with, and those that were changed while it was written."""
+    message = log.messages.get("PARM")
+    if message is None or not {"Name", "Value"} <= set(message.columns):
+        return {}
+    rows = log.records(message)
+    values = rows["Value"].astype(np.float64).tolist()
+    return dict(zip(map(instance_of, rows["Name"].tolist()), values, strict=True))
 
 
 def _messages(message: Message, log: Dataflash) -> list[Gathered]:
@@ -302,20 +313,23 @@ def _messages(message: Message, log: Dataflash) -> list[Gathered]:
     return out
 
 
-def telemetry_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+def telemetry_fields(path: Path) -> RobotContents:
     """Read all numbers of a telemetry log.
 
     Returns:
         The messages, named ``1/1/ATTITUDE`` if several systems send it and ``ESC[0]`` if it has
-        several instances, and notes on damage.
+        several instances, notes on damage, and the parameters that the vehicle has told.
 
     Raises:
         InputError: pymavlink is not installed, or the file is damaged.
     """
     gathered: dict[tuple[str, tuple[int, ...], str], Gathered] = {}
+    parameters: dict[str, float] = {}
     try:
         with telemetry(path, None) as recording:
             for message in recording.messages:
+                if message.name == "PARAM_VALUE":
+                    parameters[str(message.get("param_id"))] = float(message.get("param_value"))
                 if message.name in _METADATA:
                     continue
                 key = (message.name, message.source, message.instance)
@@ -348,7 +362,7 @@ def telemetry_fields(path: Path) -> tuple[list[Gathered], list[str]]:
             group.name += f"[{instance}]"
         if len(senders) > 1:
             group.name = "/".join(map(str, source)) + f"/{group.name}"
-    return list(gathered.values()), _damage_notes(damages)
+    return RobotContents(list(gathered.values()), _damage_notes(damages), parameters)
 
 
 def _damage_notes(damages: list[str]) -> list[str]:

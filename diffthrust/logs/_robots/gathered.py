@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,20 @@ class Gathered:
     ticks: Any = field(default_factory=list)
     values: dict[str, Any] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+
+
+class RobotContents(NamedTuple):
+    """Everything in a robot's log.
+
+    Args:
+        gathered: the messages.
+        notes: sentences on damage.
+        parameters: settings of an autopilot by name, as they were last written.
+    """
+
+    gathered: list[Gathered]
+    notes: list[str]
+    parameters: Mapping[str, float] = {}
 
 
 def fields_of(gathered: Iterable[Gathered]) -> tuple[tuple[Field, ...], list[str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from diffthrust._support.errors import InputError
@@ -44,22 +44,24 @@ def series_in(
     return read_bag(path, wanted, header, missing)
 
 
-def all_fields(path: Path, kind: Kind) -> tuple[tuple[Field, ...], tuple[str, ...]]:
-    """All numbers of a robot's log, and notes on what is damaged or left out.
+def all_fields(
+    path: Path, kind: Kind
+) -> tuple[tuple[Field, ...], tuple[str, ...], Mapping[str, float]]:
+    """All numbers of a robot's log, notes on what is damaged or left out, and its parameters.
 
     Raises:
         InputError: the file cannot be read at all.
     """
     _check_file(path, kind)
     read = {DATAFLASH: dataflash_fields, TELEMETRY: telemetry_fields, ULOG: ulog_fields}
-    gathered, notes = read.get(kind, bag_fields)(path)
+    gathered, notes, parameters = read.get(kind, bag_fields)(path)
     fields, more = fields_of(gathered)
     if not fields:
         raise InputError(
             f"{path.name}: expected messages with numbers, found none.",
             "check that the recording was saved.",
         )
-    return fields, (*notes, *more)
+    return fields, (*notes, *more), parameters
 
 
 def _check_file(path: Path, kind: Kind) -> None:

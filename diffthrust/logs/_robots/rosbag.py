@@ -16,7 +16,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._robots.gathered import LONGEST, Gathered
+from diffthrust.logs._robots.gathered import LONGEST, Gathered, RobotContents
 from diffthrust.logs._robots.packed import check_unpacked
 from diffthrust.logs._robots.series import (
     Series,
@@ -239,7 +239,7 @@ NumericField = tuple[str, str, int | str | None, str]
 """The name of a field, the path to it, its element or angle, and its unit."""
 
 
-def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+def bag_fields(path: Path) -> RobotContents:
     """Read all numbers of all topics.
 
     Args:
@@ -290,7 +290,7 @@ def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
     empty = sorted(silent & set(topics))
     if empty:
         notes.append(f"left out, as they hold no numbers: {listing(empty, 8)}.")
-    return list(topics.values()), notes
+    return RobotContents(list(topics.values()), notes)
 
 
 def _itself(message: Any) -> Any:

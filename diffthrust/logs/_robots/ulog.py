@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._robots.gathered import LONGEST, Gathered
+from diffthrust.logs._robots.gathered import LONGEST, Gathered, RobotContents
 from diffthrust.logs._robots.series import (
     Series,
     column_place,
@@ -74,11 +74,11 @@ def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> di
     return series
 
 
-def ulog_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+def ulog_fields(path: Path) -> RobotContents:
     """Read all numbers of a ULog file.
 
     Returns:
-        The messages, several instances named ``esc_status[1]``, and notes on damage.
+        The messages, several instances named ``esc_status[1]``, notes on damage, and parameters.
 
     Raises:
         InputError: pyulog is not installed, or the file is damaged.
@@ -95,7 +95,10 @@ def ulog_fields(path: Path) -> tuple[list[Gathered], list[str]]:
         several = names.count(data.name) > 1
         name = f"{data.name}[{data.multi_id}]" if several else data.name
         gathered.append(Gathered(name, data.data["timestamp"].astype(np.int64) * 1_000, columns))
-    return gathered, _damages(log)
+    # those that were changed while it recorded: stamp, name, value
+    changed = {name: value for _, name, value in log.changed_parameters}
+    parameters = {n: float(v) for n, v in {**log.initial_parameters, **changed}.items()}
+    return RobotContents(gathered, _damages(log), parameters)
 
 
 def _is_long(key: str, data: dict[str, Any]) -> bool:
