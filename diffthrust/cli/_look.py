@@ -48,9 +48,9 @@ def look_command(
         Path | None,
         typer.Option(
             "--craft",
-            metavar="FILE.toml",
-            help="Show the craft of a spec, or of a file with [thrusters] alone.",
-            callback=file_type(".toml"),
+            metavar="FILE",
+            help="Show the craft of a spec (.toml), or of the settings in an autopilot's log or in "
+            "a file of its parameters.",
         ),
     ] = None,
     json: JsonPath = None,
@@ -88,12 +88,20 @@ def look_command(
 def _show_craft(path: Path, figure: Path | None) -> None:
     """The thrusters of a craft, and a drawing of it."""
     with session():
-        from diffthrust.specs._thrusters import craft_from
+        if path.suffix.lower() == ".toml":
+            from diffthrust.specs._thrusters import craft_from
 
-        craft = craft_from(path)
+            craft = craft_from(path)
+            report = craft.layout_report()
+        else:
+            from diffthrust._support.results import report_of
+            from diffthrust.layouts import layout_in
+
+            layout = layout_in(path)
+            craft, report = layout.craft(), report_of(layout)
         if figure:
             write_figure(figure, craft.plot)
-        show(craft.layout_report())
+        show(report)
     written(figure)
     if not figure:
         typer.echo(

@@ -126,8 +126,5 @@ def _columns(motor: int, parameters: Mapping[str, float]) -> tuple[CommandColumn
             both_ways = int(parameters.get("CA_R_REV", 0)) >> motor & 1
             stop = (low + high) / 2 if both_ways else low
             pwm = PWM(stop, high, low if both_ways else None)
-            columns += [
-                CommandColumn(f"{message}.output[{output - 1}]", pwm)
-                for message in ("actuator_outputs", "actuator_outputs[0]")
-            ]
+            columns.append(CommandColumn(f"actuator_outputs.output[{output - 1}]", pwm))
     return tuple(columns)

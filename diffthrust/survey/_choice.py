@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from diffthrust.layouts._recorded import RecordedLayout
 from diffthrust.logs._contents import Contents, Field
 from diffthrust.logs._units import convert
 from diffthrust.survey._guess import LIKELY, PERHAPS, SURE, Meaning
@@ -56,6 +57,7 @@ class Choice:
         step: step of the rows [s] if their time stamps are too coarse.
         doubts: open questions for the user, one sentence each.
         held: parameters that this log cannot determine; the draft fixes them.
+        craft: the thrusters by the settings of an autopilot, where the model is a craft of them.
     """
 
     contents: Contents
@@ -67,6 +69,7 @@ class Choice:
     step: float | None = None
     doubts: tuple[str, ...] = ()
     held: tuple[str, ...] = ()
+    craft: RecordedLayout | None = None
 
     @property
     def static(self) -> bool:

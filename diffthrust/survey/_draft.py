@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import tomlkit
 
+from diffthrust.layouts._layout import listing_of
 from diffthrust.survey._choice import Choice, Pick
+from diffthrust.survey._crafts import craft_parameters, craft_tables, pwm_text
 
 _WIDTH = 96
 _ROLES = {"input": " # an input", "measured": " # measured", "": ""}
@@ -34,9 +36,16 @@ def drafted(
         lines += ['# model = "thruster" # diffthrust new --help lists the models', ""]
     else:
         lines += [*_model(choice), "effects = [] # diffthrust effects lists them", ""]
+    if choice.craft:
+        for fact in choice.craft.facts:
+            lines += _comment(f"{listing_of(fact.values)}: {fact.mark}, {fact.source}")
+        lines += [*craft_tables(choice.craft, choice.channels), ""]
     lines += _logs(choice, train, holdout, folder)
     for name, pick in choice.channels.items():
-        lines += ["", *_channel(name, pick)]
+        if choice.craft is None or pick.role == "measured":
+            lines += ["", *_channel(name, pick)]
+    if choice.craft:
+        lines += ["", "[parameters]", *craft_parameters(choice.craft)]
     if choice.held:
         lines += ["", "[parameters]", *(f"{name} = {{ fixed = true }}" for name in choice.held)]
     if choice.model == "vessel":
@@ -53,6 +62,8 @@ def drafted(
 
 def _model(choice: Choice) -> Iterator[str]:
     yield f'model = "{choice.model}"'
+    if choice.craft:
+        yield f'body = "{choice.craft.body.name}"'
     command = choice.channels.get("command")
     if command is None:
         return
@@ -96,7 +107,9 @@ def _logs(
         yield f"holdout = {files(holdout)} # never fitted: it shows what the fit is worth"
     else:
         yield '# holdout = ["..."] # another log, never fitted, shows what the fit is worth'
-    if choice.contents.messages:
+    if choice.craft:
+        yield 'rate = 10 # [Hz], by means; or base = "messages": all stamps as they are'
+    elif choice.contents.messages:
         yield 'base = "messages" # all stamps as they are; or a step in seconds, such as 0.1'
     elif choice.step is not None:
         yield f"time = {choice.step:g} # [s] a row"
@@ -147,9 +160,7 @@ def _channel(name: str, pick: Pick) -> Iterator[str]:
         yield from _comment(f"or one of {few}" if len(pick.alternatives) > 1 else f"or {few}")
     meaning = pick.meaning
     if meaning.pwm is not None:
-        widths = meaning.pwm
-        reverse = "" if widths.reverse is None else f", reverse = {widths.reverse:g}"
-        yield f"pwm = {{ stop = {widths.stop:g}, full = {widths.full:g}{reverse} }}"
+        yield f"pwm = {pwm_text(meaning.pwm)}"
     if meaning.spec_unit:
         yield f"unit = {_toml(meaning.spec_unit)}"
         if meaning.unit == "percent":

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust.layouts._in_log import recorded_layout
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column
 from diffthrust.logs._contents import Contents
@@ -17,6 +18,7 @@ from diffthrust.logs._read import read_log
 from diffthrust.models._base.model import MODELS
 from diffthrust.soundness._doubts import doubts
 from diffthrust.survey._choice import Choice, Pick, Pool
+from diffthrust.survey._crafts import craft_choice
 from diffthrust.survey._guess import Meaning, meanings
 from diffthrust.survey._thrusters import thruster_choice
 from diffthrust.survey._values import numbers_of
@@ -29,6 +31,11 @@ def choice_of(contents: Contents) -> Choice:
     guesses = meanings(fields, ros=contents.kind.startswith("ROS"))
     pool = Pool(fields, guesses)
     plain = _coarse(Choice(contents, guesses, time=_clock(contents, pool), doubts=contents.notes))
+    layout = recorded_layout(contents.parameters)
+    if layout is not None:
+        plain = craft_choice(pool, plain, layout)
+        if plain.model is not None:
+            return plain
     # From the richest to the plainest: a vessel's log also has what a thruster needs.
     for model in (vessel_choice, thruster_choice, _axis_vehicle, _linear_sensor):
         chosen = model(pool, plain)

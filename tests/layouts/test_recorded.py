@@ -116,7 +116,6 @@ def test_px4_geometry_and_what_px4_makes_of_it():
     assert thrusters["m1"].columns == (
         ("actuator_motors.control[0]", None),
         ("actuator_outputs.output[2]", PWM(1500.0, 1900.0, 1100.0)),
-        ("actuator_outputs[0].output[2]", PWM(1500.0, 1900.0, 1100.0)),
     )
     assert layout.craft().parameters["m7.strength"].value == 0.5
     np.testing.assert_allclose(layout.mixer.matrix, px4_allocation(ROTORS, 8), atol=2e-4)
