@@ -1,3 +1,5 @@
+from ._allocation import allocation as allocation
+from ._allocation_result import Allocation as Allocation
 from ._base import Block as Block
 from ._base import Controller as Controller
 from ._base import rate_of as rate_of

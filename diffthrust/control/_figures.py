@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
+from diffthrust.control._allocation_result import Allocation
 from diffthrust.control._assembly import LoopAssembly, VesselAssembly
 from diffthrust.control._faults import Change
 from diffthrust.control._recorded import RunSignals
@@ -156,3 +157,30 @@ def _estimates(axes: Axes, run: RunSignals) -> None:
 
 def _legend(axes: Axes, columns: int) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=columns)
+
+
+def allocation_figure(audit: Allocation) -> Figure:
+    """A panel for each command: what it does along each axis, as it is and corrected."""
+    from matplotlib.figure import Figure
+
+    used = [k for k in range(len(audit.mixer.commands)) if np.any(audit.mixer.matrix[:, k])]
+    as_is, corrected = audit.coupling(), audit.coupling(audit.remaining)
+    height = 0.8 + 0.32 * len(audit.axes)
+    figure = Figure(figsize=(8.0, 0.8 + height * ((len(used) + 1) // 2)), layout="constrained")
+    panels = figure.subplots((len(used) + 1) // 2, 2, sharex=True, squeeze=False).flat
+    places = np.arange(len(audit.axes))
+    for panel, column in zip(panels, used, strict=False):
+        panel.barh(places - 0.18, as_is[:, column], 0.32, color=VERMILLION, label="as it is")
+        panel.barh(places + 0.18, corrected[:, column], 0.32, color=BLUE, label="corrected")
+        panel.set_yticks(places, audit.axes, fontsize=8)
+        panel.invert_yaxis()
+        panel.axvline(0.0, color=GREY, linewidth=0.8)
+        panel.set_title(f"{audit.mixer.commands[column]} command", loc="left", fontsize=9)
+        panel.spines[["top", "right"]].set_visible(False)
+    for panel in [*panels][len(used) :]:
+        panel.set_visible(False)
+    figure.axes[0].legend(fontsize=8, frameon=False)
+    figure.supxlabel("acts as a command of", fontsize=9)
+    title = f"{audit.mixer.source}, at {audit.level:g}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    return figure

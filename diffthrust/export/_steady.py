@@ -26,23 +26,30 @@ _SETTLED = 1e-10
 
 
 def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -> np.ndarray:
-    """The output that a model settles at from rest, under each set of constant inputs.
+    """One output by `steady_outputs`, ``(n,)``."""
+    return steady_outputs(model, inputs, (output,))[0]
+
+
+def steady_outputs(
+    model: Model, inputs: Mapping[str, np.ndarray], outputs: tuple[str, ...]
+) -> np.ndarray:
+    """The outputs that a model settles at from rest, under each set of constant inputs.
 
     Args:
         model: the model with its effects; those of sensors are left out.
         inputs: values of each input, ``(n,)``, in the model's units.
-        output: which one.
+        outputs: which of them.
 
     Returns:
-        The output, ``(n,)``, in the model's unit.
+        The outputs, ``(outputs, n)``, in the model's units.
 
     Raises:
-        InputError: it does not settle.
+        InputError: they do not settle.
     """
     plain = bare(model)
     step = min(0.02, 4 * model.time_scales[0] or 0.02)
     for _ in range(4):
-        settled = _run(plain, inputs, output, step)
+        settled = _run(plain, inputs, outputs, step)
         if settled is not None:
             return settled
         step /= 4  # friction and small inertias are stiff
@@ -52,13 +59,13 @@ def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -
     )
 
 
-_Static = tuple[Key, Grid, str, float]
+_Static = tuple[Key, Grid, tuple[str, ...], float]
 
 
 @program(1)
 def _on(static: _Static, numbers: Any) -> Any:
-    """The output and the states after a number of steps."""
-    key, grid, output, step = static
+    """The outputs and the states after a number of steps."""
+    key, grid, names, step = static
     values, start, inputs, begin = numbers
     time = start + step * jnp.arange(_STEPS + 1.0)
 
@@ -66,20 +73,21 @@ def _on(static: _Static, numbers: Any) -> Any:
         series = {name: jnp.full(time.shape, v) for name, v in value.items()}
         model = key.model.bind(values)
         outputs, path = trajectory(model, grid, time, series, states, {})
-        return outputs[output][-1], {name: p[-1] for name, p in path.items()}
+        last = jnp.stack([outputs[name][-1] for name in names])
+        return last, {name: p[-1] for name, p in path.items()}
 
     return jax.vmap(one)(inputs, begin)
 
 
 def _run(
-    model: Model, inputs: Mapping[str, np.ndarray], output: str, step: float
+    model: Model, inputs: Mapping[str, np.ndarray], outputs: tuple[str, ...], step: float
 ) -> np.ndarray | None:
-    """The steady output with steps of this length, or None where it does not settle."""
+    """The steady outputs with steps of this length, or None where they do not settle."""
     count = len(next(iter(inputs.values())))
     padded = {n: np.pad(v, (0, -count % _TOGETHER), "edge") for n, v in inputs.items()}
     size = len(next(iter(padded.values())))
     grid = Grid(tuple((name, "zero") for name in sorted(inputs)), uniform=True)
-    static = (Key(model), grid, output, step)
+    static = (Key(model), grid, outputs, step)
     values = {name: np.float64(p.value) for name, p in model.parameters.items()}
     begin = {name: np.zeros(size) for name in model.states if name not in inputs}
     last, states = _on(static, (values, 0.0, padded, begin))
@@ -89,6 +97,6 @@ def _run(
             return None
         span = float(np.max(np.abs(now))) or 1.0
         if float(np.max(np.abs(now - last))) <= _SETTLED * span:
-            return np.asarray(now)[:count]
+            return np.asarray(now)[:count].T
         last = now
-    return None if states else np.asarray(last)[:count]
+    return None if states else np.asarray(last)[:count].T

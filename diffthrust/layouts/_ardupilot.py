@@ -132,7 +132,8 @@ def _sub(parameters: Mapping[str, float]) -> RecordedLayout | None:
             vector(place), vector(directions[k - 1] * ahead), _widths(output, _PWM)
         )
     placed = (
-        Fact({"places": f"of the {known.title}"}, "published", known.facts[0].source)
+        Fact({"places": f"of the {known.title}"}, "rule of thumb",
+             f"ArduSub has none, measure them on a frame of your own; {known.facts[0].source}")
         if known
         else Fact({"places": f"{ARM} m to the side of their moments"}, "rule of thumb",
                   "ArduSub's factors have no places: measure them")

@@ -52,3 +52,23 @@ def px4_allocation(parameters: Mapping[str, float], count: int) -> Array:
             mix[:, k] /= mix[:, k].max()
     mix[:, 3:5] /= max(tilt)
     return np.where(np.abs(mix) < 1e-3, 0.0, mix)
+
+
+def power_thrust(u: Array, gain: Array, exponent: Array, reverse: Array) -> Array:
+    """A power law, weaker astern."""
+    thrust = gain * np.sign(u) * np.abs(u) ** exponent
+    return np.where(np.asarray(u) < 0, reverse * thrust, thrust)
+
+
+def mixed_forces(wrenches: Array, laws: tuple[Array, Array, Array], factors: Array, level: float):
+    """Half the difference, and the mean, of what commands of a level and its negative lead to.
+
+    Args:
+        wrenches: of each thruster per thrust, ``(6, thrusters)``.
+        laws: gain, exponent and reverse of each.
+        factors: ``(thrusters, commands)``.
+        level: of the commands.
+    """
+    ahead = wrenches @ power_thrust(level * factors, *(law[:, None] for law in laws))
+    astern = wrenches @ power_thrust(-level * factors, *(law[:, None] for law in laws))
+    return (ahead - astern) / 2, (ahead + astern) / 2
