@@ -96,7 +96,7 @@ def allocation(
     remaining, _ = _of_mixer(thrusts, factors, size, {})
     corrected = Mixer(
         mixer.commands,
-        dict(zip(mixer.thrusters, factors, strict=True)),
+        dict(zip(mixer.thrusters, factors.tolist(), strict=True)),
         f"{mixer.source}, corrected at {level:g}",
     )
     return Allocation(

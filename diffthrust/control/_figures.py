@@ -167,19 +167,22 @@ def allocation_figure(audit: Allocation) -> Figure:
     as_is, corrected = audit.coupling(), audit.coupling(audit.remaining)
     height = 0.8 + 0.32 * len(audit.axes)
     figure = Figure(figsize=(8.0, 0.8 + height * ((len(used) + 1) // 2)), layout="constrained")
-    panels = figure.subplots((len(used) + 1) // 2, 2, sharex=True, squeeze=False).flat
+    grid = figure.subplots((len(used) + 1) // 2, 2, sharex=True, squeeze=False)
+    panels = list(grid.flat)
+    names = [n if n in audit.mixer.commands else f"{n} (no command)" for n in audit.axes]
     places = np.arange(len(audit.axes))
     for panel, column in zip(panels, used, strict=False):
         panel.barh(places - 0.18, as_is[:, column], 0.32, color=VERMILLION, label="as it is")
         panel.barh(places + 0.18, corrected[:, column], 0.32, color=BLUE, label="corrected")
-        panel.set_yticks(places, audit.axes, fontsize=8)
+        panel.set_yticks(places, names, fontsize=8)
+        panel.tick_params(labelsize=8, labelbottom=True)
         panel.invert_yaxis()
         panel.axvline(0.0, color=GREY, linewidth=0.8)
         panel.set_title(f"{audit.mixer.commands[column]} command", loc="left", fontsize=9)
         panel.spines[["top", "right"]].set_visible(False)
-    for panel in [*panels][len(used) :]:
+    for panel in panels[len(used) :]:
         panel.set_visible(False)
-    figure.axes[0].legend(fontsize=8, frameon=False)
+    panels[0].legend(fontsize=8, frameon=False)
     figure.supxlabel("acts as a command of", fontsize=9)
     title = f"{audit.mixer.source}, at {audit.level:g}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")

@@ -90,7 +90,7 @@ class Mixer(Result):
         acting = np.array([[*row] for row in effectiveness.values()], float).T
         mix = np.linalg.pinv(acting, rcond=1e-9)
         used = [k for k in range(len(AXES)) if np.abs(mix[:, k]).max() > 1e-9]
-        rows = {name: mix[i, used] for i, name in enumerate(effectiveness)}
+        rows = {name: mix[i, used].tolist() for i, name in enumerate(effectiveness)}
         return cls(tuple(AXES[k] for k in used), rows, source or "a pseudo-inverse")
 
     @property

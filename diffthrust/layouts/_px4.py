@@ -111,7 +111,7 @@ def px4_mixer(effectiveness: Mapping[str, Sequence[float]]) -> Mixer:
         scales["yaw"] = float(np.max(mix["yaw"]))
     rows = np.stack([mix[axis] / scales[axis] for axis in mix], axis=1)
     rows = np.where(np.abs(rows) < _SMALL, 0.0, rows)
-    factors = dict(zip(plain.thrusters, rows, strict=True))
+    factors = dict(zip(plain.thrusters, rows.tolist(), strict=True))
     return Mixer(tuple(mix), factors, "PX4's allocation of its geometry")
 
 
