@@ -232,7 +232,11 @@ class Allocation(Result):
         """Draw what each command does beside what it should, as it is and corrected."""
         from diffthrust.control._figures import allocation_figure
 
-        return allocation_figure(self)
+        used = [k for k in range(len(self.mixer.commands)) if self._uses(k)]
+        shares, after = self.coupling(), self.coupling(self.remaining)
+        as_is = {self.mixer.commands[k]: shares[:, k] for k in used}
+        title = f"{self.mixer.source}, at {self.level:g}"
+        return allocation_figure(title, self.axes, as_is, after[:, used])
 
     def to_json(self) -> dict[str, Any]:
         """Plain data: forces, the corrected factors, the sentences."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
-from diffthrust.control._allocation_result import Allocation
 from diffthrust.control._assembly import LoopAssembly, VesselAssembly
 from diffthrust.control._faults import Change
 from diffthrust.control._recorded import RunSignals
@@ -159,31 +158,37 @@ def _legend(axes: Axes, columns: int) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=columns)
 
 
-def allocation_figure(audit: Allocation) -> Figure:
-    """A panel for each command: what it does along each axis, as it is and corrected."""
+def allocation_figure(
+    title: str, axes: Sequence[str], as_is: Mapping[str, np.ndarray], corrected: np.ndarray
+) -> Figure:
+    """A panel for each command: what it does along each axis, as it is and corrected.
+
+    Args:
+        title: of the figure.
+        axes: their names.
+        as_is: by command what it does along the axes, ``(axes,)``.
+        corrected: the same by the corrected mixer, ``(axes, commands)``.
+    """
     from matplotlib.figure import Figure
 
-    used = [k for k in range(len(audit.mixer.commands)) if np.any(audit.mixer.matrix[:, k])]
-    as_is, corrected = audit.coupling(), audit.coupling(audit.remaining)
-    height = 0.8 + 0.32 * len(audit.axes)
-    figure = Figure(figsize=(8.0, 0.8 + height * ((len(used) + 1) // 2)), layout="constrained")
-    grid = figure.subplots((len(used) + 1) // 2, 2, sharex=True, squeeze=False)
+    rows, height = (len(as_is) + 1) // 2, 0.8 + 0.32 * len(axes)
+    figure = Figure(figsize=(8.0, 0.8 + height * rows), layout="constrained")
+    grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
     panels = list(grid.flat)
-    names = [n if n in audit.mixer.commands else f"{n} (no command)" for n in audit.axes]
-    places = np.arange(len(audit.axes))
-    for panel, column in zip(panels, used, strict=False):
-        panel.barh(places - 0.18, as_is[:, column], 0.32, color=VERMILLION, label="as it is")
-        panel.barh(places + 0.18, corrected[:, column], 0.32, color=BLUE, label="corrected")
+    names = [n if n in as_is else f"{n} (no command)" for n in axes]
+    places = np.arange(len(axes))
+    for panel, (command, shares), after in zip(panels, as_is.items(), corrected.T, strict=False):
+        panel.barh(places - 0.18, shares, 0.32, color=VERMILLION, label="as it is")
+        panel.barh(places + 0.18, after, 0.32, color=BLUE, label="corrected")
         panel.set_yticks(places, names, fontsize=8)
         panel.tick_params(labelsize=8, labelbottom=True)
         panel.invert_yaxis()
         panel.axvline(0.0, color=GREY, linewidth=0.8)
-        panel.set_title(f"{audit.mixer.commands[column]} command", loc="left", fontsize=9)
+        panel.set_title(f"{command} command", loc="left", fontsize=9)
         panel.spines[["top", "right"]].set_visible(False)
-    for panel in panels[len(used) :]:
+    for panel in panels[len(as_is) :]:
         panel.set_visible(False)
     panels[0].legend(fontsize=8, frameon=False)
     figure.supxlabel("acts as a command of", fontsize=9)
-    title = f"{audit.mixer.source}, at {audit.level:g}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
     return figure

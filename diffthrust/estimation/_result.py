@@ -263,7 +263,7 @@ class Fit(Result):
                 with a ``reset`` and a ``step`` that give what `simulate` gives; "lut" (a table of
                 force and command in the steady state, as CSV or as a C header, by the ending of
                 ``path``); "gz" (gz-sim), "uuv" (uuv_simulator) or "stonefish": the thruster as
-                these describe it.
+                these describe it, or each thruster of a craft with its place.
             path: the file to write, or ``None``. Names inside begin with its name.
             limits: lowest and highest command of the table, and of the simulators' thrusters, in
                 the unit of the logs; by default as in the training logs.

@@ -11,6 +11,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending
 from diffthrust._support.names import listing, nearest
 from diffthrust.export._c import C99
+from diffthrust.export._crafts import of_craft
 from diffthrust.export._exported import ENDINGS, Exported, write_exported
 from diffthrust.export._program import HISTORY, Program
 from diffthrust.export._python import Python
@@ -19,6 +20,7 @@ from diffthrust.export._source import ExportSource
 from diffthrust.export._table import to_table
 from diffthrust.export._trace import read_inputs
 from diffthrust.models._base.model import Model
+from diffthrust.models._craft.craft import Craft
 
 ExportTo = Literal["python", "c", "lut", "gz", "uuv", "stonefish"]
 TARGETS: tuple[str, ...] = get_args(ExportTo)
@@ -41,7 +43,8 @@ def export_model(
         to: "python" (a module that needs nothing but ``math``) or "c" (a C99 header), each with a
             ``reset`` and a ``step`` that give what `simulate` gives; "lut" (a table of force and
             command in the steady state, as CSV or as a C header, by the ending of ``path``); "gz"
-            (gz-sim), "uuv" (uuv_simulator) or "stonefish": the thruster as these describe it.
+            (gz-sim), "uuv" (uuv_simulator) or "stonefish": the thruster as these describe it, or
+            each thruster of a craft with its place.
         path: the file to write, or ``None``. Names inside begin with its name.
         limits: lowest and highest command, for the table and the simulators.
         ranges: the inputs that the model reads, with their smallest and largest value, in the
@@ -116,4 +119,7 @@ def _made(
             f"#define {name.upper()}_HISTORY before the #include gives it more room."
         ] * late
         return text, notes
-    return {"gz": to_gz, "uuv": to_uuv, "stonefish": to_stonefish}[to](source, name, limits)
+    simulator = {"gz": to_gz, "uuv": to_uuv, "stonefish": to_stonefish}[to]
+    if isinstance(source.model, Craft):
+        return of_craft(source, name, limits, simulator)
+    return simulator(source, name, limits)

@@ -30,8 +30,8 @@ class Rotor:
 
     Args:
         dynamics: "yoerger" (rate = beta command - alpha speed |speed|), "bessa" (inertia rate =
-            torque / resistance command - linear speed - quadratic speed |speed|), or "first_order"
-            (time_constant rate = gain command - speed).
+            torque / resistance command - linear speed - quadratic speed |speed|), "first_order"
+            (time_constant rate = gain command - speed), or "zero_order" (the command itself).
         numbers: its constants by these names.
         low: lowest command, in the model's unit.
         high: highest command.
@@ -81,6 +81,8 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
     """
     model = source.model
     channel = commanding(model, source)
+    if model.name == "static_thruster":
+        return _static(source, channel, command_limits(source, channel, limits))
     has_dynamics = model.quadratic_load is not None or model.name in _LAWS
     if channel != "command" or not has_dynamics:
         raise InputError(
@@ -113,7 +115,7 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
     ends = float(reached[0]), float(reached[1])
     full = max(map(abs, ends))
     speeds = np.linspace(-full, full, _POINTS)
-    forces = _force(plain, speeds)
+    forces = source.strength * _force(plain, speeds)
     shape = speeds * np.abs(speeds)
     # exact at full speed, where the forces are largest
     ahead, astern = float(forces[-1] / shape[-1]), float(forces[0] / shape[0])
@@ -133,6 +135,22 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
         tuple(left_out),
         (*taken_as_one, *notes),
     )
+
+
+def _static(source: ExportSource, channel: str, limits: tuple[float, float]) -> Rotor:
+    """A thruster without dynamics: its command stands for the speed, and the force is a table."""
+    low, high = limits
+    left_out = tuple(e for e in source.model.effects if e.memory or e.states)
+    plain = source.model
+    for effect in left_out:
+        plain = plain - effect.name
+    commands = np.unique([*np.linspace(low, high, _POINTS), 0.0])
+    forces = source.strength * steady_output(plain, {channel: commands}, OUTPUT)
+    unit = source.inputs[channel]
+    ends = float(commands[0]), float(commands[-1])
+    at_ends = float(forces[-1]), float(forces[0])
+    return Rotor("zero_order", {}, low, high, unit, ends, at_ends, False, commands, forces,
+                 left_out, ())  # fmt: skip
 
 
 def _without_place(model: Model) -> list[Effect]:

@@ -13,6 +13,7 @@ What each of them works out, with the source that was read for it:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
@@ -40,6 +41,9 @@ def to_gz(
         InputError: the model is no thruster, or the range of its command is not known.
     """
     rotor = rotor_of(source, limits)
+    if rotor.dynamics == "zero_order":
+        notes = ["Send it the force of each command [N], on .../cmd_thrust; 'lut' has the table."]
+        return _text("gz.sdf", source, name, [*notes, *_left_out(rotor, "gz-sim")], rotor)
     ahead, astern = rotor.coefficients
     notes = [
         "gz-sim has no rotor dynamics: the speed follows at once. Send it the speed that this "
@@ -66,7 +70,7 @@ def to_uuv(
     """
     rotor = rotor_of(source, limits)
     notes = _left_out(rotor, "uuv_simulator")
-    notes += [_STUCK_CLOCK] if rotor.dynamics != "first_order" else []
+    notes += [_STUCK_CLOCK] if rotor.dynamics in ("yoerger", "bessa") else []
     return _text("uuv.xacro", source, name, [*rotor.notes, *notes], rotor)
 
 
@@ -85,6 +89,8 @@ def to_stonefish(
         "command.",
         *_left_out(rotor, "Stonefish"),
     ]
+    if rotor.dynamics == "zero_order":
+        notes[0] = f"A set point of 1 stands for {number(rotor.largest, 4)} {rotor.unit}."
     if abs(rotor.low + rotor.high) > 1e-9 * rotor.largest:
         notes.append(
             f"Stonefish takes set points as far astern as ahead: keep the command from "
@@ -105,9 +111,30 @@ def _text(
         "head_lines": [line for text in source.head for line in wrap(text, 90)],
         "notes": lines,
         "version": source.version,
+        "up": _pose(source, upwards=True),
+        "down": _pose(source, upwards=False),
         **more,
     }
     return filled_in(template, **parts), list(notes)
+
+
+def _pose(source: ExportSource, *, upwards: bool) -> tuple[str, str] | None:
+    """Place [m] and roll, pitch, yaw [rad] of a thruster of a craft, which pushes along its x.
+
+    Args:
+        source: the thruster; None for one that stands on no craft.
+        upwards: in axes forward, to port, up, as gz-sim and uuv_simulator have them; otherwise
+            forward, to starboard, down, as Stonefish.
+    """
+    if source.mounted is None:
+        return None
+    turn = -1.0 if upwards else 1.0
+    (x, y, z), (a, b, c) = source.mounted.place, source.mounted.pointing
+    b, c = turn * b, turn * c
+    angles = (0.0, math.asin(max(-1.0, min(1.0, -c))), math.atan2(b, a))
+    place = (x, turn * y, turn * z)
+    first, second = (" ".join(f"{v + 0.0:.6g}" for v in row) for row in (place, angles))
+    return first, second
 
 
 def _left_out(rotor: Rotor, target: str) -> list[str]:

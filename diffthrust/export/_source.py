@@ -9,6 +9,7 @@ import numpy as np
 
 from diffthrust.logs._written import PWM, ShownUnits
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.mounted import Mounted
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class ExportSource:
         provenance: sentences on where the values come from, for the head of the file.
         version: of the library.
         units: how the logs wrote each channel, where that is known.
+        mounted: where a thruster of a craft stands.
+        strength: force of a thruster of a craft beside that of its model.
     """
 
     model: Model
@@ -36,6 +39,8 @@ class ExportSource:
     provenance: tuple[str, ...] = ()
     version: str = ""
     units: ShownUnits = field(default_factory=ShownUnits)
+    mounted: Mounted[Model] | None = None
+    strength: float = 1.0
 
     def unit(self, channel: str, unit: str) -> str:
         """The unit in which the logs wrote a channel whose numbers are in ``unit``."""
