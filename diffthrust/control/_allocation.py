@@ -71,7 +71,7 @@ def allocation(
         >>> print(audit.findings[0])
         A surge command of 1 gives 0.11 of yaw: 0.713 N m at 0.5.
         >>> {n: [round(v, 3) for v in row] for n, row in audit.corrected.factors.items()}
-        {'port': [0.937, 0.937], 'starboard': [1.068, -1.068]}
+        {'port': [0.94, 0.94], 'starboard': [1.072, -1.072]}
     """
     model = getattr(craft, "model", craft)
     if not isinstance(model, Craft):

@@ -52,6 +52,8 @@ class Allocation(Result):
         >>> audit = dft.control.allocation(boat, mixer)
         >>> audit.forces.shape, audit.axes, abs(float(audit.remaining[2, 0])) < 1e-6
         ((3, 2), ('surge', 'sway', 'yaw'), True)
+        >>> audit.findings[-1]
+        'A surge command of 1 gives 0.11 of yaw: 0.711 N m at 0.5.'
         >>> audit.save("mixer.csv").exists()
         True
         >>> print(audit.px4().splitlines()[1])
@@ -81,10 +83,10 @@ class Allocation(Result):
             forces: ``self.forces`` by default.
 
         Example:
-            >>> mixer = dft.layouts.ardusub_mixer("vectored").named([f"t{k}" for k in range(1, 7)])
-            >>> audit = dft.control.allocation(dft.layouts.BLUEROV2.craft(), mixer)
-            >>> audit.coupling().round(2)[0]  # the layout turns its thrusters the other way
-            array([ 1.,  0.,  0.,  0., -0.,  0.])
+            >>> layout = dft.layouts.ardupilot_layout({"FRAME_CONFIG": 1})
+            >>> audit = dft.control.allocation(layout.craft(), layout.mixer)
+            >>> abs(audit.coupling()[:, 0]).round(2)
+            array([1., 0., 0., 0., 0., 0.])
         """
         given = self.forces if forces is None else forces
         return given / self._scales()[:, None]
@@ -237,20 +239,6 @@ class Allocation(Result):
         as_is = {self.mixer.commands[k]: shares[:, k] for k in used}
         title = f"{self.mixer.source}, at {self.level:g}"
         return allocation_figure(title, self.axes, as_is, after[:, used])
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data: forces, the corrected factors, the sentences."""
-        return {
-            "mixer": self.mixer.source,
-            "level": self.level,
-            "axes": [*self.axes],
-            "commands": [*self.mixer.commands],
-            "forces": self.forces.tolist(),
-            "common": self.common.tolist(),
-            "std_errors": None if self.std_errors is None else self.std_errors.tolist(),
-            "corrected": {name: [*row] for name, row in self.corrected.factors.items()},
-            "findings": [*self.findings],
-        }
 
     def _line(self) -> str:
         return f"{self.mixer.source}: {len(self.findings)} findings at a command of {self.level:g}"

@@ -94,8 +94,8 @@ def px4_mixer(effectiveness: Mapping[str, Sequence[float]]) -> Mixer:
 
     Example:
         >>> boat = {"left": (5, 0, 0, 0, 0, 1), "right": (5, 0, 0, 0, 0, -1)}
-        >>> dft.layouts.px4_mixer(boat).factors["right"]
-        (1.0, -1.0)
+        >>> dft.layouts.px4_mixer(boat).matrix.round(6).tolist()
+        [[1.0, 1.0], [1.0, -1.0]]
     """
     plain = Mixer.inverse(effectiveness)
     mix = {axis: plain.matrix[:, k] for k, axis in enumerate(plain.commands)}
