@@ -68,8 +68,8 @@ def allocation(
         >>> boat = dft.layouts.BLUEBOAT.craft().replace({"starboard.strength": 0.8})
         >>> mixer = dft.layouts.Mixer(("surge", "yaw"), {"port": (1, 1), "starboard": (1, -1)})
         >>> audit = dft.control.allocation(boat, mixer, level=0.5)
-        >>> print(audit.findings[0])
-        A surge command of 1 gives 0.11 of yaw: 0.713 N m at 0.5.
+        >>> print(audit.findings[1])
+        A surge command of 1 gives 0.11 of yaw: 0.711 N m at 0.5.
         >>> {n: [round(v, 3) for v in row] for n, row in audit.corrected.factors.items()}
         {'port': [0.94, 0.94], 'starboard': [1.072, -1.072]}
     """

@@ -77,7 +77,8 @@ class Allocation(Result):
         """Forces as the commands that would lead to them, ``(axes, commands)``.
 
         An entry of 0.08 in the row of yaw says that the command acts as a yaw command of 0.08
-        besides. Of axes that nothing commands it is the share of what all thrusters can do there.
+        besides. Of axes that nothing commands it is the share of the largest force, or moment, that
+        the thrusters have along, or about, any axis.
 
         Args:
             forces: ``self.forces`` by default.
@@ -85,21 +86,23 @@ class Allocation(Result):
         Example:
             >>> layout = dft.layouts.ardupilot_layout({"FRAME_CONFIG": 1})
             >>> audit = dft.control.allocation(layout.craft(), layout.mixer)
-            >>> abs(audit.coupling()[:, 0]).round(2)
-            array([1., 0., 0., 0., 0., 0.])
+            >>> audit.coupling()[:, 0].round(2) + 0.0  # thrusters above the centre of mass pitch it
+            array([ 1.  ,  0.  ,  0.  ,  0.  , -0.08,  0.  ])
         """
         given = self.forces if forces is None else forces
         return given / self._scales()[:, None]
 
     def _scales(self) -> np.ndarray:
-        """The force along each axis that a command of its own has, or that all thrusters have."""
-        scales = np.abs(self.effectiveness).sum(axis=1) * self.level * self.full
-        scales = np.array([scales[AXES.index(axis)] for axis in self.axes])
-        for row, axis in enumerate(self.axes):
+        """The force along each axis of a command of its own, or the most along any like it."""
+        could = np.abs(self.effectiveness).sum(axis=1) * self.level * self.full
+        scales = []
+        for axis in self.axes:
+            like = slice(0, 3) if axis in AXES[:3] else slice(3, 6)
             own = self._own(axis)
-            if own is not None and abs(own) > 0.1 * scales[row]:
-                scales[row] = own
-        return np.where(scales != 0, scales, 1.0)
+            moves = own is not None and abs(own) > 0.1 * could[AXES.index(axis)]
+            scales.append(own if moves else could[like].max())
+        found = np.array(scales, float)
+        return np.where(found != 0, found, 1.0)
 
     def _own(self, axis: str) -> float | None:
         """The force along an axis by its own command; None where nothing commands it."""
@@ -152,7 +155,8 @@ class Allocation(Result):
                         f"{value} {_unit(axis)} of {axis} at {self.level:g}, which has no command"
                     )
                 found.append((abs(share), f"A {command} command of 1 gives {words}."))
-        found.sort(key=lambda pair: -pair[0])
+        # rounding is no order
+        found.sort(key=lambda pair: -round(pair[0], 6))
         more = len(found) - _MOST
         return [text for _, text in found[:_MOST]] + [f"And {more} more."] * (more > 0)
 
