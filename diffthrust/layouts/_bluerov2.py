@@ -12,6 +12,7 @@ _BENZON = (
     "von Benzon et al. 2022, J. Mar. Sci. Eng. 10, 1898, as given in AndreasKing-Goks/0_THESIS, "
     "BlueROV2_param.m"
 )
+_ARDUSUB = "ArduPilot, AP_Motors6DOF.cpp, with MOT_n_DIRECTION 1: try each on the vehicle"
 _T200 = "Blue Robotics, T200 performance charts at 16 V: 5.25 kgf ahead, 4.07 kgf astern"
 _LAW = (
     Fact({"gain": 51.5, "reverse": 0.776}, "measured", _T200),
@@ -25,18 +26,18 @@ BLUEROV2_HEAVY = Layout(
     body=SixDegrees,
     actuator=StaticThruster(),
     places={
-        "t1": ((0.156, 0.111, 0.085), (_C, -_C, 0.0)),
-        "t2": ((0.156, -0.111, 0.085), (_C, _C, 0.0)),
+        "t1": ((0.156, 0.111, 0.085), (-_C, _C, 0.0)),
+        "t2": ((0.156, -0.111, 0.085), (-_C, -_C, 0.0)),
         "t3": ((-0.156, 0.111, 0.085), (_C, _C, 0.0)),
         "t4": ((-0.156, -0.111, 0.085), (_C, -_C, 0.0)),
-        "t5": ((0.120, 0.218, 0.0), (0.0, 0.0, -1.0)),
-        "t6": ((0.120, -0.218, 0.0), (0.0, 0.0, -1.0)),
-        "t7": ((-0.120, 0.218, 0.0), (0.0, 0.0, -1.0)),
-        "t8": ((-0.120, -0.218, 0.0), (0.0, 0.0, -1.0)),
+        "t5": ((0.120, 0.218, 0.0), (0.0, 0.0, 1.0)),
+        "t6": ((0.120, -0.218, 0.0), (0.0, 0.0, 1.0)),
+        "t7": ((-0.120, 0.218, 0.0), (0.0, 0.0, 1.0)),
+        "t8": ((-0.120, -0.218, 0.0), (0.0, 0.0, 1.0)),
     },
     facts=(
         Fact({"places": "of the eight thrusters"}, "published", _BENZON),
-        Fact({"directions": "signs of t1 to t8"}, "unknown", "as wired: try each on the vehicle"),
+        Fact({"directions": "signs of t1 to t8"}, "published", _ARDUSUB),
         Fact(
             {"m11": 13.5 + 6.3567, "m22": 13.5 + 7.1206, "m33": 13.5 + 18.6863},
             "published",
@@ -61,12 +62,12 @@ BLUEROV2 = Layout(
     body=SixDegrees,
     actuator=StaticThruster(),
     places={
-        "t1": ((0.14, 0.10, 0.0), (_C, -_C, 0.0)),
-        "t2": ((0.14, -0.10, 0.0), (_C, _C, 0.0)),
+        "t1": ((0.14, 0.10, 0.0), (-_C, _C, 0.0)),
+        "t2": ((0.14, -0.10, 0.0), (-_C, -_C, 0.0)),
         "t3": ((-0.14, 0.10, 0.0), (_C, _C, 0.0)),
         "t4": ((-0.14, -0.10, 0.0), (_C, -_C, 0.0)),
-        "t5": ((0.0, 0.11, 0.0), (0.0, 0.0, -1.0)),
-        "t6": ((0.0, -0.11, 0.0), (0.0, 0.0, -1.0)),
+        "t5": ((0.0, 0.11, 0.0), (0.0, 0.0, 1.0)),
+        "t6": ((0.0, -0.11, 0.0), (0.0, 0.0, 1.0)),
     },
     facts=(
         Fact(
@@ -75,7 +76,7 @@ BLUEROV2 = Layout(
             "HippoCampusRobotics, hippo_sim, thrusters of the BlueROV2",
         ),
         Fact({"places": "t5, t6"}, "rule of thumb", "of the frame's width of 0.338 m"),
-        Fact({"directions": "signs of t1 to t6"}, "unknown", "as wired: try each on the vehicle"),
+        Fact({"directions": "signs of t1 to t6"}, "published", _ARDUSUB),
         Fact({"m11": 11.5 + 5.5, "m22": 11.5 + 12.7, "m33": 11.5 + 14.57}, "published", _WU),
         Fact({"i44": 0.16 + 0.12, "i55": 0.16 + 0.12, "i66": 0.16 + 0.12}, "published", _WU),
         Fact({"d11": 4.03, "d22": 6.22, "d33": 5.18}, "published", _WU),

@@ -29,7 +29,7 @@ def test_every_number_has_a_source_and_a_mark(name):
 @pytest.mark.parametrize(
     ("name", "pushing", "moved"),
     [
-        ("bluerov2_heavy", "1111----", "north"),
+        ("bluerov2_heavy", "<<11----", "north"),
         ("bluerov2", "----++", "depth"),
         ("blueboat", "+0", "yaw_rate"),
         ("otter", "++", "north"),
@@ -39,11 +39,24 @@ def test_crafts_of_layouts_move_where_their_thrusters_push(name, pushing, moved)
     craft = layout_named(name).craft()
     time = 0.05 * np.arange(41)
     full = 60.0 if craft.command == "rad/s" else 0.3
-    strength = {"+": full, "1": full, "0": 0.0, "-": 0.0}
+    strength = {"+": full, "1": full, "<": -full, "0": 0.0, "-": 0.0}
     inputs = {n: np.full(41, strength[c]) for n, c in zip(craft.inputs, pushing, strict=True)}
     out = dft.simulate(craft, dft.Log(time, inputs, units=dict(craft.inputs)))
-    direction = -1.0 if moved == "depth" else 1.0  # the verticals of a BlueROV2 push up
-    assert direction * out[moved][-1] > 0.01
+    assert out[moved][-1] > 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "frame"), [("bluerov2", "vectored"), ("bluerov2_heavy", "vectored_6dof")]
+)
+def test_the_factors_of_the_autopilot_are_the_senses_of_a_layout(name, frame):
+    """Each motor's force and moment have the sign of each factor of its frame."""
+    layout, mixer = layout_named(name), dft.layouts.ardusub_mixer(frame)
+    for (place, direction), factors in zip(
+        layout.places.values(), mixer.factors.values(), strict=True
+    ):
+        wrench = np.array([*direction, *np.cross(place, direction)])
+        asked = np.array(factors) != 0
+        np.testing.assert_array_equal(np.sign(wrench[asked]), np.sign(np.array(factors)[asked]))
 
 
 def test_names_and_models_of_the_thrusters_can_be_others():
