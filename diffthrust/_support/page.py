@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.figures import unseen
 from diffthrust._support.literals import ToCopy
-from diffthrust._support.report import OnPage, Report, Rows, Section, Styled
+from diffthrust._support.live import Live, script
+from diffthrust._support.report import OnPage, Picture, Report, Rows, Section, Styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +32,19 @@ def page(report: Report, title: str) -> str:
     environment.tests["kind"] = lambda part, name: type(part).__name__ == name
     environment.tests["copied"] = _copied
     template = files("diffthrust._support").joinpath("page.html").read_text(encoding="utf-8")
-    return environment.from_string(template).render(report=report, title=title, image=image)
+    return environment.from_string(template).render(
+        report=report, title=title, image=image, living=_living, script=script
+    )
+
+
+def _living(picture: Picture) -> Live | None:
+    """The figure that lives, where there is one and Bokeh is installed."""
+    try:
+        return picture.live()
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "bokeh":
+            raise
+        return None
 
 
 def image(draw: Callable[[], Figure]) -> str:

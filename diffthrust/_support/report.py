@@ -15,6 +15,8 @@ from diffthrust._support.literals import ToCopy
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from diffthrust._support.live import Live
+
 Style = Literal["", "strong", "quiet", "good", "bad", "doubtful", "term"]
 
 
@@ -99,10 +101,12 @@ class Picture:
     Args:
         draw: makes the figure.
         caption: what it shows.
+        live: makes one that lives, for readers with a script; ``None`` where it cannot.
     """
 
     draw: Callable[[], Figure]
     caption: str
+    live: Callable[[], Live | None] = lambda: None
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from diffthrust._support.files import write_page
+from diffthrust._support.live import Live
 from diffthrust._support.page import page, spec_section
 from diffthrust._support.report import (
     Line,
@@ -68,7 +70,14 @@ def write_comparison_page(
     errors = error_rows((name, comparison.errors) for name, comparison in comparisons.items())
     checked = fit is not None and fit.status is not Status.SIMULATION_FAILED
     figures = (
-        Section(name, Picture(c.plot, f"Measured and modelled channels with residuals, {name}."))
+        Section(
+            name,
+            Picture(
+                c.plot,
+                f"Measured and modelled channels with residuals, {name}.",
+                partial(_live, c),
+            ),
+        )
         for name, c in comparisons.items()
     )
     report = Report(
@@ -81,6 +90,12 @@ def write_comparison_page(
         spec_section(spec),
     )
     write_page(path, page(report, title))
+
+
+def _live(comparison: Comparison) -> Live | None:
+    from diffthrust.comparison._run_plots import live_runs
+
+    return live_runs({str(comparison.model): comparison.runs})
 
 
 def _fit_parts(fit: Fit | None) -> tuple[Part, ...]:

@@ -71,8 +71,8 @@ class Controls:
         ports = dict.fromkeys(port for effect in addable for port in effect.ports)
         self.path = PathFigure(signal_path(model), list(ports), self._choose)
         self.port = Select(
-            title="Effects: found or added, or all that may act at a port",
-            options=[FOUND, *ports],
+            title="Effects to add or take away",
+            options=[FOUND, *((port, f"at {port}") for port in ports)],
             value=FOUND,
             width=RIGHT - 20,
         )
@@ -82,7 +82,7 @@ class Controls:
         self.about = text()
         self.sliders = column(width=RIGHT - 10)
         self.layout = column(
-            heading("Signal path: a box with a blue edge can be tapped"),
+            heading("Signal path: tap a blue box to see what may be missing there"),
             self.path.figure,
             self.port,
             self.boxes,

@@ -6,10 +6,8 @@ from html import escape
 from typing import Any
 
 from bokeh.events import SelectionGeometry
-from bokeh.models import Button, Div, PlainText
-from bokeh.plotting import figure
+from bokeh.models import Button, Div
 
-GREEN, DARK = "#009E73", "#3a3f44"
 SELECTED, FAILING, LEFT_OUT = "#56B4E9", "#E69F00", "#999999"
 LEFT, RIGHT = 260, 340
 """Widths of the columns [px]: at 1 280 the plots get over half of the page."""
@@ -69,28 +67,6 @@ def button(label: str, do: Any, kind: str = "default", **options: Any) -> Button
     """A button that calls a function without arguments."""
     made = Button(label=label, button_type=kind, stylesheets=[_BUTTON], **options)  # pyright: ignore
     made.on_click(lambda _: do())
-    return made
-
-
-def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
-    """A figure with a light grid; names and units are plain text, never formulas."""
-    label = f"{y} [{unit}]" if unit else y
-    made = figure(
-        height=height,
-        sizing_mode="stretch_width",
-        min_border_left=64,
-        min_border_right=8,
-        **options,
-    )
-    made.yaxis.axis_label = PlainText(text=label)
-    made.yaxis.axis_label_text_font_size = "10px"
-    made.yaxis.axis_label_text_font_style = "normal"
-    made.xaxis.axis_label_text_font_style = "normal"
-    made.axis.major_label_text_font_size = "11px"
-    made.axis.axis_line_color = "#bbb"
-    made.axis.minor_tick_line_color = None
-    made.grid.grid_line_color = "#eee"
-    made.outline_line_color = None
     return made
 
 

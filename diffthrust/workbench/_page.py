@@ -143,8 +143,9 @@ class Page:
         self.adding.visible = False
         self.left = column(
             self.title,
-            heading("Logs, with the error of each (0: perfect)"),
+            heading("Logs, with the error of the model"),
             self.logs,
+            text('<p class="quiet">0: perfect; 1: no better than the mean (NRMSE)</p>'),
             self.diagnosing,
             self.progress,
             self.verdict,
@@ -390,11 +391,11 @@ class Page:
         self._show_regimes()
 
     def _show_regimes(self) -> None:
-        """Shade where each channel fails, with a button for each regime that goes there."""
+        """Shade where each channel fails, and say it, with a button that zooms there."""
         model, run = self.comparison.model, self.run
         signals = derived_signals(run.time, signals_of(model, run), units_of(run), model.angles)
         failing: dict[str, Any] = {}
-        buttons = []
+        lines = []
         for regime in self.regimes:
             ranges = [r for r in regime.where if r.signal in signals]
             inside = np.all([r.holds(signals[r.signal][0]) for r in ranges], axis=0)
@@ -402,11 +403,11 @@ class Page:
             failing[regime.channel] = [*failing.get(regime.channel, ()), *marked]
             if marked:
                 widest = max(marked, key=lambda pair: pair[1] - pair[0])
-                go = partial(self.plots.zoom, *widest)
-                words = f"Fails (shaded): {regime.sentence} Go there"
-                buttons.append(button(words, go, "light", sizing_mode="stretch_width", margin=0))
+                zoom = button("Zoom in", partial(self.plots.zoom, *widest), width=70, height=24)
+                words = text(paragraphs(f"Shaded: {regime.sentence}"), sizing_mode="stretch_width")
+                lines.append(row(zoom, words, sizing_mode="stretch_width"))
         self.plots.shade(failing)
-        self.fails.children = buttons
+        self.fails.children = lines
 
 
 def _words_of(error: Exception) -> str:

@@ -1,39 +1,19 @@
-"""The plots of one log: what drove it, measured against modelled, and what is left between them."""
+"""The plots of the log that is shown: sent as far as they are seen, brushed, and shaded."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
 from bokeh.events import SelectionGeometry
-from bokeh.layouts import gridplot
-from bokeh.models import (
-    BoxAnnotation,
-    BoxSelectTool,
-    ColumnDataSource,
-    HoverTool,
-    PanTool,
-    PlainText,
-    Range1d,
-    ResetTool,
-    Span,
-    WheelZoomTool,
-)
+from bokeh.models import BoxAnnotation, BoxSelectTool, ColumnDataSource, PanTool, WheelZoomTool
 
-from diffthrust._support.figures import BLUE, VERMILLION
+from diffthrust._support.envelope import bins_of, envelope, envelopes, stretches
+from diffthrust._support.figures import VERMILLION
+from diffthrust.comparison._run_plots import RunPlots
 from diffthrust.simulation._runs import Run
-from diffthrust.workbench._envelope import bins_of, envelope, envelopes, stretches
-from diffthrust.workbench._look import (
-    DARK,
-    FAILING,
-    GREEN,
-    LEFT_OUT,
-    SELECTED,
-    box_of,
-    plot,
-)
+from diffthrust.workbench._look import FAILING, LEFT_OUT, SELECTED, box_of
 
 _BINS = 450
 """Display: bins of what is in sight, each with a least and a greatest value. Without a GPU, a
@@ -43,8 +23,9 @@ _BESIDE = 0.5
 the browser alone."""
 _LIT = 1500
 """Display: samples of a selection that light up; more would cover each other."""
-
-_FIELDS = ("measured", "modelled", "residual")
+_HEIGHTS = {True: (56, 84, 54), False: (60, 112, 62)}
+"""Display: of an input, a channel and its residual [px], by whether there are over two channels: at
+1 280 x 720 the staircase is above the lower edge."""
 Stretches = Sequence[tuple[float, float]]
 
 
@@ -57,127 +38,50 @@ class Plots:
     """
 
     def __init__(self, runs: Sequence[Run], on_select: Callable[[float, float], None]) -> None:
-        self.inputs = list(dict.fromkeys(n for run in runs for n in _driven(run)))
-        self.channels = list(dict.fromkeys(n for run in runs for n in run.channels))
+        pan, wheel = PanTool(dimensions="width"), WheelZoomTool(dimensions="width")
+        select = BoxSelectTool(dimensions="width", description="Select a stretch")
+        many = len({name for run in runs for name in run.channels}) > 2
+        self.plots = RunPlots(runs, _HEIGHTS[many], [pan, wheel, select], pan, wheel)
+        self.layout, self.figures = self.plots.layout, self.plots.figures
+        self.drawn, self.x_range = self.plots.drawn, self.plots.x_range
         self.on_select = on_select
-        self.x_range: Any = Range1d(start=0.0, end=1.0)
-        self.inputs_drawn: Any = ColumnDataSource(data={"time": []})
-        self.drawn: list[Any] = [ColumnDataSource(data={"time": []}) for _ in self.channels]
         self.lit: Any = ColumnDataSource(data={"time": []})
-        self.failing: list[Any] = [
-            ColumnDataSource(data={"x0": [], "x1": []}) for _ in self.channels
-        ]
-        self.left_out: Any = ColumnDataSource(data={"x0": [], "x1": []})
+        self.left_out: Any = _no_strips()
+        self.failing = {name: _no_strips() for name in self.plots.channels}
         self.brushes: list[BoxAnnotation] = []
+        for figure, fields in zip(self.figures, self.plots.fields, strict=True):
+            self._mark(figure, fields)
+        for k, source in enumerate(self.failing.values()):
+            for figure in self._of_channel(k):
+                _strip(figure, source, FAILING, 0.18)
         self.run: Run = runs[0]
         self._columns: dict[str, np.ndarray] = {}
         self._sent, self._span, self._asked = np.array([0, 1]), (0.0, 0.0), False
-        self._keep(runs[0])
-        self._send()
-        self.layout = self._grid(runs)
+        self.show(runs[0])
         self.x_range.on_change("start", self._on_range)
         self.x_range.on_change("end", self._on_range)
 
-    # -- drawing ---------------------------------------------------------------------------------
+    def _of_channel(self, k: int) -> list[Any]:
+        """The plots of a channel and of its residual."""
+        pairs = zip(self.figures, self.plots.fields, strict=True)
+        return [f for f, fields in pairs if fields[0] in (f"measured{k}", f"residual{k}")]
 
-    def _grid(self, runs: Sequence[Run]) -> Any:
-        many = len(self.channels) > 2
-        drawn = [self._command(k, runs) for k in range(len(self.inputs))]
-        for k, name in enumerate(self.channels):
-            unit = next(r.shown_channels[name].unit for r in runs if name in r.channels)
-            drawn.append(self._compared(k, name, unit, 100 if many else 122))
-            drawn.append(self._residual(k, unit, 74 if many else 80))
-        last = drawn[-1]
-        last.height += 38
-        last.xaxis.axis_label = PlainText(text="time since the start of the log [s]")
-        for figure in drawn[:-1]:
-            figure.xaxis.visible = False
-        self.figures = drawn
-        count = len(self.inputs)
-        self._fields = [(drawn[k], (f"input{k}",)) for k in range(count)]
-        for k in range(len(self.channels)):
-            both = (f"measured{k}", f"modelled{k}")
-            self._fields += [(drawn[count + 2 * k], both)]
-            self._fields += [(drawn[count + 2 * k + 1], (f"residual{k}",))]
-        return gridplot(
-            [[figure] for figure in drawn],
-            toolbar_location="right",
-            toolbar_options={"logo": None},
-            sizing_mode="stretch_width",
-        )
-
-    def _figure(self, y: str, unit: str, height: int) -> Any:
-        pan, wheel = PanTool(dimensions="width"), WheelZoomTool(dimensions="width")
-        select = BoxSelectTool(dimensions="width", description="Select a stretch")
-        figure = plot(
-            y,
-            unit,
-            height=height,
-            x_range=self.x_range,
-            y_range=Range1d(start=-1.0, end=1.0),
-            tools=[pan, wheel, select, ResetTool()],
-            active_drag=pan,
-            active_scroll=wheel,
-        )
-        figure.vstrip(
-            "x0", "x1", source=self.left_out, fill_color=LEFT_OUT, fill_alpha=0.3, line_color=None
-        )
+    def _mark(self, figure: Any, fields: tuple[str, ...]) -> None:
+        """Make room for what is left out, selected and lit."""
+        _strip(figure, self.left_out, LEFT_OUT, 0.3)
         brush = BoxAnnotation(fill_color=SELECTED, fill_alpha=0.2, line_color=None, visible=False)
         figure.add_layout(brush)
         self.brushes.append(brush)
         figure.on_event(SelectionGeometry, self._on_geometry)
-        return figure
-
-    def _command(self, k: int, runs: Sequence[Run]) -> Any:
-        name = self.inputs[k]
-        run = next(run for run in runs if name in _driven(run))
-        unit = run.shown.unit(name, run.units.get(name, ""))
-        figure = self._figure(name.replace("_", " "), unit, 74)
-        figure.line("time", f"input{k}", source=self.inputs_drawn, color=GREEN, line_width=1.5)
-        _hover(figure, [(name, f"input{k}", unit)])
-        return figure
-
-    def _compared(self, k: int, name: str, unit: str, height: int) -> Any:
-        figure = self._figure(name.replace("_", " "), unit, height)
-        self._shade(figure, k)
-        for column, color, words in (("measured", DARK, "measured"), ("modelled", BLUE, "model")):
-            figure.line(
-                "time",
-                column,
-                source=self.drawn[k],
-                color=color,
-                line_width=1.2 if column == "measured" else 1.8,
-                alpha=0.75 if column == "measured" else 1.0,
-                **(
-                    {} if k else {"legend_label": words}
-                ),  # in the first plot: it takes time to paint
-            )
-        figure.scatter("time", f"measured{k}", source=self.lit, size=5, color=VERMILLION)
-        if not k:
-            _place_legend(figure.legend)
-        _hover(figure, [("measured", "measured", unit), ("model", "modelled", unit)])
-        return figure
-
-    def _residual(self, k: int, unit: str, height: int) -> Any:
-        figure = self._figure("residual", unit, height)
-        self._shade(figure, k)
-        figure.add_layout(Span(location=0.0, dimension="width", line_color="#999"))
-        figure.line("time", "residual", source=self.drawn[k], color=VERMILLION, line_width=1.2)
-        figure.scatter("time", f"residual{k}", source=self.lit, size=5, color=SELECTED)
-        _hover(figure, [("residual", "residual", unit)])
-        return figure
-
-    def _shade(self, figure: Any, k: int) -> None:
-        figure.vstrip(
-            "x0", "x1", source=self.failing[k], fill_color=FAILING, fill_alpha=0.18, line_color=None
-        )
+        if not fields[0].startswith("input"):
+            color = VERMILLION if fields[0].startswith("measured") else SELECTED
+            figure.scatter("time", fields[0], source=self.lit, size=5, color=color)
 
     # -- what is shown ---------------------------------------------------------------------------
 
     def show(self, run: Run, left_out: Stretches = ()) -> None:
         """Show a log from end to end."""
-        self.run = run
-        self._keep(run)
+        self.run, self._columns = run, self.plots.columns(run)
         self.left_out.data = _strips(left_out)
         self.shade({})
         self.light_up(np.zeros(run.time.size, bool))
@@ -195,35 +99,29 @@ class Plots:
             run: of the other model.
             rescaled: whether scales may shrink; under a slider they stay, or the eye loses them.
         """
-        self.run = run
-        self._keep(run)
-        for k, source in enumerate(self.drawn):
-            changed = (f"modelled{k}", f"residual{k}")
-            columns = {n[: -len(str(k))]: envelope(self._sent, self._columns[n]) for n in changed}
-            source.data.update(columns)
+        self.run, self._columns = run, self.plots.columns(run)
+        changed = [n for n in self._columns if n.startswith(("modelled", "residual"))]
+        self.drawn.data.update({n: envelope(self._sent, self._columns[n]) for n in changed})
         self._fit_heights(anew=rescaled)
 
     def _fit_heights(self, *, anew: bool) -> None:
         """Let all of a series be seen, with a scale of its own or the one that it has."""
-        for figure, names in self._fields:
-            finite = [v[np.isfinite(v)] for v in (self._columns[name] for name in names)]
-            low = min((float(v.min()) for v in finite if v.size), default=-1.0)
-            high = max((float(v.max()) for v in finite if v.size), default=1.0)
-            room, ends = 0.08 * (high - low) or 1.0, figure.y_range
+        heights = self.plots.heights(self._columns)
+        for figure, (low, high) in zip(self.figures, heights, strict=True):
+            ends = figure.y_range
             if anew or low < ends.start or high > ends.end:
-                ends.update(start=low - room, end=high + room)
+                ends.update(start=low, end=high)
 
     def shade(self, failing: Mapping[str, Stretches]) -> None:
         """Shade where each channel fails."""
-        for source, channel in zip(self.failing, self.channels, strict=True):
+        for channel, source in self.failing.items():
             source.data = _strips(failing.get(channel, ()))
 
     def light_up(self, selected: np.ndarray) -> None:
         """Mark samples, by booleans over those of the log."""
         at = np.flatnonzero(selected)
         at = at[:: max(1, -(-at.size // _LIT))]
-        names = [n for n in self._columns if n.startswith(("time", "measured", "residual"))]
-        self.lit.data = {name: self._columns[name][at] for name in names}
+        self.lit.data = {name: values[at] for name, values in self._columns.items()}
 
     def brush(self, stretch: tuple[float, float] | None) -> None:
         """Show which stretch is selected."""
@@ -241,31 +139,15 @@ class Plots:
         """Marked samples as stretches of the time that is shown."""
         return stretches(where, self._columns["time"])
 
-    def _keep(self, run: Run) -> None:
-        """Keep the series of a run, in the units of its log."""
-        missing = np.full(run.time.size, np.nan)
-        columns = {"time": run.time - run.time[0]}
-        for k, name in enumerate(self.inputs):
-            values = run.signals.get(name, missing)
-            columns[f"input{k}"] = run.shown.values(name, values, run.units.get(name, ""))
-        for k, name in enumerate(self.channels):
-            trace = run.shown_channels.get(name)
-            for field in _FIELDS:
-                columns[f"{field}{k}"] = missing if trace is None else getattr(trace, field)
-        self._columns = columns
-
     def _send(self) -> None:
         """Send what is in sight, and as much on either side."""
-        time = self._columns["time"]
         start, end = float(self.x_range.start), float(self.x_range.end)
         width = end - start
         self._span = (start - _BESIDE * width, end + _BESIDE * width)
+        columns = dict(self._columns)
+        time = columns.pop("time")
         self._sent = bins_of(time, *self._span, int((1 + 2 * _BESIDE) * _BINS))
-        inputs = {f"input{k}": self._columns[f"input{k}"] for k in range(len(self.inputs))}
-        self.inputs_drawn.data = envelopes(self._sent, time, inputs)
-        for k, source in enumerate(self.drawn):
-            columns = {field: self._columns[f"{field}{k}"] for field in _FIELDS}
-            source.data = envelopes(self._sent, time, columns)
+        self.drawn.data = envelopes(self._sent, time, columns)
 
     # -- what the user does ----------------------------------------------------------------------
 
@@ -292,33 +174,15 @@ class Plots:
             self.on_select(box["x0"], box["x1"])
 
 
-def _driven(run: Run) -> list[str]:
-    return [name for name in run.record.inputs if name in run.signals]
-
-
-def _place_legend(legend: Any) -> None:
-    legend.orientation = "horizontal"
-    legend.location = "top_right"
-    legend.padding, legend.margin = 2, 2
-    legend.label_text_font_size = "11px"
-    legend.background_fill_alpha = 0.7
-    legend.border_line_color = None
+def _no_strips() -> Any:
+    return ColumnDataSource(data=_strips(()))
 
 
 def _strips(pairs: Stretches) -> dict[str, list[float]]:
     return {"x0": [pair[0] for pair in pairs], "x1": [pair[1] for pair in pairs]}
 
 
-def _hover(figure: Any, rows: Sequence[tuple[str, str, str]]) -> None:
-    tips = [
-        (escape(words), f"@{column}{{0,0.0[000]}} {escape(unit)}") for words, column, unit in rows
-    ]
-    line = figure.renderers[-1] if len(rows) == 1 else figure.renderers[-2]
-    figure.add_tools(
-        HoverTool(
-            tooltips=[("time", "@time{0,0.00} s"), *tips],
-            mode="vline",
-            renderers=[line],
-            line_policy="nearest",
-        )
-    )
+def _strip(figure: Any, source: Any, color: str, alpha: float) -> None:
+    """Shade stretches behind all lines of a plot."""
+    shade = {"fill_color": color, "fill_alpha": alpha, "line_color": None}
+    figure.vstrip("x0", "x1", source=source, level="underlay", **shade)

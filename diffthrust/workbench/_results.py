@@ -12,10 +12,8 @@ from bokeh.layouts import column, row
 from bokeh.models import (
     BoxSelectTool,
     ColumnDataSource,
-    FactorRange,
     Label,
     PlainText,
-    Range1d,
     ResetTool,
     Select,
     Span,
@@ -23,19 +21,21 @@ from bokeh.models import (
     Tabs,
 )
 
-from diffthrust._support.figures import BLUE, VERMILLION
+from diffthrust._support.figures import VERMILLION
 from diffthrust._support.page import image
+from diffthrust._support.plots import Staircase, plot, with_unit
 from diffthrust._support.words import humanize
 from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
-from diffthrust.workbench._look import SELECTED, box_of, plot, table, text
+from diffthrust.workbench._look import SELECTED, box_of, table, text
 from diffthrust.workbench._session import Step
 
 _POINTS = 4000
 """Display: points of the scatter; more would cover each other."""
-_HEIGHT = 150
+_HEIGHT = 186
+"""Display: of a tab [px]; more is below the edge of a window of 720 px."""
 
 
 class Results:
@@ -47,16 +47,16 @@ class Results:
 
     def __init__(self, on_select: Callable[[np.ndarray], None]) -> None:
         self.on_select = on_select
-        self.steps = ColumnDataSource(data={"step": [], "error": [], "label": []})
-        self.factors = FactorRange(factors=[])
+        self.stairs = Staircase(_HEIGHT)
         self.now = Span(location=None, dimension="width", line_color=VERMILLION, line_dash="dashed")
         self.now_label: Any = Label(
             x=4, y=0, x_units="screen", text_color=VERMILLION, text_font_size="11px"
         )
-        self.heights = Range1d(start=0.0, end=1.0)
+        self.stairs.figure.add_layout(self.now)
+        self.stairs.figure.add_layout(self.now_label)
         self.points = ColumnDataSource(data={"x": [], "y": [], "index": []})
-        self.channel = Select(title="Residual of", options=[], width=120)
-        self.signal = Select(title="against", options=[], width=160)
+        self.channel = Select(options=[], width=120, height=30, margin=(2, 5, 2, 5))
+        self.signal = Select(options=[], width=160, height=30, margin=(2, 5, 2, 5))
         for select in (self.channel, self.signal):
             select.on_change("value", lambda attr, old, new: self._draw_points())
         self.scatter = self._scatter()
@@ -64,13 +64,13 @@ class Results:
         self.run: Run | None = None
         self._signals: dict[str, tuple[np.ndarray, str]] = {}
         beside = column(
-            row(self.channel, self.signal),
+            row(text("residual of"), self.channel, text("against"), self.signal),
             self.scatter,
             sizing_mode="stretch_width",
             styles={"flex": "1 1 290px", "min-width": "0"},
         )
         first = row(
-            self._staircase(),
+            self.stairs.figure,
             beside,
             sizing_mode="stretch_width",
             styles={"flex-wrap": "wrap"},
@@ -89,33 +89,6 @@ class Results:
 
     # -- the staircase ---------------------------------------------------------------------------
 
-    def _staircase(self) -> Any:
-        drawn = plot(
-            "error, unseen logs",
-            "",
-            height=_HEIGHT + 50,
-            x_range=self.factors,
-            y_range=self.heights,
-            tools=[],
-            toolbar_location=None,
-            styles={"flex": "1 1 200px", "min-width": "0"},
-        )
-        drawn.vbar("step", top="error", width=0.7, source=self.steps, color=BLUE, alpha=0.75)
-        drawn.text(
-            "step",
-            "error",
-            text="label",
-            source=self.steps,
-            text_align="center",
-            y_offset=-2,
-            text_font_size="11px",
-        )
-        drawn.add_layout(self.now)
-        drawn.add_layout(self.now_label)
-        self.errors_axis = drawn.yaxis[0]
-        drawn.xaxis.major_label_text_font_size = "11px"
-        return drawn
-
     def show_steps(self, steps: Sequence[Step], now: float | None, *, unseen: bool) -> None:
         """Show the staircase, and as a dashed line the error of the present values.
 
@@ -124,20 +97,11 @@ class Results:
             now: the error of values that sliders were moved to; ``None`` where none was.
             unseen: the errors are of unseen logs.
         """
-        names = [step.added.replace("_", "\n") or "as\nopened" for step in steps]
-        self.factors.factors = names
-        errors = [step.unseen for step in steps]
-        self.steps.data = {
-            "step": names,
-            "error": errors,
-            "label": [f"{error:.3g}" for error in errors],
-        }
+        names = [step.added or "as opened" for step in steps]
+        logs = "unseen logs" if unseen else "training logs"
+        self.stairs.show(names, [step.unseen for step in steps], logs, now or 0.0)
         self.now.location = now
         self.now_label.update(y=now or 0.0, text="" if now is None else f"sliders: {now:.3g}")
-        # no range follows a line by itself: the error that sliders had made was above the picture
-        self.heights.end = 1.2 * max(filter(np.isfinite, [*errors, now or 0.0]), default=1.0) or 1.0
-        logs = "unseen logs" if unseen else "training logs"
-        self.errors_axis.axis_label = PlainText(text=f"error, {logs}")
 
     # -- the scatter -----------------------------------------------------------------------------
 
@@ -146,7 +110,7 @@ class Results:
         drawn = plot(
             "residual",
             "",
-            height=_HEIGHT,
+            height=_HEIGHT - 34,
             tools=[select, ResetTool()],
             active_drag=select,
             toolbar_location=None,
@@ -186,8 +150,8 @@ class Results:
             "index": index,
         }
         # another text, not another label: for each new model Bokeh goes through the whole page
-        self.scatter.yaxis[0].axis_label.text = f"residual [{trace.unit}]"
-        self.scatter.xaxis[0].axis_label.text = f"{self.signal.value} [{unit}]"
+        self.scatter.yaxis[0].axis_label.text = with_unit("residual", trace.unit)
+        self.scatter.xaxis[0].axis_label.text = with_unit(self.signal.value, unit)
 
     def _on_geometry(self, event: SelectionGeometry) -> None:
         box = box_of(event)

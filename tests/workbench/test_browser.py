@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import http.client
-import importlib.util
 import re
 from contextlib import closing
 from pathlib import Path
 
 import command_line
 import pytest
+from chromium import NEEDED
 
 from diffthrust.cli._demo_logs import hidden_folder  # private: the demo's command writes by it
-from tests.workbench.page import CHROMIUM, looked_at, served
+from tests.workbench.page import looked_at, served
 
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (apt: chromium)"),
-    pytest.mark.skipif(
-        importlib.util.find_spec("playwright") is None, reason="Playwright is not installed"
-    ),
-]
+pytestmark = NEEDED
 
 
 @pytest.fixture(scope="module")

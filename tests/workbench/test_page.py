@@ -49,9 +49,9 @@ def page():
 
 
 def test_a_slider_is_followed_and_its_release_can_be_undone(page):
-    before = page.plots.drawn[0].data["modelled"].copy()
+    before = page.plots.drawn.data["modelled0"].copy()
     page._slide("alpha", 0.05)
-    page.document.run_until(lambda: (page.plots.drawn[0].data["modelled"] != before).any())
+    page.document.run_until(lambda: (page.plots.drawn.data["modelled0"] != before).any())
     assert not page.session.setup.moved  # until it is let go
     page._release()
     assert page.session.setup.values["alpha"] == 0.05
@@ -63,12 +63,12 @@ def test_a_slider_is_followed_and_its_release_can_be_undone(page):
 def test_the_error_that_sliders_made_is_within_the_picture(page):
     results, steps = page.results, page.session.staircase
     results.show_steps(steps, 9.0, unseen=True)
-    assert (results.now.location, results.heights.end) == (9.0, pytest.approx(10.8))
+    assert (results.now.location, results.stairs.heights.end) == (9.0, pytest.approx(10.8))
     assert results.now_label.text == "sliders: 9"
     results.show_steps(steps, None, unseen=False)
-    assert results.heights.end == pytest.approx(1.2 * steps[0].unseen)
+    assert results.stairs.heights.end == pytest.approx(1.2 * steps[0].unseen)
     assert results.now_label.text == ""
-    assert "training logs" in results.errors_axis.axis_label.text
+    assert "training logs" in results.stairs.figure.yaxis[0].axis_label.text
 
 
 def test_an_answer_for_a_model_that_was_left_is_dropped(page):

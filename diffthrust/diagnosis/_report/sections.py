@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from diffthrust._support.live import Live
 from diffthrust._support.page import glossary, page, spec_section
 from diffthrust._support.report import (
     Bullets,
@@ -20,7 +21,7 @@ from diffthrust._support.report import (
     notes,
 )
 from diffthrust._support.words import capitalised, humanize, joined
-from diffthrust.comparison._compare import Comparison
+from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._findings import (
     Findings,
 )
@@ -128,8 +129,24 @@ def _answer(diag: Findings) -> Section:
         Bullets(Styled(words, "doubtful") for words in unfinished_words(diag)),
         OnPage(f"{TO_COPY}:"),
         OnPage(spec_lines(diag.improved)),
-        Picture(partial(figures.stages_figure, diag), _stages_caption(diag)),
+        Picture(
+            partial(figures.stages_figure, diag), _stages_caption(diag), partial(live_stages, diag)
+        ),
     )
+
+
+def live_stages(diag: Findings) -> Live | None:
+    """The logs with the model of each stage, to switch between, and how their errors fell."""
+    from diffthrust.comparison._run_plots import live_runs
+
+    last, logs = len(diag.stages) - 1, [run.record.log for run in diag.before.runs]
+    models = {stage_words(diag, 0): diag.before.runs}
+    for index in range(1, last):
+        models[f"{index}: {stage_words(diag, index)}"] = compare(diag.stages[index].fit, logs).runs
+    if last:
+        models[f"{last}: {stage_words(diag, last)}"] = diag.after.runs
+    errors = [(stage.holdout or stage.train).nrmse for stage in diag.stages]
+    return live_runs(models, errors, "unseen logs" if diag.stages[0].holdout else "training logs")
 
 
 def _stages_caption(diag: Findings) -> str:

@@ -1,0 +1,118 @@
+"""How figures of Bokeh look and what is read in them; only pages that live import it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from textwrap import fill
+from typing import Any
+
+from bokeh.models import ColumnDataSource, FactorRange, HoverTool, PlainText, Range1d
+from bokeh.plotting import figure
+
+from diffthrust._support.figures import BLUE
+
+GREEN, DARK = "#009E73", "#3a3f44"
+_WORDS = 12
+"""Display: characters in a line below a step of a staircase of three, 260 px wide."""
+
+
+def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
+    """A figure with a light grid; names and units are plain text, never formulas."""
+    made = figure(
+        height=height,
+        sizing_mode="stretch_width",
+        min_border_left=64,
+        min_border_right=8,
+        **options,
+    )
+    made.yaxis.axis_label = PlainText(text=with_unit(y, unit))
+    made.yaxis.axis_label_text_font_size = "10px"
+    made.axis.axis_label_text_font_style = "normal"
+    made.axis.major_label_text_font_size = "11px"
+    made.axis.axis_line_color = "#bbb"
+    made.axis.minor_tick_line_color = None
+    made.grid.grid_line_color = "#eee"
+    made.outline_line_color = None
+    return made
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A name with its unit in brackets."""
+    return f"{name} [{unit}]" if unit else name
+
+
+def hover(drawn: Any, line: Any, rows: Sequence[tuple[str, str, str]]) -> None:
+    """Show values and their units beside the mouse.
+
+    Args:
+        drawn: the figure.
+        line: the line whose samples are found.
+        rows: words, column and unit of each value.
+    """
+    # Bokeh reads values as HTML, and the words before them as text
+    tips = [(words, f"@{column}{{%.4g}} {escape(unit)}") for words, column, unit in rows]
+    tool: Any = HoverTool(
+        tooltips=[("time", "@time{%.2f} s"), *tips],
+        formatters={f"@{column}": "printf" for column in ("time", *(row[1] for row in rows))},
+        mode="vline",
+        renderers=[line],
+        line_policy="nearest",
+    )
+    drawn.add_tools(tool)
+
+
+class Staircase:
+    """The error of a model after each effect that was added.
+
+    Args:
+        height: of the figure [px].
+
+    Attributes:
+        figure: what is drawn.
+        heights: its vertical range.
+    """
+
+    def __init__(self, height: int) -> None:
+        self.steps: Any = ColumnDataSource(data={"step": [], "error": [], "label": []})
+        self.factors, self.heights = FactorRange(factors=[]), Range1d(start=0.0, end=1.0)
+        drawn = plot(
+            "error",
+            "",
+            height=height,
+            x_range=self.factors,
+            y_range=self.heights,
+            tools=[],
+            toolbar_location=None,
+            styles={"flex": "1 1 200px", "min-width": "0"},
+        )
+        drawn.vbar("step", top="error", width=0.7, source=self.steps, color=BLUE, alpha=0.75)
+        drawn.text(
+            "step",
+            "error",
+            text="label",
+            source=self.steps,
+            text_align="center",
+            y_offset=-2,
+            text_font_size="11px",
+        )
+        drawn.xaxis.major_label_text_font_size = "11px"
+        self.figure = drawn
+
+    def show(self, names: Sequence[str], errors: Sequence[float], logs: str, top: float) -> None:
+        """Show the steps.
+
+        Args:
+            names: of each, what it has more than the one before.
+            errors: NRMSE of each.
+            logs: which logs err so much, "unseen logs".
+            top: an error that must be within the picture, too.
+        """
+        labels = [fill(name.replace("_", " "), _WORDS) for name in names]
+        self.factors.factors = labels
+        shown = [f"{error:.3g}" for error in errors]
+        self.steps.data = {"step": labels, "error": list(errors), "label": shown}
+        # no range follows a line by itself: the error that sliders had made was above the picture
+        finite = [error for error in (*errors, top) if 0 < error < float("inf")]
+        self.heights.end = 1.2 * max(finite, default=1.0)
+        self.figure.yaxis[0].axis_label.text = f"error (NRMSE), {logs}"
