@@ -62,6 +62,8 @@ def test_a_log_knows_that_it_is_a_table(tmp_path):
     assert not dft.read_log(path, time=0.5, **channels).static
     with pytest.raises(dft.InputError, match="a static table has no rate"):
         dft.read_log(path, time=0.5, static=True, rate=1.0, **channels)
+    with pytest.raises(dft.InputError, match=r"time = 0\.5, static = true.*static=True"):
+        dft.read_log(path, time="t", **channels)
     with pytest.raises(dft.InputError, match="how long each row of the table is held"):
         dft.fit(dft.Thruster(), dft.read_log(path, time=None, **channels))
     steps = np.repeat(np.random.default_rng(0).standard_normal(60), 10)

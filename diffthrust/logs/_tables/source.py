@@ -84,7 +84,10 @@ def table_of(
     """
     for name in wanted:
         if name not in source.names:
-            raise absent_column(source.file, name, source.names, source.column_word)
+            is_clock = clock is not None and name == clock.column
+            raise absent_column(
+                source.file, name, source.names, source.column_word, is_clock=is_clock
+            )
         if list(source.names).count(name) > 1:
             raise twice(source.file, name, source.column_word)
     table = Table(

@@ -117,13 +117,22 @@ class Table:
         return stamps[keep]
 
 
-def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> InputError:
-    """The error for a column that is not in the file."""
+_TIMELESS = (
+    "; without one, the step of the samples, time = 0.05; a table of readings, whose rows follow "
+    "no clock: [logs] time = 0.5, static = true, or read_log(..., time=0.5, static=True)"
+)
+
+
+def absent_column(
+    file: str, wanted: str, names: Sequence[str], word: str, *, is_clock: bool = False
+) -> InputError:
+    """The error for a column that is not in the file; a table may have no time column at all."""
     near = nearest(wanted, names)
+    mend = f"write the name of the {word} exactly as in the file{'; ' + near if near else ''}"
     return InputError.at(
         Place(file, wanted),
         f"expected a {word} {wanted!r}, found {listing(names)}.",
-        f"write the name of the {word} exactly as in the file{'; ' + near if near else ''}.",
+        f"{mend}{_TIMELESS if is_clock and not near else ''}.",
     )
 
 
