@@ -26,7 +26,7 @@ def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
         min_border_right=8,
         **options,
     )
-    made.yaxis.axis_label = PlainText(text=with_unit(y, unit))
+    made.yaxis.axis_label = PlainText(text=with_unit(y, unit, "\n"))
     made.yaxis.axis_label_text_font_size = "10px"
     made.axis.axis_label_text_font_style = "normal"
     made.axis.major_label_text_font_size = "11px"
@@ -37,9 +37,9 @@ def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
     return made
 
 
-def with_unit(name: str, unit: str) -> str:
+def with_unit(name: str, unit: str, between: str = " ") -> str:
     """A name with its unit in brackets."""
-    return f"{name} [{unit}]" if unit else name
+    return f"{name}{between}[{unit}]" if unit else name
 
 
 def hover(drawn: Any, line: Any, rows: Sequence[tuple[str, str, str]]) -> None:

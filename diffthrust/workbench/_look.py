@@ -18,6 +18,7 @@ h1 { font-size: 17px; margin: 0; overflow-wrap: anywhere; }
 h2 { font-size: 13px; margin: 8px 0 0; color: #444; text-transform: none; }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 p.quiet, td.quiet { color: #666; }
+p.shaded { font-size: 12px; border-left: 12px solid #E69F0055; padding-left: 6px; }
 p.bad { color: #b00020; font-weight: 600; }
 table { border-collapse: collapse; width: 100%; }
 td, th { text-align: left; padding: 1px 6px 1px 0; font-weight: normal; }
@@ -30,7 +31,7 @@ img { max-width: 100%; }
 """
 _BUTTON = """
 :host(:focus-within) .bk-btn { outline: 2px solid #0072B2; outline-offset: 1px; }
-.bk-btn { white-space: normal; }
+.bk-btn { white-space: normal; padding: 4px 8px; }
 """
 
 

@@ -34,7 +34,7 @@ from diffthrust.workbench._session import Session, Setup, Stretch, Task
 from diffthrust.workbench._tools import Tools
 
 _TALLER = """
-const taller = Math.min(Math.max(window.innerHeight / 720, 1), 1.35)
+const taller = Math.min(Math.max(window.innerHeight / 720, 1), 1.6)
 figures.forEach((figure, k) => { figure.height = Math.round(heights[k] * taller) })
 """
 """Display: plots are laid out for a window of 720 px, and grow with it."""
@@ -403,9 +403,10 @@ class Page:
             failing[regime.channel] = [*failing.get(regime.channel, ()), *marked]
             if marked:
                 widest = max(marked, key=lambda pair: pair[1] - pair[0])
-                zoom = button("Zoom in", partial(self.plots.zoom, *widest), width=70, height=24)
-                words = text(paragraphs(f"Shaded: {regime.sentence}"), sizing_mode="stretch_width")
-                lines.append(row(zoom, words, sizing_mode="stretch_width"))
+                zoom = partial(self.plots.zoom, *widest)
+                closer = button("Zoom in", zoom, width=70, margin=(0, 4, 0, 4))
+                words = text(paragraphs(regime.sentence, "shaded"), sizing_mode="stretch_width")
+                lines.append(row(words, closer, sizing_mode="stretch_width"))
         self.plots.shade(failing)
         self.fails.children = lines
 

@@ -55,8 +55,8 @@ class Results:
         self.stairs.figure.add_layout(self.now)
         self.stairs.figure.add_layout(self.now_label)
         self.points = ColumnDataSource(data={"x": [], "y": [], "index": []})
-        self.channel = Select(options=[], width=120, height=30, margin=(2, 5, 2, 5))
-        self.signal = Select(options=[], width=160, height=30, margin=(2, 5, 2, 5))
+        self.channel = Select(options=[], width=95, margin=(0, 4, 0, 4))
+        self.signal = Select(options=[], width=125, margin=(0, 4, 0, 4))
         for select in (self.channel, self.signal):
             select.on_change("value", lambda attr, old, new: self._draw_points())
         self.scatter = self._scatter()
