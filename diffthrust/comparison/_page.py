@@ -93,7 +93,7 @@ def write_comparison_page(
 
 
 def _live(comparison: Comparison) -> Live | None:
-    from diffthrust.comparison._run_plots import live_runs
+    from diffthrust.comparison._live_runs import live_runs
 
     return live_runs({str(comparison.model): comparison.runs})
 

@@ -14,7 +14,7 @@ import numpy as np
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
-from bokeh.models import CustomJS, RadioGroup
+from bokeh.models import RadioGroup
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
@@ -24,6 +24,7 @@ from diffthrust.comparison._regimes import Regime
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.simulation._runs import Run, shown_of
+from diffthrust.workbench._browser import once_ready
 from diffthrust.workbench._controls import Controls
 from diffthrust.workbench._lane import Lane, Stopped
 from diffthrust.workbench._leaving import save, script
@@ -32,12 +33,6 @@ from diffthrust.workbench._plots import Plots
 from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task
 from diffthrust.workbench._tools import Tools
-
-_TALLER = """
-const taller = Math.min(Math.max(window.innerHeight / 720, 1), 1.6)
-figures.forEach((figure, k) => { figure.height = Math.round(heights[k] * taller) })
-"""
-"""Display: plots are laid out for a window of 720 px, and grow with it."""
 
 
 class Page:
@@ -82,10 +77,7 @@ class Page:
             styles={"min-width": "430px", "flex": "1 1 430px"},
         )
         document.title = f"{session.source.name}: diffthrust"
-        figures = self.plots.figures
-        heights = {"figures": figures, "heights": [figure.height for figure in figures]}
-        taller = CustomJS(args=heights, code=_TALLER)
-        document.js_on_event(DocumentReady, taller)
+        document.js_on_event(DocumentReady, once_ready(self.plots.figures))
         # begun earlier, work costs the page seconds to load: Python runs one thread at a time
         document.on_event(DocumentReady, lambda _: self._begin())
         self._compared_by = session.setup.fitted_by

@@ -9,7 +9,7 @@ import numpy as np
 from bokeh.events import SelectionGeometry
 from bokeh.models import BoxAnnotation, BoxSelectTool, ColumnDataSource, PanTool, WheelZoomTool
 
-from diffthrust._support.envelope import bins_of, envelope, envelopes, stretches
+from diffthrust._support.envelope import bins_of, envelope, stretches
 from diffthrust._support.figures import VERMILLION
 from diffthrust.comparison._run_plots import RunPlots
 from diffthrust.simulation._runs import Run
@@ -144,10 +144,9 @@ class Plots:
         start, end = float(self.x_range.start), float(self.x_range.end)
         width = end - start
         self._span = (start - _BESIDE * width, end + _BESIDE * width)
-        columns = dict(self._columns)
-        time = columns.pop("time")
-        self._sent = bins_of(time, *self._span, int((1 + 2 * _BESIDE) * _BINS))
-        self.drawn.data = envelopes(self._sent, time, columns)
+        time, bins = self._columns["time"], int((1 + 2 * _BESIDE) * _BINS)
+        self._sent = bins_of(time, *self._span, bins)
+        self.plots.draw(self._sent, self._columns)
 
     # -- what the user does ----------------------------------------------------------------------
 

@@ -73,7 +73,7 @@ def large_log() -> dft.Log:
 
 
 def test_a_large_log_is_thinned_without_losing_a_spike(tmp_path):
-    from diffthrust.comparison._run_plots import live_runs  # private: the figure of the page
+    from diffthrust.comparison._live_runs import live_runs  # private: the figure of the page
 
     comparison = dft.compare(dft.Thruster(), large_log())
     assert written(tmp_path / "large.html", comparison).stat().st_size < LARGEST
@@ -86,7 +86,8 @@ def test_a_large_log_is_thinned_without_losing_a_spike(tmp_path):
 def test_where_bokeh_is_not_installed_pictures_are_shown(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "bokeh"]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "diffthrust.comparison._run_plots", raising=False)
+    for name in ("_live_runs", "_run_plots"):
+        monkeypatch.delitem(sys.modules, f"diffthrust.comparison.{name}", raising=False)
     monkeypatch.delitem(sys.modules, "diffthrust._support.plots", raising=False)
     monkeypatch.setitem(sys.modules, "bokeh", None)
     text = written(tmp_path / "a.html", made.found().before).read_text("utf-8")
