@@ -110,10 +110,8 @@ def _set_parameters(document: Any, session: Session) -> None:
         if name in gone or name.partition(".")[0] in gone:
             del parameters[name]
     if session.setup.moved:
-        has = session.task.model.parameters
-        moved = {n: float(f"{v:.8g}") for n, v in session.setup.values.items() if n in has}
         document.setdefault("parameters", tomlkit.table())
-        for name, value in moved.items():
+        for name, value in _moved(session).items():
             effect, dot, of_effect = name.partition(".")
             table, key = document["parameters"], name
             if dot and effect in table:
@@ -122,6 +120,12 @@ def _set_parameters(document: Any, session: Session) -> None:
                 table[key]["value"] = value
             else:
                 table[key] = value
+
+
+def _moved(session: Session) -> dict[str, float]:
+    """The values that sliders have, of parameters that the model has, as they are written."""
+    has = session.task.model.parameters
+    return {n: float(f"{v:.8g}") for n, v in session.setup.values.items() if n in has}
 
 
 def script(session: Session) -> str:
@@ -154,9 +158,7 @@ def _model_code(session: Session) -> list[str]:
     terms += [f" + {as_python(name)}" for name in setup.effects if name not in had]
     lines = [f"model = spec.model{''.join(terms)}"]
     if setup.moved:
-        has = session.task.model.parameters
-        values = {n: float(f"{v:.8g}") for n, v in setup.values.items() if n in has}
-        lines.append(f"model = model.replace({as_python(values)})")
+        lines.append(f"model = model.replace({as_python(_moved(session))})")
     return lines
 
 

@@ -57,7 +57,7 @@ class Page:
         self.regimes: tuple[Regime, ...] = ()
         self.stretch: tuple[float, float] | None = None
         self.plots = Plots(comparison.runs, self.select)
-        self.results = Results(self._select_samples)
+        self.results = Results(self.plots.light_up)
         self.controls = Controls(
             session.task.model,
             session.task.addable[0],
@@ -119,7 +119,7 @@ class Page:
     # -- the left-hand side ----------------------------------------------------------------------
 
     def _left(self) -> None:
-        source = self.session.source
+        session, source = self.session, self.session.source
         names = [log.name for log in (*source.train, *source.unseen)]
         self.title, self.verdict, self.progress = text(), text(), text()
         self.logs = RadioGroup(labels=names, active=0, width=LEFT - 20)
@@ -130,8 +130,8 @@ class Page:
         self.adding = button("Add what was found", self._add_found, "success", **wide)
         self.fitting = button("Fit", self._fit, **half)
         self.stopping = button("Stop", self._stop, **half)
-        self.undoing = button("Undo", partial(self._history, "undo"), **half)
-        self.redoing = button("Redo", partial(self._history, "redo"), **half)
+        self.undoing = button("Undo", partial(self.edit, session.undo), **half)
+        self.redoing = button("Redo", partial(self.edit, session.redo), **half)
         self.adding.visible = False
         self.left = column(
             self.title,
@@ -156,8 +156,8 @@ class Page:
         self._show_regimes()
 
     def _left_out(self) -> list[tuple[float, float]]:
-        name = self.run.record.name
-        return [(s.start, s.stop) for s in self.session.setup.left_out if s.log == name]
+        left_out = self.session.setup.left_out
+        return [(s.start, s.stop) for s in left_out if s.log == self.log_shown]
 
     # -- work ------------------------------------------------------------------------------------
 
@@ -192,7 +192,6 @@ class Page:
 
     def _fitted(self, task: Task, result: Fit) -> None:
         self.session.accept(task, result)
-        self._show_progress("", -1.0)
         self._refresh()
 
     def _diagnose(self) -> None:
@@ -202,7 +201,6 @@ class Page:
 
     def _diagnosed(self, task: Task, diagnosis: Diagnosis) -> None:
         self.session.accept_diagnosis(task, diagnosis)
-        self._show_progress("", -1.0)
         self.results.show_diagnosis(diagnosis)
         self._refresh()
 
@@ -211,13 +209,9 @@ class Page:
         if self.stretch is None:
             self._say("Select a stretch first.", "bad")
             return
-        stretch, task = Stretch(self.run.record.name, *self.stretch), self.session.task
+        stretch, task = Stretch(self.log_shown, *self.stretch), self.session.task
         where = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
-
-        def show(diagnosis: Diagnosis) -> None:
-            self._show_progress("", -1.0)
-            self.results.show_stretch(diagnosis, where)
-
+        show = partial(self.results.show_stretch, where=where)
         self._ask(partial(task.diagnose_stretch, stretch), show, f"looking at {where}")
 
     def save(self, folder: str) -> None:
@@ -245,8 +239,12 @@ class Page:
     def _ask(
         self, work: Callable[[Progress], Any], then: Callable[[Any], None], doing: str
     ) -> None:
+        def done(result: Any) -> None:
+            self._show_progress("", -1.0)
+            then(result)
+
         self._show_progress(doing, 0.0)
-        self.long.ask(work, then, self._failed, stop=True)
+        self.long.ask(work, done, self._failed, stop=True)
 
     def _stop(self) -> None:
         """Stop what is fitted or diagnosed; a program that is being compiled is finished first."""
@@ -274,26 +272,19 @@ class Page:
     # -- what the user does ----------------------------------------------------------------------
 
     def _tick(self, name: str, added: bool) -> None:
-        change = self.session.tick if added else self.session.untick
-        if self.attempt(partial(change, name)) and self.session.fit is None:
-            self._fit()
+        self.edit(partial(self.session.tick if added else self.session.untick, name))
 
     def _add_found(self) -> None:
         diagnosis = self.session.diagnosis
-        if diagnosis and self.attempt(partial(self.session.tick_all, diagnosis.added)):
-            self._fit_if_needed()
+        if diagnosis:
+            self.edit(partial(self.session.tick_all, diagnosis.added))
 
     def _fit_if_needed(self) -> None:
         if self.session.fit is None:
             self._fit()
 
-    def _history(self, step: str) -> None:
-        getattr(self.session, step)()
-        self._refresh()
-        self._fit_if_needed()
-
     def edit(self, change: Callable[[], None]) -> None:
-        """Leave something out, take it in, or shift it: the logs change, and the fit with them."""
+        """Make a change of the effects or of the logs, and the fit that it asks for."""
         if self.attempt(change):
             self._fit_if_needed()
 
@@ -324,9 +315,6 @@ class Page:
         self.results.light_up(inside)
         self.plots.light_up(np.zeros(time.size, bool))
         self.tools.show_stretch(self.stretch)
-
-    def _select_samples(self, inside: np.ndarray) -> None:
-        self.plots.light_up(inside)
 
     # -- what is shown ---------------------------------------------------------------------------
 

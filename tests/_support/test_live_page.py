@@ -78,6 +78,7 @@ def test_a_large_log_is_thinned_without_losing_a_spike(tmp_path):
     comparison = dft.compare(dft.Thruster(), large_log())
     assert written(tmp_path / "large.html", comparison).stat().st_size < LARGEST
     live = live_runs({"as given": comparison.runs})
+    assert live is not None
     assert np.nanmax(live.shown.data["measured0"]) == 999.0
     assert live.shown.data["time"].size < 25_000
     assert "each 17 samples" in live.remark

@@ -56,7 +56,7 @@ def test_a_slider_is_followed_and_its_release_can_be_undone(page):
     page._release()
     assert page.session.setup.values["alpha"] == 0.05
     assert not page.undoing.disabled
-    page._history("undo")
+    page.edit(page.session.undo)
     assert page.session.fitted
 
 
