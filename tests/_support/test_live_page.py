@@ -149,6 +149,8 @@ def test_the_page_fits_a_window(report, width):
     with looked_at(report, width) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert page.locator("img").first.is_hidden()
+        touched = "element => getComputedStyle(element).touchAction"
+        assert "pan-y" in page.locator(".bk-events").first.evaluate(touched)
         assert made.diagnosis().summary.splitlines()[0] in page.inner_text("body")
 
 

@@ -99,6 +99,14 @@ def test_by_keyboard_alone_in_a_narrow_window(demo):
         )
 
 
+def test_all_plots_are_in_sight(demo):
+    with served(demo) as (address, _), looked_at(address) as page:
+        page.get_by_role("button", name="Zoom in").first.wait_for()
+        page.wait_for_function("() => Bokeh.documents[0].is_idle")
+        boxes = [canvas.bounding_box() for canvas in page.locator("canvas").all()]
+        assert max(box["y"] + box["height"] for box in boxes if box) <= 720
+
+
 def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(demo):
     with served(demo) as (address, _), looked_at(address) as page:
         page.get_by_text("fit: converged").wait_for()
