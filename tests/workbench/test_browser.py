@@ -155,7 +155,8 @@ def test_without_its_token_there_is_no_page_and_no_connection(demo):
         with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
             connection.request("GET", "/ws", headers={**UPGRADE, "Origin": bare[:-1]})
             assert connection.getresponse().status == 101
-            assert connection.sock.recv(1) == b"\x88"  # closed at once: it gave no token
+            # closed at once, with a frame that says so or without: it gave no token
+            assert connection.sock.recv(1) in (b"\x88", b"")
 
 
 UPGRADE = {
