@@ -8,7 +8,7 @@ import equinox as eqx
 
 BY_IDENTITY = {  # they hold series, of which no one truth can be told
     "Batch", "Gaps", "Intervals", "Links", "ProblemNumbers", "Profile", "Profiles", "Record",
-    "Restart", "Sandwich", "Scores",
+    "Restart", "Sandwich", "Scores", "Varying",
 }  # fmt: skip
 
 

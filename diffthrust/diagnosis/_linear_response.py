@@ -25,7 +25,7 @@ from diffthrust._support._running.programs import program
 from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
-from diffthrust.estimation._likelihood import Quadratic, by_blocks
+from diffthrust.estimation._likelihood import Quadratic, by_blocks, tightness
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.estimation._problem import Problem
 
@@ -58,7 +58,10 @@ class LinearResponse:
         self.errors = [np.asarray(errors) for errors, _ in passed]
         paths = [path for _, path in passed]
         self.slopes = step_slopes(layout, numbers, problem.start(), paths)
-        self.cost = float(_cost_and_sigma(layout, numbers, self.errors)[0])
+        # what is each log's own, and how tight those that differ by log are about their means
+        self.own = problem.start()[problem.shared :].reshape(-1, problem.each)
+        self.tight = np.asarray(tightness(layout, numbers))
+        self.cost = float(_cost_and_sigma(layout, numbers, self.errors)[0]) + self._pull(self.own)
 
     def to(
         self, place: str, series: Sequence[np.ndarray], ends: Sequence[np.ndarray] | None = None
@@ -106,8 +109,9 @@ class LinearResponse:
         cost, sigma = _cost_and_sigma(layout, numbers, errors)
         sigma = np.asarray(sigma)
         n, extra = layout.shared, more[0].shape[1] if more else 0
-        size, starts = n + extra, len(layout.starts)
+        size, starts = n + extra, len(layout.local)
         logs = sum(batch_errors.shape[0] for batch_errors in errors)
+        cost, pull = float(cost) + self._pull(self.own), self.tight * self.own
         information = np.zeros((size + logs * starts,) * 2)
         gradient, energy, scores, at = np.zeros(size + logs * starts), 0.0, [], size
         for i, batch_errors in enumerate(errors):
@@ -127,9 +131,10 @@ class LinearResponse:
                 local = slice(at, at + starts)
                 information[:size, local] = gram[:size, size:]
                 information[local, :size] = gram[size:, :size]
-                information[local, local] = gram[size:, size:]
+                information[local, local] = gram[size:, size:] + np.diag(self.tight)
                 gradient[local] = slope[size:, 0]
                 at += starts
+        gradient[size:] += pull.ravel()
         return Quadratic(
             np.asarray(cost), gradient, information, np.asarray(energy), sigma,
             np.concatenate(scores, axis=1),
@@ -158,7 +163,7 @@ class LinearResponse:
             step = gauss_newton_step(q.information, slope, movable)
             step[further] = within
         logs = sum(map(len, self.errors))
-        starts = step[n + extra :].reshape(logs, len(self.problem.layout.starts))
+        starts = step[n + extra :].reshape(logs, self.problem.each)
         errors, at = [], 0
         for i, (batch_errors, offset) in enumerate(zip(self.errors, change, strict=True)):
             jacobian, count = self.slopes[i].jacobian, len(batch_errors)
@@ -168,7 +173,12 @@ class LinearResponse:
                 moved = moved + np.tensordot(step[further], more[i], (0, 1))
             errors.append(moved)
             at += count
-        return float(_cost_and_sigma(self.problem.layout, self.problem.numbers, errors)[0])
+        cost = float(_cost_and_sigma(self.problem.layout, self.problem.numbers, errors)[0])
+        return cost + self._pull(self.own + starts)
+
+    def _pull(self, own: np.ndarray) -> float:
+        """What parameters that differ by log cost by lying apart from their means."""
+        return 0.5 * float(np.sum(self.tight * own**2))
 
     def scores(
         self, estimated: Sequence[int], more: Sequence[np.ndarray]

@@ -339,7 +339,7 @@ def slopes(fitter: CandidateFitter, trial: TrialFit) -> list[Slopes]:
 
 def _slopes(problem: Problem, places: Sequence[int], sigma: np.ndarray) -> Iterator[Slopes]:
     """By finite differences of passes, for which nothing is compiled."""
-    z, first, states = problem.start(), problem.shared, len(problem.layout.starts)
+    z, first, states = problem.start(), problem.shared, problem.each
     high = problem.limits()[1]
     now = passes(problem, z)
     by_place = []

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
-from diffthrust.estimation._likelihood import named_values
+from diffthrust.estimation._likelihood import named_values, values_of_log
 from diffthrust.estimation._observer import Correction, Limits, limited
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.parameter import parameter
@@ -136,7 +136,7 @@ class _Step:
         self.pushed = (*layout.key.model.ports, *layout.channels)
         self.model = layout.key.model + [pushed_at(place)() for place in self.pushed]
         count = len(self.pushed) + len(self.inputs)
-        sizes = (z.shape[0], len(layout.starts), len(self.names), count, count)
+        sizes = (z.shape[0], len(layout.local), len(self.names), count, count)
         self.ends = np.cumsum((0, *sizes))
 
     def slopes(self) -> Any:
@@ -157,6 +157,12 @@ class _Step:
         pushes = next_states[..., now], next_states[..., over]
         return transition, *pushes, output, errors[..., now], jacobian, *self.passings()
 
+    def values(self, z: Any, own: Any) -> dict[str, Any]:
+        """The parameter values in this log."""
+        return values_of_log(
+            self.layout, self.numbers, named_values(self.layout, self.numbers, z), own
+        )
+
     def pushed_model(self, values: Mapping[str, Any], push: Any) -> Any:
         """The model at some values, with a push at each port and channel."""
         amounts = {f"{_push_name(place)}.amount": push[i] for i, place in enumerate(self.pushed)}
@@ -174,7 +180,7 @@ class _Step:
         ends, log, path = self.ends, self.log, self.path
         moved, initial, deviation, now, over = (w[a:b] for a, b in pairwise(ends))
         observer = self.layout.likelihood.observer
-        values = named_values(self.layout, self.numbers, self.z + moved)
+        values = self.values(self.z + moved, log.start + initial)
         model = self.pushed_model(values, now)
         limits = Limits(self.numbers.clip, self.numbers.reach)
         run = Correction(observer, model, values, log.time, log.measured, log.unsigned, limits)
@@ -238,7 +244,7 @@ class _Step:
 
     def passings(self) -> tuple[Passing, Passing]:
         """The signals along the path, at the samples and as the next ones come."""
-        values = named_values(self.layout, self.numbers, self.z)
+        values = self.values(self.z, self.log.start)
         model, hold = self.layout.key.model.bind(values), dict(self.grid.hold)
         arrived = arriving(model, self.log.time, self.log.inputs)
         series = {**self.path, **arrived, "time": self.log.time}

@@ -167,11 +167,42 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
     check_switch("doubts", options.doubts)
     if not logs:
         raise InputError("logs: expected at least one log to fit, found none.", "Give one.")
+    if model.per_log and len(logs) < 2:
+        raise InputError(
+            f"per_log: {listing(model.per_log)} is to differ from log to log, and there is one log "
+            "to fit: nothing tells by how much.",
+            "Give more logs, or leave per_log out: the value is then that of this log.",
+        )
     if all(p.fixed for p in model.parameters.values()):
         raise InputError(
             f"Every parameter of '{model}' is fixed: there is nothing to fit.",
             "Free at least one, or use compare.",
         )
+
+
+def differing_by_log(model: Any, names: Any) -> Any:
+    """The model with some parameters marked that differ from log to log.
+
+    Raises:
+        InputError: something else than a list of names, or a name that the model does not have.
+    """
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise InputError(
+            f"per_log: expected a list of names of parameters, found {short_repr(names)}.",
+            "Write per_log=['water_current.to_north'].",
+        )
+    if not names or not isinstance(model, Model):
+        return model
+    named = model.parameters
+    for name in names:
+        if name not in named:
+            near = nearest(str(name), named)
+            raise InputError(
+                f"per_log: '{model}' has no parameter {name!r}{f' ({near})' if near else ''}; it "
+                f"has {listing(named)}.",
+                "Correct the name, or add the effect that has it.",
+            )
+    return model.replace({name: {"per_log": True} for name in names})
 
 
 def check_switch(what: str, value: Any) -> None:

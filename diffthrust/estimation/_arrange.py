@@ -11,10 +11,11 @@ from diffthrust._support._running.batching import is_unbatched, padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.estimation._laws import at_rails
-from diffthrust.estimation._numbers import Batch, ProblemNumbers, Restart
+from diffthrust.estimation._numbers import Batch, ProblemNumbers, Restart, Varying
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Likelihood, SimulationError
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import unwrapped
 from diffthrust.simulation._fixed_step import starting_states
 from diffthrust.simulation._record import Record, measured_outputs
@@ -75,6 +76,7 @@ def build(
         in_loop = compact or is_large(model)
         grids.append(Grid(hold, substeps, restarted, uniform, in_loop, padded=is_unbatched()))
         batch = _batch(model, group, channels, starts, restarted, follow)
+        batch = replace(batch, start=np.pad(batch.start, ((0, 0), (0, len(model.per_log)))))
         if likelihood.law.censors:
             batch = at_rails(batch, group, channels)
         batches.append(batch)
@@ -88,6 +90,7 @@ def build(
         channels=channels,
         known_noise=tuple(s is not None for s in noise),
         starts=starts,
+        per_log=tuple((n, named[n].transform) for n in model.per_log),
         grids=tuple(grids),
         likelihood=likelihood,
         width=width,
@@ -105,9 +108,17 @@ def build(
         prior={
             n: (np.asarray(p.mean, float), np.asarray(p.std, float)) for n, p in priors.items() if p
         },
+        varying={n: varying(named[n]) for n in model.per_log},
     )
     problem = Problem(model, tuple(records), layout, numbers, tuple(order), nuisance=nuisance)
     return _for_noise(problem)
+
+
+def varying(parameter: Parameter) -> Varying:
+    """A parameter that differs by log; until its width is estimated it is a moderate change."""
+    scale = 1.0 if parameter.transform == "log" else parameter.scale
+    width = 1.0 if parameter.width is None else parameter.width / scale
+    return Varying(*(np.asarray(v, float) for v in (scale, width, *parameter.limits)))
 
 
 def _measured_starts(records: Sequence[Record]) -> set[str]:

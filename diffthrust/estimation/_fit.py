@@ -20,6 +20,7 @@ from diffthrust.estimation._arguments import (
     FitOptions,
     check_arguments,
     check_guesses,
+    differing_by_log,
     likelihood_of,
     training_and_unseen,
 )
@@ -30,6 +31,7 @@ from diffthrust.estimation._laws import rail_notes
 from diffthrust.estimation._likelihood import noise_levels
 from diffthrust.estimation._optimum import Optimum, Task, optimum_of
 from diffthrust.estimation._origin import origin_of
+from diffthrust.estimation._per_log import per_log_notes, per_log_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._refine import disturbance_of, limits_of, rounding_of
 from diffthrust.estimation._result import Fit
@@ -84,6 +86,7 @@ def fit(
     noise_model: str = "white",
     initial: Literal["auto", "estimate", "measured"] = "auto",
     substeps: int | None = None,
+    per_log: Sequence[str] = (),
     doubts: bool = True,
     progress: ProgressOption = None,
 ) -> Fit:
@@ -132,6 +135,10 @@ def fit(
             gives it by a free parameter, which is then estimated for all logs together. Over
             unseen logs only states that are not measured are estimated.
         substeps: integrator steps per sample; chosen by halving the step where ``None``.
+        per_log: parameters that differ from log to log, by full name: a current, a tare, a battery.
+            Each log has a value of its own, of a Gaussian about the mean of all; its mean and its
+            width are estimated with them (`Fit.per_log`). In an unseen log the value is estimated
+            from the first quarter, and a note says so.
         doubts: look whether all logs are sound, the unseen ones too, by
             `diffthrust.soundness.doubts`, once somebody looks at the fit's ``doubts``. Otherwise
             only channels that it hardly explains are doubted.
@@ -161,6 +168,7 @@ def fit(
         substeps=substeps,
         doubts=doubts,
     )
+    model = differing_by_log(model, per_log)
     check_arguments(model, logs, options)
     model = adopted(model, logs)
     check_guesses(model, guesses)
@@ -282,9 +290,12 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
     doubts = Later(lambda: doubts_about(little, () if failed else runs, model, doubted))
     vanished = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
+    estimates = _estimates(problem, best.z, local, shown_of(optimum.runs))
+    per_log = per_log_of(problem, best.z, best.quadratic, local.spread, estimates)
     return {
         "model": optimum.released,
-        "parameters": _estimates(problem, best.z, local, shown_of(optimum.runs)),
+        "parameters": estimates,
+        "per_log": per_log,
         "covariance": local.covariance,
         "free": problem.own,
         "status": status,
@@ -300,6 +311,7 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
             *optimum.notes,
             *notes,
             *vanished,
+            *per_log_notes(per_log),
             *optimum.coarse,
             *correlated,
             *effect_notes(optimum.model, optimum.runs),

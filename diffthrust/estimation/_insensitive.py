@@ -42,7 +42,8 @@ def without_silent(
     )
     if not silent or len(silent) == len(problem.own):
         return problem, (), first
-    return arrange(problem.model.fix(*silent)), silent, None
+    held = {name: {"fixed": True, "per_log": False} for name in silent}
+    return arrange(problem.model.replace(held)), silent, None
 
 
 def _looks(problem: Problem, points: np.ndarray, first: Solved | None) -> Iterator[Solved]:

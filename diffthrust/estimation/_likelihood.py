@@ -7,7 +7,7 @@ residuals are, and of which law, is a matter of the layout's `Likelihood`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -64,11 +64,41 @@ def named_values(layout: Layout, numbers: ProblemNumbers, z: Any) -> dict[str, A
     return {**numbers.values, **free}
 
 
+def values_of_log(
+    layout: Layout, numbers: ProblemNumbers, values: Mapping[str, Any], own: Any
+) -> dict[str, Any]:
+    """Parameter values in one log, from those of all and its coordinates; traceable."""
+    first, moved = len(layout.starts), dict(values)
+    for i, (name, transform) in enumerate(layout.per_log, start=first):
+        kind, mean = numbers.varying[name], values[name]
+        value = mean * jnp.exp(own[i]) if transform == "log" else mean + kind.scale * own[i]
+        moved[name] = jnp.clip(value, kind.low, kind.high)
+    return moved
+
+
+def tightness(layout: Layout, numbers: ProblemNumbers) -> Any:
+    """One over the variance of each coordinate of a log, ``(local,)``; initial states have none."""
+    widths = [numbers.varying[name].width for name, _ in layout.per_log]
+    return jnp.asarray([*[0.0] * len(layout.starts), *(1.0 / width**2 for width in widths)])
+
+
+def apart(layout: Layout, numbers: ProblemNumbers, own: Sequence[Any]) -> Any:
+    """What it costs that parameters that differ by log lie apart from their means; traceable.
+
+    Args:
+        layout: of the problem.
+        numbers: of the problem.
+        own: by batch what is each log's own, ``(logs, local)``.
+    """
+    tight = tightness(layout, numbers)[None]
+    return sum((0.5 * jnp.sum(tight * away**2) for away in own), jnp.zeros(()))
+
+
 def residuals(
     layout: Layout, index: int, numbers: ProblemNumbers, log: Batch, z: Any, start: Any
 ) -> Any:
     """What is summed of one log, ``(C, T)``; zero where nothing was measured."""
-    values = named_values(layout, numbers, z)
+    values = values_of_log(layout, numbers, named_values(layout, numbers, z), start)
     model = layout.key.model.bind(values)
     states = {**log.held, **{n: start[i] for i, n in enumerate(layout.starts)}}
     grid, channels = layout.grids[index], layout.channels
@@ -114,7 +144,7 @@ def _with_jacobian(
     layout: Layout, index: int, numbers: ProblemNumbers, batch: Batch, z: Any
 ) -> tuple[Any, Any]:
     """Residuals ``(B, C, T)`` and their derivatives ``(B, n + m, C, T)`` of one batch of logs."""
-    size = z.shape[0] + len(layout.starts)
+    size = z.shape[0] + len(layout.local)
 
     def one(log: Batch) -> tuple[Any, Any]:
         point = jnp.concatenate([z, log.start])
@@ -147,19 +177,27 @@ def jacobians(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[tuple[Any
 
 
 def evaluate(layout: Layout, numbers: ProblemNumbers, z: Any) -> Quadratic:
-    """Likelihood of all logs at coordinates ``z``: parameters, then initial states."""
+    """Likelihood of all logs at coordinates ``z``: parameters, then what is each log's own."""
     passes = jacobians(layout, numbers, z)
     cost, sigma = layout.cost(numbers, [r for r, _ in passes])
-    return _assemble(layout, numbers, z[: layout.shared], passes, cost, sigma)
+    shared, own = numbers.split(z, layout.shared)
+    cost += apart(layout, numbers, own)
+    return _assemble(layout, numbers, shared, own, passes, cost, sigma)
 
 
 def _assemble(
-    layout: Layout, numbers: ProblemNumbers, z: Any, passes: Any, cost: Any, sigma: Any
+    layout: Layout,
+    numbers: ProblemNumbers,
+    z: Any,
+    own: Sequence[Any],
+    passes: Any,
+    cost: Any,
+    sigma: Any,
 ) -> Quadratic:
-    n, m = layout.shared, len(layout.starts)
+    n, m, tight = layout.shared, len(layout.local), tightness(layout, numbers)[None]
     gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())
     local, cross, corners, scores = [], [], [], []
-    for (residual, jacobian), batch in zip(passes, numbers.batches, strict=True):
+    for (residual, jacobian), batch, away in zip(passes, numbers.batches, own, strict=True):
         residual, weight = layout.likelihood.law.straight(residual, sigma, batch)
         root = jnp.sqrt(weight) / sigma[None, :, None]
         residual, jacobian = residual * root, jacobian * root[:, None]
@@ -167,12 +205,12 @@ def _assemble(
         slope = products[:, :-1, -1]
         gradient += slope[:, :n].sum(0)
         information += products[:, :n, :n].sum(0)
-        energy += products[:, -1, -1].sum()
+        energy += products[:, -1, -1].sum() + (tight * away**2).sum()
         if layout.width is not None:
             scores.append(by_blocks(jacobian * residual[:, None], _BLOCKS, jnp)[:, :n])
-        local.append(slope[:, n:].reshape(-1))
+        local.append((slope[:, n:] + tight * away).reshape(-1))
         cross.append(products[:, :n, n:-1].transpose(1, 0, 2).reshape(n, -1))
-        corners.append(products[:, n:-1, n:-1])
+        corners.append(products[:, n:-1, n:-1] + jnp.diag(tight[0])[None])
     for name, (mean, std) in numbers.prior.items():
 
         def away(p: Any, name: str = name, mean: Any = mean, std: Any = std) -> Any:

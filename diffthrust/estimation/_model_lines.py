@@ -12,7 +12,7 @@ from inspect import signature
 from typing import Any
 
 from diffthrust._support.literals import ToCopy, as_python, as_toml
-from diffthrust.models._base.component import Component, file_of
+from diffthrust.models._base.component import FIELDS, Component, file_of
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.model import Model
@@ -22,8 +22,6 @@ from diffthrust.models._base.registry import catalogue
 _DIGITS = 8
 """Of a number. Errors computed from it agree to more than six: about an optimum they change with
 the square of a parameter's change. More are not those of the fit on another machine."""
-_FIELDS = ("value", "bounds", "fixed", "prior", "transform", "size")
-"""What may be changed of a parameter; unit, null and words belong to its class."""
 
 
 def python_lines(model: Model) -> str:
@@ -132,7 +130,7 @@ def _differing(model: Model) -> dict[str, dict[str, Any]]:
         made |= {f"{effect.name}.{name}": p for name, p in _constructed(effect).items()}
     fields = {}
     for name, parameter in model.parameters.items():
-        pairs = {f: (getattr(parameter, f), getattr(made[name], f)) for f in _FIELDS}
+        pairs = {f: (getattr(parameter, f), getattr(made[name], f)) for f in FIELDS}
         changed = {f: _rounded(now) for f, (now, usual) in pairs.items() if now != usual}
         if changed:
             fields[name] = changed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax
 import numpy as np
@@ -40,7 +40,8 @@ class Batch:
         time: time stamps [s]; a padded step has no length.
         inputs: series by name.
         measured: NaN where nothing was measured.
-        start: initial values of the states that are estimated.
+        start: initial values of the states that are estimated, then how far the parameters that
+            differ by log are from their means, in coordinates.
         held: initial values of the others, by name.
         unsigned: the sensor of a channel reports the absolute value.
         restarts: by state.
@@ -52,12 +53,30 @@ class Batch:
     time: Float[AnyArray, "logs time"]
     inputs: Mapping[str, Float[AnyArray, "logs time"]]
     measured: Float[AnyArray, "logs channels time"]
-    start: Float[AnyArray, "logs states"]
+    start: Float[AnyArray, "logs local"]
     held: Mapping[str, Float[AnyArray, " logs"]]
     unsigned: Bool[AnyArray, "logs channels"]
     restarts: Mapping[str, Restart]
     links: PyTree[AnyArray] = None
     beyond: Int[AnyArray, "logs channels time"] | None = None
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Varying:
+    """A parameter that differs from log to log, as coordinates have it.
+
+    Args:
+        scale: of a coordinate of one, in the parameter's unit; 1 for a logarithm.
+        width: standard deviation of the values about their mean, in coordinates.
+        low: lower bound of a value.
+        high: its upper bound.
+    """
+
+    scale: Float[AnyArray, ""]
+    width: Float[AnyArray, ""]
+    low: Float[AnyArray, ""]
+    high: Float[AnyArray, ""]
 
 
 @jax.tree_util.register_dataclass
@@ -75,6 +94,7 @@ class ProblemNumbers:
         prior: mean and standard deviation, by name of the parameter.
         clip: size of a large one-step error.
         reach: errors are limited at so many times that.
+        varying: the parameters that differ by log, in their order.
         chosen: places of the coordinates that are moved, where the layout has a width.
         gaps: what the noise model needs to know of all samples together.
     """
@@ -88,11 +108,12 @@ class ProblemNumbers:
     prior: Mapping[str, tuple[Float[AnyArray, ""], Float[AnyArray, ""]]]
     clip: Float[AnyArray, " channels"]
     reach: Float[AnyArray, ""]
+    varying: Mapping[str, Varying] = field(default_factory=dict)
     chosen: Int[AnyArray, " width"] | None = None
     gaps: PyTree[AnyArray] = None
 
     def split(self, z: AnyArray, shared: int) -> tuple[AnyArray, list[AnyArray]]:
-        """The first coordinates, so many, and by batch the initial states, ``(logs, states)``."""
+        """The first coordinates, so many, and by batch those of each log, ``(logs, local)``."""
         at, starts = shared, []
         for batch in self.batches:
             count, states = batch.start.shape

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
-from diffthrust.estimation._likelihood import named_values
+from diffthrust.estimation._likelihood import apart, named_values, values_of_log
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
@@ -69,7 +69,7 @@ def settled_start(problem: Problem) -> Problem:
     By differences: no other derivative of the passes is compiled. Errors beyond what the observer
     follows count as much as those at that limit.
     """
-    first, states = problem.shared, len(problem.layout.starts)
+    first, states = problem.shared, problem.each
     if not states:
         return problem
     z = problem.start()
@@ -133,14 +133,16 @@ def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> Any:
     observer = layout.likelihood.observer
     shared, starts = numbers.split(z, layout.shared)
     values = named_values(layout, numbers, shared)
-    model, limits = layout.key.model.bind(values), Limits(numbers.clip, numbers.reach)
+    limits = Limits(numbers.clip, numbers.reach)
     out = []
     for grid, batch, start in zip(layout.grids, numbers.batches, starts, strict=True):
 
         def one(log: Batch, grid: Grid = grid) -> Any:
             begin = {name: log.start[i] for i, name in enumerate(layout.starts)}
-            states = {**log.held, **begin}
-            return innovations(observer, model, grid, values, log, states, limits)
+            states, own = {**log.held, **begin}, values_of_log(layout, numbers, values, log.start)
+            model = layout.key.model.bind(own)
+            return innovations(observer, model, grid, own, log, states, limits)
 
         out.append(jax.lax.map(one, replace(batch, start=start)))
-    return out, layout.cost(numbers, [errors for errors, _ in out])[0]
+    cost, _ = layout.cost(numbers, [errors for errors, _ in out])
+    return out, cost + apart(layout, numbers, starts)

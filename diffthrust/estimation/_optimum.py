@@ -14,6 +14,7 @@ from diffthrust.estimation._arrange import build
 from diffthrust.estimation._horizons import Ended, by_left_out, through
 from diffthrust.estimation._insensitive import alive, without_silent
 from diffthrust.estimation._multistart import NOTICED, Search
+from diffthrust.estimation._per_log import with_widths
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._refine import polished, refined
 from diffthrust.estimation._residuals import Likelihood
@@ -70,7 +71,7 @@ class Optimum:
         horizon: of its segments.
         silent: parameters of which the logs say nothing, held.
         model: at the optimum.
-        states: initial ones, by log.
+        states: initial ones, and parameters that differ, by log.
         runs: the model over its logs.
         substeps: that were used.
         needed: that the model needs.
@@ -172,7 +173,7 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
         )
     if task.likelihood.corrects:
         search, final = refined(search, final)
-    return _ended(task, polished(search, final), final, length, silent, notes)
+    return _ended(task, search, final, length, silent, notes)
 
 
 def _arranged(task: Task, substeps: int, model: Model) -> Problem:
@@ -185,7 +186,7 @@ def _arranged(task: Task, substeps: int, model: Model) -> Problem:
         likelihood=task.likelihood,
     )
     steps = sum(map(len, task.records)) * substeps
-    small = steps * (len(problem.layout.free) + len(problem.layout.starts)) <= _QUICK
+    small = steps * (len(problem.layout.free) + problem.each) <= _QUICK
     return replace(problem, quick_compile=task.quick_compile and small)
 
 
@@ -226,7 +227,7 @@ def _finer(task: Task, optimum: Optimum, substeps: int) -> Optimum | None:
     if task.likelihood.corrects:
         search, problem = refined(search, problem)
     parts = (optimum.horizon, optimum.silent, optimum.notes)
-    return _ended(task, polished(search, problem), problem, *parts)
+    return _ended(task, search, problem, *parts)
 
 
 def _ended(
@@ -238,8 +239,10 @@ def _ended(
     notes: tuple[str, ...],
 ) -> Optimum:
     """The optimum with its runs, and the steps that they need."""
+    search, final = with_widths(search, final)
+    search = polished(search, final)
     model, substeps = final.model_at(search.best.z), final.layout.grids[0].substeps
-    states = tuple(final.initial_states(search.best.z))
+    states = tuple(final.numbers_by_log(search.best.z))
     failed = not np.isfinite(search.best.quadratic.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
     needed = substeps

@@ -22,7 +22,9 @@ class Layout:
     """What fixes the compiled code of a problem; equal layouts share it.
 
     With a ``width`` only so many coordinates are moved at a time, and which ones is a matter of
-    numbers: many selections of parameters (see `Problem.focus`) then share one compilation.
+    numbers: many selections of parameters (see `Problem.focus`) then share one compilation. Each
+    log has coordinates of its own: where the states ``starts`` begin, and how far the parameters
+    ``per_log`` (with their transforms) are from the means that all logs share.
     """
 
     key: Key
@@ -31,14 +33,20 @@ class Layout:
     channels: tuple[str, ...]
     known_noise: tuple[bool, ...]
     starts: tuple[str, ...]
+    per_log: tuple[tuple[str, str], ...]
     grids: tuple[Grid, ...]
     likelihood: Likelihood
     width: int | None = None
 
     @property
     def shared(self) -> int:
-        """Number of coordinates before the initial states of the logs."""
+        """Number of coordinates before those of the logs."""
         return self.width or len(self.free)
+
+    @property
+    def local(self) -> tuple[str, ...]:
+        """What each log has coordinates of its own for: initial states, then parameters."""
+        return (*self.starts, *(name for name, _ in self.per_log))
 
     def cost(self, numbers: ProblemNumbers, rests: Sequence[Any]) -> Any:
         """Negative log-likelihood of residuals, and the noise level of each channel."""
@@ -95,7 +103,7 @@ class Problem:
     ) -> Problem:
         """The same problem with other values, in which only these parameters are moved.
 
-        ``begin`` gives the initial states, ``(local,)``, in the order of the coordinates.
+        ``begin`` gives the coordinates of the logs, ``(local,)``, in their order.
         """
         layout, named = self.layout, self.named
         assert layout.width is not None
@@ -120,22 +128,25 @@ class Problem:
 
     @property
     def local(self) -> int:
-        """Number of estimated initial states over all logs."""
-        return len(self.layout.starts) * len(self.records)
+        """Number of coordinates of all logs: initial states, and parameters that differ by log."""
+        return self.each * len(self.records)
 
     def sign_free(self) -> list[int]:
         """Coordinates of initial states that only an unsigned sensor reads."""
         at, out = self.shared, []
         for indices in self.order:
             for index in indices:
-                for state in self.layout.starts:
+                for state in self.layout.local:
                     if state in self.records[index].unsigned:
                         out.append(at)
                     at += 1
         return [] if self.held else out
 
     def start(self) -> np.ndarray:
-        """Coordinates of the model's present values and of the measured initial states."""
+        """Coordinates of the model's present values and of the measured initial states.
+
+        A parameter that differs by log begins at its mean in all of them.
+        """
         named = self.named
         ahead = [float(named[n].to_coordinate(named[n].value)) for n in self.free]
         states = [np.asarray(batch.start).reshape(-1) for batch in self.numbers.batches]
@@ -166,7 +177,7 @@ class Problem:
         if self.held:
             start, at = self.start(), self.shared
             for record in self._in_order:
-                for state in self.layout.starts:
+                for state in self.layout.local:
                     if state in record.measured_states:
                         low[at] = high[at] = start[at]
                     at += 1
@@ -181,7 +192,7 @@ class Problem:
         """
         pairs = []
         for record in self._in_order:
-            for state in self.layout.starts:
+            for state in self.layout.local:
                 measured = record.measured_states.get(state, np.array([]))
                 if state in self.model.angles or not np.isfinite(measured).any():
                     pairs.append((-np.inf, np.inf))
@@ -200,7 +211,7 @@ class Problem:
 
     @property
     def shared(self) -> int:
-        """Number of coordinates before the initial states of the logs."""
+        """Number of coordinates before those of the logs."""
         return self.layout.shared
 
     def values(self, z: np.ndarray) -> dict[str, float]:
@@ -224,12 +235,49 @@ class Problem:
             [values[n] if named[n].transform == "log" else named[n].scale for n in self.free]
         )
 
-    def initial_states(self, z: np.ndarray) -> list[dict[str, float]]:
-        """Estimated initial states of each log, in the order of ``records``."""
-        starts, at = self.layout.starts, self.shared
-        out: list[dict[str, float]] = [{} for _ in self.records]
-        for indices in self.order:
-            for index in indices:
-                out[index] = dict(zip(starts, map(float, z[at : at + len(starts)]), strict=True))
-                at += len(starts)
+    def numbers_by_log(self, z: np.ndarray) -> list[dict[str, float]]:
+        """What is each log's own, in the order of ``records``: initial states and parameters."""
+        means, out = self.values(z), [{} for _ in self.records]
+        for index, at in self.places.items():
+            own = dict(zip(self.layout.local, map(float, z[at : at + self.each]), strict=True))
+            for name, _ in self.layout.per_log:
+                own[name] = self._moved(name, means[name], own[name])
+            out[index] = own
         return out
+
+    def coordinates_by_log(self, numbers: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """The coordinates of what is each log's own, ``(local,)``; see `numbers_by_log`.
+
+        What is not given begins at zero, and a parameter at the mean of all logs.
+        """
+        out, means = np.zeros(self.local), {n: self.named[n].value for n, _ in self.layout.per_log}
+        for index, at in self.places.items():
+            own = {**dict.fromkeys(self.layout.starts, 0.0), **means, **numbers[index]}
+            away = (self._apart(name, own[name]) for name in means)
+            out[at - self.shared :][: self.each] = [*(own[n] for n in self.layout.starts), *away]
+        return out
+
+    def _moved(self, name: str, mean: float, away: float) -> float:
+        """The value of a parameter in a log, from the mean of all and its coordinate."""
+        own = self.numbers.varying[name]
+        log = self.named[name].transform == "log"
+        value = mean * np.exp(away) if log else mean + away * float(own.scale)
+        return float(np.clip(value, own.low, own.high))
+
+    def _apart(self, name: str, value: float) -> float:
+        """The coordinate of a parameter in a log; the reverse of `_moved`."""
+        mean, own = self.named[name].value, self.numbers.varying[name]
+        if self.named[name].transform == "log":
+            return float(np.log(value / mean))
+        return (value - mean) / float(own.scale)
+
+    @property
+    def each(self) -> int:
+        """Number of coordinates of one log."""
+        return len(self.layout.local)
+
+    @property
+    def places(self) -> dict[int, int]:
+        """Of each record the place of its first coordinate, in the order of the coordinates."""
+        order = [index for indices in self.order for index in indices]
+        return {index: self.shared + row * self.each for row, index in enumerate(order)}

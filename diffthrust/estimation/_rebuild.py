@@ -88,12 +88,8 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
         ),
     )
     problem = restarts(_as_fitted(problem, fit), fit.horizon, hold=fit.held)
-    begin = [
-        [fit.initial[index].get(state, 0.0) for state in problem.layout.starts]
-        for indices in problem.order
-        for index in indices
-    ]
-    z = np.concatenate([problem.start()[: problem.shared], np.ravel(begin)])
+    begin = problem.coordinates_by_log(fit.initial)
+    z = np.concatenate([problem.start()[: problem.shared], begin])
     cost = float(solve(problem, z, budget=1).quadratic.cost)
     samples = float(np.sum(problem.numbers.counts))
     if not math.isclose(cost, -fit.log_likelihood, rel_tol=0, abs_tol=_SAME * samples):

@@ -28,6 +28,7 @@ from diffthrust._support.saved_file import write_saved
 from diffthrust._support.words import number
 from diffthrust.estimation._estimate import Estimate, noise_rows, parameter_rows
 from diffthrust.estimation._origin import Origin, closing
+from diffthrust.estimation._per_log import PerLog, per_log_section
 from diffthrust.estimation._status import Checks, Status
 from diffthrust.export._export import ExportTo, exported
 from diffthrust.export._exported import Exported
@@ -62,7 +63,7 @@ class Fit(Result):
         holdout: the same on unseen logs, or ``None``.
         log_likelihood: of the training logs, with any priors, without constants of the noise law:
             comparable between models on the same logs, not between losses.
-        initial: estimated initial states of each training log.
+        initial: estimated initial states of each training log, and its numbers ``per_log``.
         horizon: length [s] of the segments of the last stage; ``None`` for whole runs.
         likelihood: "simulation" or "innovations".
         loss: "gaussian" or "student_t".
@@ -89,6 +90,8 @@ class Fit(Result):
             (`diffthrust.soundness.doubts`), channels of which the fit explains little, and
             parameters that ran very far from where they began. They are looked for at the first
             look at any of them.
+        per_log: mean, width and the value of each training log of the parameters that differ by
+            log, by full name.
         doubts_sought: whether the logs are looked at for doubts.
         logs: the training logs, then the unseen ones, for `plot`; empty for a fit from a file or
             from another process.
@@ -135,6 +138,7 @@ class Fit(Result):
     coarse: tuple[str, ...] = field(default=(), repr=False)
     doubts: tuple[Doubt, ...] | Later[Doubt] = field(default=(), repr=False)
     doubts_sought: bool = True
+    per_log: Mapping[str, PerLog] = field(default_factory=dict, repr=False)
     logs: tuple[Log, ...] = field(default=(), repr=False, compare=False, metadata={"saved": False})
 
     def __getstate__(self) -> dict[str, Any]:
@@ -198,6 +202,7 @@ class Fit(Result):
                 Outcome("Status", status, self.message),
             ),
             Section("", parameter_rows(self.parameters)),
+            per_log_section(self.per_log),
             Section("", noise_rows(self.disturbance or {})),
             Section(
                 "",
@@ -319,6 +324,7 @@ class Fit(Result):
             "train": self.train.to_json(),
             "holdout": self.holdout.to_json() if self.holdout else None,
             "checks": dict(vars(self.checks)),
+            "per_log": {name: found.to_json() for name, found in self.per_log.items()},
             "doubts": [doubt.to_json() for doubt in self.doubts],
         }
         return plain(written)

@@ -155,8 +155,11 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
 
 
 def _suspects(fit: Fit, times: float) -> Iterator[tuple[str, float]]:
-    """Free parameters, away from their bounds, at so many times where they began."""
-    for name in fit.free:
+    """Free parameters, away from their bounds, at so many times where they began.
+
+    The mean of what differs by log is bound by the values: it is not where the logs begin.
+    """
+    for name in (name for name in fit.free if name not in fit.per_log):
         estimate, parameter = fit.parameters[name], fit.model.parameters[name]
         size = max(abs(fit.guess[name]), abs(parameter.null or 0.0))
         if size > 0 and not estimate.at_bound and abs(estimate.value) >= times * size:

@@ -83,6 +83,7 @@ class Checks:
 class Local:
     """The neighbourhood of an optimum: what is known there and what is not.
 
+    ``spread`` is the covariance of all coordinates, ``(n, n)``; NaN where there is none.
     ``rounding`` is the part of the gradient that floating-point numbers do not resolve.
     """
 
@@ -94,6 +95,7 @@ class Local:
     at_bound: tuple[str, ...]
     vanished: tuple[str, ...]
     covariance: np.ndarray
+    spread: np.ndarray
     combinations: tuple[str, ...]
     rounding: float = 0.0
 
@@ -108,9 +110,9 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     """
     low, high = problem.limits()
     k, free = len(problem.own), len(problem.free)
-    out = np.full((k, k), np.nan)
+    out, every = np.full((k, k), np.nan), np.full((z.size, z.size), np.nan)
     if not np.isfinite(q.cost):
-        return Local(np.inf, 0, z.size, 0, np.inf, (), (), out, ())
+        return Local(np.inf, 0, z.size, 0, np.inf, (), (), out, every, ())
     g, information = np.asarray(q.gradient), np.asarray(q.information)
     at_low = (z <= low + 1e-9) & (g >= 0)
     at_high = (z >= high - 1e-9) & (g <= 0)
@@ -144,6 +146,7 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     unknown = np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)
     inverse[unknown, :] = np.nan
     inverse[:, unknown] = np.nan
+    every[np.ix_(inside, inside)] = inverse
     ours = inside[inside < k]
     slopes = problem.slopes(z)[ours]
     out[np.ix_(ours, ours)] = inverse[: ours.size, : ours.size] * np.outer(slopes, slopes)
@@ -163,6 +166,7 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
         at_bound=names,
         vanished=tuple(problem.free[i] for i in np.flatnonzero(vanishing[:k])),
         covariance=out,
+        spread=every,
         combinations=combinations,
     )
 
@@ -199,7 +203,9 @@ def _combination(problem: Problem, inside: np.ndarray, direction: np.ndarray) ->
         if abs(change) < 1e-3:
             continue
         if i >= k:
-            parts.append("an initial state")
+            own = problem.layout.local[(i - problem.shared) % problem.each]
+            starts = own in problem.layout.starts
+            parts.append("an initial state" if starts else f"{own} of a log")
             continue
         p = named[problem.free[i]]
         if p.transform == "log":

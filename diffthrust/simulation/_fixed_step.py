@@ -50,7 +50,7 @@ def simulate_fixed(
     Args:
         model: the model at its present values.
         record: inputs, time base, and measured initial states.
-        initial: other initial states, by name.
+        initial: other initial states, and values of parameters that differ by log, by name.
         substeps: integrator steps per sample.
 
     Raises:
@@ -68,8 +68,10 @@ def simulated_from(
     start: Mapping[str, float],
     substeps: int,
 ) -> dict[str, np.ndarray]:
-    """As `simulate_fixed`, from the given initial states alone and with values of parameters."""
+    """As `simulate_fixed`, from the given start alone and with values of parameters."""
     inputs = record.inputs_for(key.model)
+    differing = {n: start[n] for n in key.model.per_log if n in start}
+    values, start = {**values, **differing}, {n: x for n, x in start.items() if n not in differing}
     outputs, states = _run(
         key,
         Grid(
@@ -89,11 +91,12 @@ def simulated_from(
 
 
 def checked_initial(model: Model, initial: Any) -> dict[str, float]:
-    """Initial states by name, as numbers.
+    """Initial states, and parameters that differ by log, by name, as numbers.
 
     Raises:
         InputError: something else, or a state that the model does not have.
     """
+    units = {**model.all_states, **{n: model.parameters[n].unit for n in model.per_log}}
     if initial is None:
         return {}
     if not isinstance(initial, Mapping):
@@ -101,12 +104,15 @@ def checked_initial(model: Model, initial: Any) -> dict[str, float]:
             f"initial: expected a mapping from states to values, found {initial!r}.",
             f"Write initial={{'{next(iter(model.all_states), 'state')}': 0.0}}.",
         )
-    unknown = [name for name in initial if name not in model.all_states]
+    unknown = [name for name in initial if name not in units]
     if unknown:
+        shared = [name for name in unknown if name in model.parameters]
         raise InputError(
-            f"The model '{model}' has no state {listing(unknown)}; "
-            f"it has {listing(model.all_states)}.",
-            "Correct the names under initial.",
+            f"The model '{model}' has no state {listing(unknown)}; it has {listing(units)}.",
+            f"{listing(shared)} is one number for all logs: mark it with "
+            f"model.replace({{{shared[0]!r}: {{'per_log': True}}}})."
+            if shared
+            else "Correct the names under initial.",
         )
     start = {}
     for name, value in initial.items():
@@ -115,9 +121,10 @@ def checked_initial(model: Model, initial: Any) -> dict[str, float]:
         except (TypeError, ValueError):
             start[name] = math.nan
         if not math.isfinite(start[name]):
+            kind = "state" if name in model.all_states else "parameter"
             raise InputError(
-                f"initial: expected a finite number for the state '{name}', found {value!r}.",
-                f"Give a number in {model.all_states[name] or 'no unit'}.",
+                f"initial: expected a finite number for the {kind} '{name}', found {value!r}.",
+                f"Give a number in {units[name] or 'no unit'}.",
             )
     return start
 

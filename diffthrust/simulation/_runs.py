@@ -18,7 +18,7 @@ from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._overflow import overflow, too_large
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._starts import estimated_start, unknown_starts
+from diffthrust.simulation._starts import FIRST_PART, estimated_start, unknown_starts
 from diffthrust.simulation._step_size import (
     StepChoice,
     fewest_steps,
@@ -50,8 +50,10 @@ class Run(Brief):
         record: the log bound to the model, to simulate it again; ``log`` is what to read.
         signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
         units: unit of each signal.
-        start: initial states that were given, and those that were estimated from the run.
+        start: initial states, and parameters that differ by log, that were given, and those that
+            were estimated from the run.
         estimated: names of the latter: no sensor tells where they begin.
+        differing: parameters among them, which differ by log.
         substeps: integrator steps per sample.
         failure: when and by which state the simulation left the finite numbers; mostly empty.
         choice: how many steps it needs, where that was examined.
@@ -67,6 +69,7 @@ class Run(Brief):
     start: Mapping[str, float]
     substeps: int
     estimated: tuple[str, ...] = ()
+    differing: tuple[str, ...] = ()
     failure: str = ""
     choice: StepChoice | None = field(default=None, repr=False)
 
@@ -196,6 +199,7 @@ def _run(
         start=start,
         substeps=substeps,
         estimated=estimated,
+        differing=tuple(name for name in estimated if name in model.per_log),
         failure=overflow(model, record, modelled) or too_large(model, record, modelled),
         choice=choice,
     )
@@ -215,14 +219,24 @@ def _trace(model: Model, record: Record, name: str, modelled: np.ndarray) -> Tra
 
 
 def start_notes(runs: Sequence[Run]) -> tuple[str, ...]:
-    """A note on initial states that were estimated from the very runs that are compared."""
+    """Notes on what was estimated from the very runs that are compared."""
     names = dict.fromkeys(name for run in runs for name in run.estimated)
-    if not names:
-        return ()
-    return (
-        f"No sensor tells where {listing(names)} begins: its initial value is the one with which "
-        "each run errs least.",
-    )
+    differing = dict.fromkeys(name for run in runs for name in run.differing)
+    starts = [name for name in names if name not in differing]
+    part = f"the first {100 * FIRST_PART:.0f} % of each run"
+    notes = []
+    if starts:
+        where = f"{part} errs" if differing else "each run errs"
+        notes.append(
+            f"No sensor tells where {listing(starts)} begins: its initial value is the one with "
+            f"which {where} least."
+        )
+    if differing:
+        notes.append(
+            f"{listing(differing)} differs by log: estimated from {part}, which the errors count, "
+            "too; the remainder is predicted."
+        )
+    return tuple(notes)
 
 
 def failures(runs: Sequence[Run]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Where states begin that no sensor tells of.
+"""What is each log's own: where states begin that no sensor tells of, parameters that differ.
 
 An initial state that is not measured is one of three. It **follows** from the parameters where the
 model's `initial` says so by a free one, which all logs then share. It is **unknown** where a
@@ -7,11 +7,17 @@ estimated from that run, by least squares, as `compare` of System Identification
 of no account, and begins where the model says. The states of effects begin as the effects say:
 settled at the beginning of the log; but those that an effect calls its `free_starts` (the phase of
 a wave) are unknown, too.
+
+A **parameter that differs by log** (a current, a tare) is one more unknown: a fit estimates it for
+each of its logs about a mean that all share. In an unseen run it is estimated from the first part
+of the run alone, so that the remainder is a prediction; where that part tells little, it stays near
+the mean, by the width that the fit has found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -34,6 +40,9 @@ _STUCK = 1e6
 """With more damping there is no way down."""
 _NUDGE = 1e-4
 """Derivatives are taken by differences over this share of a state's size."""
+FIRST_PART = 0.25
+"""The share of an unseen run from which its own numbers are estimated: three quarters are left to
+be predicted. A manoeuvre has turned through all headings in it that tell a current from a wind."""
 _FAR = 10.0
 """So far from the model's own start, in sizes of the state, counts like one sample that errs by the
 spread of its channel: a start that the run hardly feels stays near."""
@@ -82,12 +91,16 @@ def _upstream(key: Key, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> fr
 
 
 def unknown_starts(model: Model, record: Record, start: Mapping[str, float]) -> tuple[str, ...]:
-    """The states whose beginning is unknown and that a measured output depends on."""
+    """What is unknown of a run and a measured output depends on.
+
+    Where states begin, and parameters that differ by log.
+    """
+    differing = tuple(n for n in model.per_log if n not in start)
     settled = {*record.inputs, *start, *record.start}
     if settled >= {*model.states, *model.free_starts}:
-        return ()
+        return differing
     settled |= {*following(model, [record])}
-    return tuple(n for n in felt(model, [record]) if n not in settled)
+    return (*(n for n in felt(model, [record]) if n not in settled), *differing)
 
 
 def estimated_start(
@@ -97,18 +110,22 @@ def estimated_start(
     names: Sequence[str],
     substeps: int,
 ) -> dict[str, float]:
-    """The initial values of some states with which a whole run errs least.
+    """The numbers of its own with which a run errs least.
 
     Args:
         model: the model at its present values.
         record: the run.
         given_start: initial values of other states.
-        names: the states that are sought.
+        names: the states that are sought, and the parameters that differ by log.
         substeps: integrator steps per sample.
 
     Returns:
-        The values: least squares of the errors of all measured channels, each over its spread.
+        The values: least squares of the errors of all measured channels, each over its spread. With
+        a parameter among them those of the first part of the run, and each parameter within its
+        width about its mean: errors then count by what the least squares alone leave of them.
     """
+    differing = [n for n in names if n in model.per_log]
+    record = first_part(record) if differing else record
     key, values = Key(model), {name: p.value for name, p in model.parameters.items()}
     fixed = {**record.start, **given_start}
 
@@ -116,39 +133,80 @@ def estimated_start(
         start = {**fixed, **dict(zip(names, map(float, x), strict=True))}
         return simulated_from(key, values, record, start, substeps)
 
-    begin = starting_states(model, record)
-    x = _least_squares(
-        simulate, lambda path: _errors(model, record, path), {n: begin[n] for n in names}
-    )
+    def errors(path: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return _errors(model, record, path)
+
+    begin = {**values, **starting_states(model, record)}
+    x = np.array([begin[n] for n in names], float)
+    # The size of a state is what it reaches in the run: its initial value is often zero.
+    reached = simulate(x)
+    sizes = {n: np.max(np.abs(reached[n])) for n in names if n not in differing}
+    sizes |= {n: model.parameters[n].scale for n in differing}
+    size = np.array([sizes[n] if np.isfinite(sizes[n]) and sizes[n] > 0 else 1.0 for n in names])
+    x = _least_squares(lambda x: _stacked(errors(simulate(x))), x, size, _FAR * size)
+    widths = [_width(model, n) for n in differing]
+    if differing and None not in widths:
+        # a first part that tells nothing of a current would else give it any value
+        levels = {n: np.sqrt(np.mean(e**2)) or 1.0 for n, e in errors(simulate(x)).items()}
+        means = {**dict(zip(names, x, strict=True)), **{n: begin[n] for n in differing}}
+        x = _least_squares(
+            lambda x: _stacked({n: e / levels[n] for n, e in errors(simulate(x)).items()}),
+            np.array([means[n] for n in names]),
+            size,
+            np.array([*_FAR * size[: len(names) - len(differing)], *widths]),
+        )
     return dict(zip(names, map(float, x), strict=True))
 
 
+def first_part(record: Record) -> Record:
+    """The record with the measurements of its first part alone."""
+    end = record.time[0] + FIRST_PART * (record.time[-1] - record.time[0])
+    measured = {
+        name: np.where(record.time <= end, values, np.nan)
+        for name, values in record.measured.items()
+    }
+    return replace(record, measured=measured)
+
+
+def _width(model: Model, name: str) -> float | None:
+    """The standard deviation of a parameter about its mean, in its unit; None before any fit."""
+    p = model.parameters[name]
+    return p.width if p.width is None or p.transform == "linear" else p.width * p.value
+
+
 @np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are reported elsewhere
-def _errors(model: Model, record: Record, path: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Measured minus modelled of every channel, over its spread."""
-    errors = []
+def _errors(model: Model, record: Record, path: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Measured minus modelled of every channel that has measurements, over its spread."""
+    errors = {}
     for name, measured in record.observed.items():
         valid = np.isfinite(measured)
         modelled = np.abs(path[name]) if name in record.unsigned else path[name]
         residual = (measured - modelled)[valid]
         residual = wrapped(residual) if name in model.angles else residual
-        errors.append(np.asarray(residual) / (float(np.std(measured[valid])) or 1.0))
-    return np.concatenate(errors)
+        if residual.size:
+            errors[name] = np.asarray(residual) / (float(np.std(measured[valid])) or 1.0)
+    return errors
+
+
+def _stacked(errors: Mapping[str, np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.array([]), *errors.values()])
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of starts and steps at which the run diverges
-def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np.ndarray:
-    """Levenberg-Marquardt over a few numbers, by differences, from where the model begins.
+def _least_squares(
+    errors: Callable[[np.ndarray], np.ndarray],
+    first: np.ndarray,
+    size: np.ndarray,
+    far: np.ndarray,
+) -> np.ndarray:
+    """Levenberg-Marquardt over a few numbers, by differences, from ``first``.
 
-    By differences, for a derivative of the simulation would be another program to compile.
+    By differences, for a derivative of the simulation would be another program to compile. So
+    ``far`` from where it begins, a number counts like one error of one.
     """
-    first = np.array([*begin.values()], float)
-    # The size of a state is what it reaches in the run: its initial value is often zero.
-    sizes = [np.max(np.abs(simulate(first)[n])) for n in begin]
-    size = np.array([s if np.isfinite(s) and s > 0 else 1.0 for s in sizes])
 
     def residuals(y: np.ndarray) -> np.ndarray:
-        return np.append(errors(simulate(first + size * y)), y / _FAR)
+        return np.append(errors(first + size * y), size * y / far)
 
     y, damping = np.zeros(first.size), 1e-3
     current = residuals(y)
@@ -160,7 +218,7 @@ def _least_squares(simulate: Any, errors: Any, begin: Mapping[str, float]) -> np
             # scaling.
             step = np.linalg.solve(square + damping * np.diag(np.diag(square)), gradient)
             trial = residuals(y - step)
-            fell = max(0.0, 1.0 - float(trial @ trial) / float(current @ current))
+            fell = max(0.0, 1.0 - float(trial @ trial) / (float(current @ current) or 1.0))
             damping *= 0.1 if fell > 0 else 10.0
             if fell > 0:
                 y, current = y - step, trial

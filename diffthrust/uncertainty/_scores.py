@@ -75,7 +75,7 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
         >>> sample_scores(*problem_of(fit, logs)).lag_one()
     """
     batches = _pass(problem.layout, problem.numbers, jnp.asarray(z))
-    n, m = problem.shared, len(problem.layout.starts)
+    n, m = problem.shared, problem.each
     curvature = np.zeros((z.size, z.size))
     rows_of: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     at = n

@@ -90,7 +90,7 @@ def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials, 
 def test_trials_of_whole_runs_err_as_a_plain_simulation_does(trials, simulated):
     made, _ = trials
     model = made.model.replace({n: simulated.values[n] for n in made.free})
-    starts = simulated.at_values.initial_states(simulated.at_values.start())
+    starts = simulated.at_values.numbers_by_log(simulated.at_values.start())
     runs = runs_over(model, made.records, initial=starts, substeps=2)
     assert not simulation_fitter(made).nuisance
     for run, passed in zip(runs, simulated.passed, strict=True):

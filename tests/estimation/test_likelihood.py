@@ -63,7 +63,7 @@ def plain_residuals(problem, z):
     model = problem.model.replace(problem.values(z))
     out = {name: [] for name in problem.layout.channels}
     grid = problem.layout.grids[0]
-    for record, start in zip(problem.records, problem.initial_states(z), strict=True):
+    for record, start in zip(problem.records, problem.numbers_by_log(z), strict=True):
         log = record.counted
         found = simulate(model, log, initial=start, substeps=grid.substeps)
         for name in out:
@@ -292,7 +292,7 @@ def test_logs_of_different_lengths_add_up(counts):
     z = joint.start()
     z[:3] += [0.1, -0.05, 0.07]
     whole = evaluated(joint, z)
-    starts = joint.initial_states(z)
+    starts = joint.numbers_by_log(z)
     cost, gradient, information = 0.0, np.zeros(3), np.zeros((3, 3))
     for log, start in zip(logs, starts, strict=True):
         alone = build(GUESS, [log])
@@ -312,10 +312,10 @@ def test_the_order_of_the_logs_changes_nothing():
     other = evaluated(backward, backward.start())
     assert float(one.cost) == pytest.approx(float(other.cost), rel=1e-12)
     assert (
-        forward.initial_states(forward.start()) == backward.initial_states(backward.start())[::-1]
+        forward.numbers_by_log(forward.start()) == backward.numbers_by_log(backward.start())[::-1]
     )
     for problem in (forward, backward):  # each log gets its own first measurement
-        starts = problem.initial_states(problem.start())
+        starts = problem.numbers_by_log(problem.start())
         for record, start in zip(problem.records, starts, strict=True):
             assert start["speed"] == record.measured["speed"][0]
 

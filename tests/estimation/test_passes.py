@@ -76,7 +76,7 @@ def test_runs_begin_where_they_err_least(problem):
             e = now[i].errors[c]
             expected[i, name] = z[at] - (slope[seen] @ e[seen]) / (slope[seen] @ slope[seen])
             assert len(given)
-    for i, states in enumerate(begun.initial_states(begun.start())):
+    for i, states in enumerate(begun.numbers_by_log(begun.start())):
         for name in ("x", "y"):
             # the limits bend errors a little: 1e-8 at a hundredth of them
             assert states[name] == pytest.approx(expected[i, name], rel=1e-5)

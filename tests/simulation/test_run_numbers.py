@@ -223,34 +223,28 @@ def test_the_start_with_which_a_run_errs_least():
 
     asked = []
 
-    def ran(x):
+    def errors(x):
         asked.append(x)
-        return {"fast": x[1] * np.exp(-3.0 * time), "slow": x[0] * np.exp(-0.8 * time)}
+        modelled = x[0] * np.exp(-0.8 * time) + x[1] * np.exp(-3.0 * time)
+        return (measured - modelled) / 0.01
 
-    def off(path):
-        return (measured - path["fast"] - path["slow"]) / 0.01
-
-    found = starts_module._least_squares(ran, off, {"slow": 1.0, "fast": -4.0})
-    # a start ten sizes away counts like one sample that errs by the spread of its channel
     sizes = np.array([1.0, 4.0])
+    found = starts_module._least_squares(errors, np.array([1.0, -4.0]), sizes, 10.0 * sizes)
+    # a start ten sizes away counts like one sample that errs by the spread of its channel
     rows = np.stack([np.exp(-0.8 * time), np.exp(-3.0 * time)], axis=1) / 0.01
     pull = np.diag(1.0 / (10.0 * sizes))
     held = pull @ [1.0, -4.0]
     best = np.linalg.lstsq(np.vstack([rows, pull]), np.append(measured / 0.01, held), rcond=None)
     np.testing.assert_allclose(found, best[0], rtol=1e-6)
     assert len(asked) < 15  # of three runs a step
-    far = starts_module._least_squares(
-        lambda x: {"x": x}, lambda path: np.array([path["x"][0] - 90.0]), {"x": 1}
-    )
-    assert far[0] == pytest.approx((90.0 + 0.01) / 1.01, rel=1e-6)
-    bent = starts_module._least_squares(
-        lambda x: {"x": x}, lambda path: 1e3 * (path["x"] ** 3 - 27.0), {"x": 0.5}
-    )
-    assert bent[0] == pytest.approx(3.0, rel=1e-5)
-    still = starts_module._least_squares(
-        lambda x: {"x": x}, lambda path: np.full(1, np.nan), {"x": 0.5}
-    )
-    assert still[0] == 0.5
+
+    def single(errors, first, far):
+        one = np.array([first])
+        return starts_module._least_squares(errors, one, np.abs(one), np.array([far]))[0]
+
+    assert single(lambda x: x - 90.0, 1.0, 10.0) == pytest.approx((90.0 + 0.01) / 1.01, rel=1e-6)
+    assert single(lambda x: 1e3 * (x**3 - 27.0), 0.5, 5.0) == pytest.approx(3.0, rel=1e-5)
+    assert single(lambda x: np.full(1, np.nan), 0.5, 5.0) == 0.5
 
 
 # Runs.

@@ -15,6 +15,9 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.models._base.parameter import Parameter
 
+FIELDS = ("value", "bounds", "fixed", "prior", "transform", "size", "per_log", "width")
+"""What may be changed of a parameter; unit, null and words belong to its class."""
+
 
 class Component:
     """An immutable thing with named parameters; the base of `Model` and `Effect`.
@@ -181,7 +184,7 @@ class _Described:
         parameters = self.component._parameters
         object.__setattr__(self, "names", tuple(parameters))
         # numbers are leaves and left out: models that differ in values share one compiled program
-        described = tuple(replace(p, value=0.0) for p in parameters.values())
+        described = tuple(replace(p, value=0.0, width=None) for p in parameters.values())
         object.__setattr__(self, "parameters", described)
         object.__setattr__(self, "structure", self.component.structure)
 
@@ -211,11 +214,11 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any], name: st
                 "the unit of a parameter belongs to its model.",
                 f"Convert the value to {unit} and leave the unit out.",
             )
-        unknown = set(new) - {"value", "bounds", "fixed", "prior", "transform", "size"}
+        unknown = set(new) - {*FIELDS}
         if unknown:
             raise InputError(
                 f"Parameter '{name}': there is no field {listing(sorted(unknown))}.",
-                "Fields are value, bounds, fixed, prior, transform and size.",
+                f"Fields are {listing(FIELDS)}.",
             )
         return replace(old, **new)
     try:

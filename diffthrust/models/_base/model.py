@@ -469,6 +469,17 @@ class Model(Component):
             f"{effect.name}.{name}" for effect in self.effects for name in effect.free_starts
         )
 
+    @property
+    def per_log(self) -> tuple[str, ...]:
+        """The parameters that differ from log to log; their values are means.
+
+        Example:
+            >>> model = dft.Thruster().replace(ct={"per_log": True})
+            >>> model.per_log
+            ('ct',)
+        """
+        return tuple(name for name, p in self.parameters.items() if p.per_log)
+
     def __repr__(self) -> str:
         return " + ".join([super().__repr__(), *(repr(effect) for effect in self.effects)])
 
@@ -477,7 +488,7 @@ class Model(Component):
         from diffthrust._support.words import number
 
         rows = [
-            (name, number(p.value), p.unit, *map(_end, p.bounds), "fixed" * p.fixed, p.doc)
+            (name, number(p.value), p.unit, *map(_end, p.bounds), _remark(p), p.doc)
             for name, p in self.parameters.items()
         ]
         headings = ("Parameter", "Value", "Unit", "From", "to", "", "")
@@ -486,6 +497,10 @@ class Model(Component):
 
     def __str__(self) -> str:
         return " + ".join([self.name, *(effect.name for effect in self.effects)])
+
+
+def _remark(parameter: Parameter) -> str:
+    return ", ".join(["fixed"] * parameter.fixed + ["differs by log"] * parameter.per_log)
 
 
 def _end(bound: float | None) -> str:

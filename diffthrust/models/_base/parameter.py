@@ -87,6 +87,11 @@ class Parameter:
             which a diagnosis starts.
         doc: one line for people.
         pattern: the unit as declared, where it follows a channel; set by the model.
+        per_log: it differs from log to log (a current, a tare, a battery): a fit estimates a value
+            for each log, of which ``value`` is the mean.
+        width: the standard deviation of these values about their mean, which a fit estimates; in
+            the unit of the value, and of a "log" parameter that of the logarithm. Before any fit
+            ``None``.
 
     Raises:
         InputError: by `check`, when a model is made of it: a value outside its bounds, bounds in
@@ -109,6 +114,8 @@ class Parameter:
     doc: str = ""
     probes: Relative | tuple[float, ...] = ()
     pattern: str = ""
+    per_log: bool = False
+    width: float | None = None
 
     def in_units(self, units: Mapping[str, str]) -> Parameter:
         """The same parameter with its unit written out, from those of the channels it follows.
@@ -141,7 +148,9 @@ class Parameter:
         """
         ends = self.bounds if isinstance(self.bounds, tuple | list) else ()
         is_prior = isinstance(self.prior, Normal) or self.prior is None
-        size = self.size is None or (_number(self.size) and 0 < self.size < math.inf)
+        size, width = (
+            v is None or (_number(v) and 0 < v < math.inf) for v in (self.size, self.width)
+        )
         for field, right, expected in (
             ("value", _number(self.value), f"a number in {self.unit or 'no unit'}"),
             ("bounds", len(ends) == 2 and all(b is None or _number(b) for b in ends),
@@ -150,6 +159,8 @@ class Parameter:
             ("prior", is_prior, "a Normal or None"),
             ("transform", self.transform in ("linear", "log"), "'linear' or 'log'"),
             ("size", size, "a positive finite number or None"),
+            ("per_log", isinstance(self.per_log, bool), "true or false"),
+            ("width", width, "a positive finite number or None"),
         ):  # fmt: skip
             if not right:
                 raise InputError(

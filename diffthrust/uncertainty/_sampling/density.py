@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from diffthrust._support._running.programs import program
-from diffthrust.estimation._likelihood import named_values, residuals
+from diffthrust.estimation._likelihood import apart, named_values, residuals
 from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Layout
 
@@ -51,6 +51,7 @@ def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
         else:
             rests.append(jax.lax.map(residuals_of, pairs))
     cost, sigma = layout.cost(numbers, rests)
+    cost += apart(layout, numbers, starts)
     values = named_values(layout, numbers, shared)
     for name, (mean, std) in numbers.prior.items():
         cost += 0.5 * ((values[name] - mean) / std) ** 2

@@ -1,0 +1,259 @@
+"""Numbers that differ by log, against mixed models that are solved by other means."""
+
+import numpy as np
+import pytest
+from compilations import compilations
+from reference import inputs, thruster
+from scipy.optimize import least_squares, minimize_scalar
+
+import diffthrust as dft
+from diffthrust import InputError, Log
+
+NOISE = 0.1
+
+
+def readings(rng, offsets, samples=40, noise=NOISE, known=True):
+    """Logs of a straight line, each with an offset of its own, and of several lengths."""
+    logs = []
+    for k, offset in enumerate(offsets):
+        depth = rng.uniform(0.0, 2.0, samples + 5 * k)
+        reading = 0.2 * depth + offset + rng.normal(0.0, noise, depth.size)
+        stated = {"noise": {"reading": noise}} if known else {}
+        time = np.arange(float(depth.size))
+        logs.append(Log(time, {"depth": depth}, {"reading": reading}, name=f"run{k}", **stated))
+    return logs
+
+
+def fitted(logs, model=None, **options):
+    return dft.fit(model or dft.LinearSensor(), logs, per_log=["offset"], starts=1, **options)
+
+
+class MixedModel:
+    """y = slope * depth + b_k + e, b_k of a Gaussian about a mean: by dense matrices."""
+
+    def __init__(self, logs, noise=NOISE):
+        depth = np.concatenate([log.inputs["depth"] for log in logs])
+        self.y = np.concatenate([log.measured["reading"] for log in logs])
+        log_of = np.repeat(np.arange(len(logs)), [len(log) for log in logs])
+        self.shared = np.stack([depth, np.ones(depth.size)], axis=1)
+        self.own = (log_of[:, None] == np.arange(len(logs))).astype(float)
+        self.noise = noise
+
+    def restricted(self, width):
+        """Twice the restricted log-likelihood, without constants (Patterson & Thompson 1971)."""
+        v = self.noise**2 * np.eye(self.y.size) + width**2 * self.own @ self.own.T
+        weighed = np.linalg.solve(v, self.shared)
+        inner = self.shared.T @ weighed
+        beta = np.linalg.solve(inner, weighed.T @ self.y)
+        residual = self.y - self.shared @ beta
+        logs = np.linalg.slogdet(v)[1] + np.linalg.slogdet(inner)[1]
+        return -logs - residual @ np.linalg.solve(v, residual)
+
+    def width(self, kept=True):
+        """Where that is largest, kept from zero or not."""
+        projected = self.own - self.shared @ np.linalg.lstsq(self.shared, self.own, rcond=None)[0]
+        informed = np.sum(projected**2) / self.noise**2
+        error = np.sqrt((self.own.shape[1] - 1) / informed)
+
+        def loss(logarithm):
+            width = np.exp(logarithm)
+            return -self.restricted(width) + kept * np.log1p((error / width) ** 2)
+
+        return float(np.exp(minimize_scalar(loss, bounds=(-9.0, 3.0), method="bounded").x))
+
+    def estimates(self, width):
+        """Values and standard errors of slope, mean and offsets, by Henderson's equations."""
+        columns = np.hstack([self.shared, self.own])
+        prior = np.zeros(columns.shape[1])
+        prior[2:] = 1.0 / width**2
+        matrix = columns.T @ columns / self.noise**2 + np.diag(prior)
+        covariance = np.linalg.inv(matrix)
+        solved = covariance @ columns.T @ self.y / self.noise**2
+        turn = np.eye(solved.size)
+        turn[2:, 1] = 1.0  # an offset is the mean and what is its own
+        return turn @ solved, np.sqrt(np.diagonal(turn @ covariance @ turn.T))
+
+
+@pytest.mark.parametrize(("spread", "count"), [(0.5, 5), (0.03, 4), (0.0, 6), (0.5, 2)])
+def test_a_linear_fit_is_the_mixed_model(spread, count):
+    rng = np.random.default_rng([7, count, int(100 * spread)])
+    logs = readings(rng, rng.normal(1.0, spread, count))
+    fit, exact = fitted(logs), MixedModel(logs)
+    offset = fit.per_log["offset"]
+    assert fit.status is dft.Status.CONVERGED
+    assert offset.width == pytest.approx(exact.width(), rel=2e-3)
+    values, errors = exact.estimates(offset.width)
+    found = [fit.parameters["slope"], fit.parameters["offset"], *offset.values.values()]
+    assert np.all(np.abs(np.array([e.value for e in found]) - values) < 1e-3 * errors)
+    np.testing.assert_allclose([e.std_error for e in found], errors, rtol=1e-5)
+    assert [*offset.values] == [log.name for log in logs]
+    ratio = exact.restricted(offset.width) - exact.restricted(1e-9)
+    assert offset.ratio == pytest.approx(ratio, abs=1e-4 * max(1.0, ratio))
+
+
+def test_a_width_that_logs_tell_is_that_of_the_plain_restricted_likelihood():
+    rng = np.random.default_rng(11)
+    logs = readings(rng, rng.normal(1.0, 0.5, 6))
+    fit, plain = fitted(logs), MixedModel(logs).width(kept=False)
+    assert fit.per_log["offset"].width == pytest.approx(plain, rel=2e-3)
+    low, high = fit.per_log["offset"].width_range
+    assert low < plain < high
+    assert not any("do not tell" in note for note in fit.notes)
+
+
+def test_a_width_is_no_zero_and_it_is_said_where_logs_tell_of_none():
+    logs = readings(np.random.default_rng(3), [1.0] * 4)
+    assert MixedModel(logs).width(kept=False) < 1e-3  # the likelihood alone is largest at zero
+    fit = fitted(logs)
+    offset = fit.per_log["offset"]
+    assert offset.width > 0.005
+    assert offset.width_range[0] == 0.0
+    assert not offset.tells
+    (note,) = (note for note in fit.notes if "do not tell" in note)
+    assert "offset" in note
+    assert "without per_log" in note
+
+
+def test_differences_that_are_none_are_told_as_often_as_is_said():
+    told = [
+        fitted(readings(np.random.default_rng([5, seed]), [1.0] * 4), doubts=False)
+        .per_log["offset"]
+        .tells
+        for seed in range(60)
+    ]
+    # 5 % are expected of 60 sets; more than nine come by chance in one of 1000 such tests
+    assert sum(told) <= 9
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.5])
+def test_intervals_of_values_by_log_hold_what_they_say(spread):
+    inside, count = 0, 0
+    for seed in range(40):
+        rng = np.random.default_rng([13, seed])
+        true = rng.normal(1.0, spread, 5)
+        found = fitted(readings(rng, true, samples=20), doubts=False).per_log["offset"]
+        for value, offset in zip(found.values.values(), true, strict=True):
+            inside += abs(value.value - offset) < 1.645 * value.std_error
+            count += 1
+    # 90 % of 200, which scatter by 2.1 %: more than three deviations to either side
+    assert abs(inside / count - 0.9) < 0.07
+
+
+def test_a_mean_that_is_held_and_a_noise_that_is_not_known():
+    rng = np.random.default_rng(17)
+    logs = readings(rng, rng.normal(0.0, 0.5, 5), samples=400, known=False)
+    fit = fitted(logs, dft.LinearSensor(offset=0.0).fix("offset"))
+    offset = fit.per_log["offset"]
+    assert offset.mean.value == 0.0
+    assert offset.mean.fixed
+    mean_square = np.sqrt(np.mean([e.value**2 for e in offset.values.values()]))
+    assert offset.width == pytest.approx(mean_square, rel=1e-3)  # of known mean, and no error
+    assert fit.noise["reading"] == pytest.approx(NOISE, rel=0.05)
+    assert all(e.std_error < 0.02 and not e.fixed for e in offset.values.values())
+
+
+# A model that is not linear.
+
+TRUE = {"alpha": 0.037, "beta": 42.0}
+LEVELS = {"speed": 0.3, "thrust": 0.2}
+
+
+def runs_of_thrusters(coefficients, seed=0, duration=15.0):
+    logs = []
+    for k, ct in enumerate(coefficients):
+        rng = np.random.default_rng([seed, k])
+        time = inputs.grid(duration, 0.05)
+        command = inputs.low_passed_random(time, 1.5, rng)
+        made = thruster.simulate(time, command, **TRUE, ct=ct, method="rk4")
+        measured = {n: made.truth[n] + rng.normal(0.0, s, time.size) for n, s in LEVELS.items()}
+        logs.append(Log(time, {"command": command}, measured, name=f"run{k}", noise=LEVELS))
+    return logs
+
+
+def test_all_unknowns_are_those_of_least_squares_by_scipy():
+    # a coefficient that is positive differs by factors: its logarithm is what is Gaussian
+    true = [0.02, 0.024, 0.017]
+    logs = runs_of_thrusters(true)
+    fit = dft.fit(
+        dft.Thruster(), logs, per_log=["ct"], starts=2, initial="measured", horizon=None, substeps=1
+    )
+    found, begun = fit.per_log["ct"], [log.measured["speed"][0] for log in logs]
+
+    def rows(x):
+        alpha, beta, mean, *apart = np.exp(x[:3]).tolist() + x[3:].tolist()
+        out = [np.array(apart) / found.width]
+        for log, away, speed in zip(logs, apart, begun, strict=True):
+            made = thruster.simulate(
+                log.time, log.inputs["command"], alpha=alpha, beta=beta,
+                ct=mean * np.exp(away), method="rk4", initial_speed=speed, substeps=1,
+            )  # fmt: skip
+            out += [(log.measured[n] - made.truth[n]) / s for n, s in LEVELS.items()]
+        return np.concatenate(out)
+
+    solved = least_squares(rows, [*np.log([0.05, 30.0, 0.01]), 0.0, 0.0, 0.0], x_scale="jac")
+    mean, apart = np.exp(solved.x[2]), solved.x[3:]
+    values = [e.value for e in found.values.values()]
+    np.testing.assert_allclose(values, mean * np.exp(apart), rtol=1e-5)
+    covariance = np.linalg.inv(solved.jac.T @ solved.jac)
+    errors = [
+        value * np.sqrt(covariance[np.ix_([2, 3 + k], [2, 3 + k])].sum())
+        for k, value in enumerate(values)
+    ]
+    np.testing.assert_allclose([e.std_error for e in found.values.values()], errors, rtol=1e-3)
+    for value, ct in zip(found.values.values(), true, strict=True):
+        assert abs(value.value - ct) < 4.0 * value.std_error
+    assert fit.parameters["alpha"].value == pytest.approx(np.exp(solved.x[0]), rel=1e-5)
+
+
+def test_one_program_serves_any_widths_and_starts():
+    logs = runs_of_thrusters([0.02, 0.024, 0.017, 0.021], seed=2, duration=10.0)
+    dft.fit(dft.Thruster(), logs, per_log=["ct"], starts=2)
+    before = compilations()
+    dft.fit(dft.Thruster(alpha=0.03), logs[::-1], per_log=["ct"], starts=3)
+    assert compilations() == before
+    first = compilations("solved_by_passes")
+    dft.fit(dft.Thruster(), logs[:2], per_log=["ct", "alpha"], starts=2)
+    assert compilations("solved_by_passes") == first + 1  # and no step by log
+
+
+def test_values_are_where_simulations_begin():
+    logs = runs_of_thrusters([0.02, 0.026], seed=4, duration=10.0)
+    fit = dft.fit(dft.Thruster(), logs, per_log=["ct"], starts=2)
+    for log, states, value in zip(
+        logs, fit.initial, fit.per_log["ct"].values.values(), strict=True
+    ):
+        assert states["ct"] == value.value
+        made = dft.simulate(fit.model, log, initial=states, substeps=fit.substeps)
+        again = dft.simulate(
+            fit.model.replace(ct=value.value), log, initial={"speed": states["speed"]},
+            substeps=fit.substeps,
+        )  # fmt: skip
+        np.testing.assert_array_equal(made["thrust"], again["thrust"])
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ("ct", "expected a list of names"),
+        (["cf"], "'thruster' has no parameter 'cf'"),
+        ([3], "no parameter 3"),
+    ],
+)
+def test_names_that_are_none_are_refused(names, words):
+    with pytest.raises(InputError, match=words):
+        dft.fit(dft.Thruster(), runs_of_thrusters([0.02, 0.02], duration=5.0), per_log=names)
+
+
+def test_one_log_tells_no_width():
+    with pytest.raises(InputError, match="there is one log") as caught:
+        dft.fit(dft.Thruster(), runs_of_thrusters([0.02], duration=5.0), per_log=["ct"])
+    assert "leave per_log out" in str(caught.value)
+
+
+def test_a_value_of_what_does_not_differ_is_no_start():
+    (log,) = runs_of_thrusters([0.02], duration=5.0)
+    with pytest.raises(InputError, match="one number for all logs"):
+        dft.simulate(dft.Thruster(), log, initial={"ct": 0.03})
