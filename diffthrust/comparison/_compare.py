@@ -385,7 +385,9 @@ def compare(
         logs: one or several logs.
         initial: initial states for each log; by default measured states start from their first
             measurement. States that are not measured start where the run errs least, unless the
-            model's `initial` gives them by free parameters; a note tells which.
+            model's `initial` gives them by free parameters; a note tells which. Parameters that
+            differ by log are those of the fit in its own logs, and in others are estimated from
+            their first part.
         substeps: integrator steps per sample; chosen for each log where ``None``.
 
     Returns:
@@ -401,6 +403,8 @@ def compare(
     """
     model = fit if isinstance(fit, Model) else fit.model
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    if not isinstance(fit, Model) and initial is None:
+        initial = [fit.own_numbers(log) for log in logs]
     runs = runs_over(model, bind(model, logs), initial=initial, substeps=substeps)
     return comparison_of(fit, runs)
 

@@ -155,6 +155,19 @@ class Fit(Result):
         """
         return self.origin.train if self.origin else ()
 
+    def own_numbers(self, log: Log) -> dict[str, float]:
+        """The parameters that differ by log of a training log; none for a log it did not see.
+
+        Example:
+            >>> fit.own_numbers(log)  # of a model whose numbers are the same in all logs
+            {}
+        """
+        marks = [identity.sha256 for identity in self.data]
+        if not self.per_log or log.sha256 not in marks:
+            return {}
+        numbers = self.initial[marks.index(log.sha256)]
+        return {name: numbers[name] for name in self.per_log}
+
     @property
     def begins_freely(self) -> bool:
         """Whether initial states were estimated that a sensor tells of.

@@ -322,9 +322,9 @@ def effect_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
     record = runs[0].record
     held = {n for n in model.inputs if record.hold.get(n) == "zero"}
     recorded = {*record.inputs, *record.measured}
-    meant = [
-        f"{e.name}: {words}." for e in model.effects if (words := e.consequence(model, recorded))
-    ]
+    differing = {name.rpartition(".")[0] for name in model.per_log}
+    shared = [e for e in model.effects if e.name not in differing]
+    meant = [f"{e.name}: {words}." for e in shared if (words := e.consequence(model, recorded))]
     sampled = [e.of_sampling(record.step) for e in model.effects if held & {*e.ports}]
     return (*meant, *filter(None, sampled))
 

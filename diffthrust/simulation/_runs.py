@@ -233,8 +233,8 @@ def start_notes(runs: Sequence[Run]) -> tuple[str, ...]:
         )
     if differing:
         notes.append(
-            f"{listing(differing)} differs by log: estimated from {part}, which the errors count, "
-            "too; the remainder is predicted."
+            f"By log: {listing(differing)}. Estimated from {part}, which the errors count, too; "
+            "the remainder is predicted."
         )
     return tuple(notes)
 

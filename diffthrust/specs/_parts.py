@@ -289,6 +289,10 @@ class ParameterPart(_Part):
     """Hold it at its value."""
     prior: PriorPart | None = None
     """What is known of it beforehand."""
+    per_log: bool | None = None
+    """It differs from log to log, about ``value``."""
+    width: Annotated[float, Field(gt=0)] | None = None
+    """By how much, as a standard deviation in the parameter's unit; a fit estimates it."""
 
 
 class FitPart(_Part):
@@ -310,6 +314,8 @@ class FitPart(_Part):
     """Where states begin: estimated, or as measured."""
     substeps: Annotated[int, Field(ge=1, le=SUBSTEPS_LIMIT)] | None = None
     """Integrator steps per sample; found where not given."""
+    per_log: list[str] = []
+    """Parameters that differ from log to log, each about a mean of all."""
 
     @field_validator("horizon")
     @classmethod

@@ -54,8 +54,11 @@ def fields_of(
         low, high = map(read, settings.bounds)
         infinite = float("inf")
         fields["bounds"] = (None if low == -infinite else low, None if high == infinite else high)
-    if settings.fixed is not None:
-        fields["fixed"] = settings.fixed
+    fields |= {
+        key: getattr(settings, key)
+        for key in ("fixed", "per_log", "width")
+        if getattr(settings, key) is not None
+    }
     if settings.prior is not None:
         fields["prior"] = Normal(read(settings.prior.mean), read(settings.prior.std))
     return fields

@@ -387,6 +387,8 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
         for name, settings in file.parameters.items():
             loc = ("parameters", name)
             model = model.replace({name: fields_of(settings, name, model, written)})
+        loc = ("fit", "per_log")
+        model = model.replace({name: {"per_log": True} for name in file.fit.per_log})
     except InputError as error:
         raise _with_place(text, path, loc, error) from None
     return model

@@ -80,7 +80,11 @@ def intervals(
         _row(fit, problem, name, profiles, robust, drawn.get(name), lag, reach, level)
         for name in problem.own
     ]
+    rows += _rows_by_log(fit, reach)
     notes = [heading(fit, lag, lag > _WHITE, any(r.recommended == "sandwich" for r in rows))]
+    if fit.per_log:
+        narrow = ", and too narrow here, as residuals are correlated" if lag > _WHITE else ""
+        notes.append(f"Values by log have intervals by the covariance alone{narrow}.")
     if profiles.better is not None:
         notes.append(profiles.sentences[-1])
     if posterior is not None:
@@ -93,6 +97,21 @@ def intervals(
         directions=directions_of(problem, z),
         profiles=profiles,
     )
+
+
+def _rows_by_log(fit: Fit, reach: float) -> list[Row]:
+    """The values by log, whose intervals are those of the covariance at the width of the fit."""
+    rows = []
+    for name, found in fit.per_log.items():
+        for log, e in found.values.items():
+            if e.std_error is not None:
+                arm = reach * e.std_error
+                ends = {"covariance": Interval(e.value - arm, e.value + arm)}
+                label, shown = f"{name} in {log}", (e.per, e.shown_unit)
+                rows.append(
+                    Row(label, e.unit, e.value, ends, "covariance", (), (None, None), *shown)
+                )
+    return rows
 
 
 def _reach(problem: Problem, z: np.ndarray, level: float) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from diffthrust._support._running.programs import program
 from diffthrust._support.correlation import lag_one
-from diffthrust.estimation._likelihood import jacobians
+from diffthrust.estimation._likelihood import jacobians, tightness
 from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Layout, Problem
 
@@ -110,6 +110,8 @@ def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
     for name, (_, std) in problem.numbers.prior.items():
         i = problem.free.index(name)
         out[i, i] = (slopes[i] / float(std)) ** 2
+    own = np.arange(problem.shared, z.size)
+    out[own, own] += np.tile(tightness(problem.layout, problem.numbers), len(problem.records))
     return out
 
 

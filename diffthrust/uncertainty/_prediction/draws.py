@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -95,8 +95,23 @@ def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0
             "Give the model or the fit besides the posterior.",
         )
     if isinstance(source, Fit):
-        return _of_fit(source, drawn_model, count, rng)
-    return _of_posterior(source, drawn_model, fit, count, rng)
+        return _in_a_new_log(_of_fit(source, drawn_model, count, rng), rng)
+    return _in_a_new_log(_of_posterior(source, drawn_model, fit, count, rng), rng)
+
+
+def _in_a_new_log(draws: Draws, rng: np.random.Generator) -> Draws:
+    """The draws of a log of which nothing is known: what differs by log is as wide as in others."""
+    values, named = dict(draws.values), draws.model.parameters
+    spread = {n: named[n] for n in draws.model.per_log if named[n].width is not None}
+    for name, p in spread.items():
+        assert p.width is not None
+        away = p.width * rng.standard_normal(values[name].shape)
+        moved = values[name] * np.exp(away) if p.transform == "log" else values[name] + away
+        values[name] = np.clip(moved, *p.limits)
+    if not spread:
+        return draws
+    note = f"{listing(spread)} differs by log: drawn as in a log of which nothing is known."
+    return replace(draws, values=values, notes=(*draws.notes, note))
 
 
 def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Draws:

@@ -83,7 +83,8 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
     """Draws, statistics of the sampler and measurements, as `arviz.InferenceData`.
 
     Variables of the posterior: parameters by full name in their units, those of the noise as
-    ``noise.*``; initial states as ``initial.<state>`` by ``log``; unknown noise levels as ``sigma``
+    ``noise.*``; initial states as ``initial.<state>`` by ``log``, parameters that differ by log as
+    ``per_log.<parameter>`` beside their means; unknown noise levels as ``sigma``
     by ``channel``. Each has an attribute ``unit``. Measured channels are ``channel[log name]``,
     each over a separate time.
     """
@@ -100,6 +101,9 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
         variables[name] = (draw, values, attrs_of)
     for state, values in posterior.initial(chains.points).items():
         variables[f"initial.{state}"] = ((*draw, "log"), values, {"unit": units[state]})
+    for name, values in posterior.per_log(chains.points).items():
+        unit = {"unit": problem.named[name].unit}
+        variables[f"per_log.{name}"] = ((*draw, "log"), values, unit)
     channels = [problem.layout.channels[i] for i in posterior.unknown]
     if channels:
         sigma = noise_draws(posterior, chains, int(attrs["seed"]))

@@ -35,8 +35,9 @@ class Posterior:
     """The posterior of a fit: likelihood of its logs times the priors of its parameters.
 
     The coordinates are those of the fit (see `Problem`): logarithms or scaled values of the free
-    parameters, then parameters of the noise, then initial states of the logs. Coordinates fixed in
-    the fit, and initial states that no measurement depends on, are left out.
+    parameters, then parameters of the noise, then initial states of the logs and their distances
+    from the means of what differs by log. Coordinates fixed in the fit, and initial states that no
+    measurement depends on, are left out. The widths of what differs by log are held at the fit's.
 
     Unknown noise levels: for the Gaussian law the fit's cost, N log(rms) per channel, is exactly
     the likelihood with the level integrated out under the prior 1 / level. For other laws no
@@ -103,8 +104,9 @@ class Posterior:
         """Names of the coordinates, for messages and files."""
         layout = self.problem.layout
         logs = [i for indices in self.problem.order for i in indices]
-        states = [f"initial.{state}[{i}]" for i in logs for state in layout.starts]
-        every = [*layout.free, *states]
+        own = [f"initial.{name}" for name in layout.starts]
+        own += [f"per_log.{name}" for name, _ in layout.per_log]
+        every = [*layout.free, *(f"{name}[{i}]" for i in logs for name in own)]
         levels = [f"sigma.{layout.channels[i]}" for i in self.sampled]
         return (*(every[i] for i in self.moved), *levels)
 
@@ -165,18 +167,32 @@ class Posterior:
 
     def initial(self, points: np.ndarray) -> dict[str, np.ndarray]:
         """Initial states at points ``(..., d)``: ``(..., logs)`` for each state."""
-        layout, shared = self.problem.layout, self.problem.shared
+        own = self._own(points)
+        return {state: own[state] for state in self.problem.layout.starts if state in own}
+
+    def per_log(self, points: np.ndarray) -> dict[str, np.ndarray]:
+        """Values of parameters that differ by log, at points ``(..., d)``: ``(..., logs)`` each."""
+        own, means, out = self._own(points), self.values(points), {}
+        for name, transform in self.problem.layout.per_log:
+            kind, p = self.problem.numbers.varying[name], self.problem.named[name]
+            mean = np.asarray(means.get(name, p.value))[..., None]
+            away = own[name]
+            value = mean * np.exp(away) if transform == "log" else mean + away * float(kind.scale)
+            out[name] = np.clip(value, kind.low, kind.high)
+        return out
+
+    def _own(self, points: np.ndarray) -> dict[str, np.ndarray]:
+        """The sampled coordinates of the logs by name, ``(..., logs)``."""
+        problem, shared = self.problem, self.problem.shared
         coordinates = np.broadcast_to(self.base, (*points.shape[:-1], self.base.size)).copy()
         coordinates[..., self.moved] = points[..., : self.moved.size]
-        logs = np.array([i for indices in self.problem.order for i in indices], int)
-        states = coordinates[..., shared:].reshape(
-            *points.shape[:-1], logs.size, len(layout.starts)
-        )
+        logs = np.array([i for indices in problem.order for i in indices], int)
+        own = coordinates[..., shared:].reshape(*points.shape[:-1], logs.size, problem.each)
         moving = set(self.moved[self.moved >= shared] - shared)
         return {
-            state: states[..., np.argsort(logs), k]
-            for k, state in enumerate(layout.starts)
-            if any(row * len(layout.starts) + k in moving for row in range(logs.size))
+            name: own[..., np.argsort(logs), k]
+            for k, name in enumerate(problem.layout.local)
+            if any(row * problem.each + k in moving for row in range(logs.size))
         }
 
 

@@ -47,7 +47,8 @@ def sample(
     The likelihood is that of the fit, with the same noise law, segments, and treatment of initial
     states. A `Normal` prior is a density in the parameter's value; without one the prior is flat
     between the bounds, in the value or, for a "log" parameter, in its logarithm. An unknown noise
-    level has the prior 1 / level.
+    level has the prior 1 / level. Parameters that differ by log are drawn with their means, about
+    which they have the width of the fit.
 
     Args:
         fit: a fit whose status is ok.
