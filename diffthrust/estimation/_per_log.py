@@ -67,6 +67,10 @@ class PerLog:
         >>> ct = fit.per_log["ct"]
         >>> [*ct.values], ct.values["run1.csv"].std_error < 0.01
         (['run1.csv', 'run2.csv'], True)
+        >>> ct.tells  # the runs have the same thruster
+        False
+        >>> list(ct.to_json())
+        ['mean', 'width', 'width_range', 'ratio', 'values']
     """
 
     mean: Estimate

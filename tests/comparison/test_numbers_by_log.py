@@ -1,0 +1,62 @@
+"""Numbers that differ by log: those of unseen logs, of the first part of each."""
+
+import numpy as np
+import pytest
+from offsets_by_log import NOISE, fitted, readings
+
+import diffthrust as dft
+
+
+def made(seed=2, **options):
+    rng = np.random.default_rng(seed)
+    return readings(rng, rng.normal(1.0, 0.4, 6), **options)
+
+
+def test_an_unseen_log_has_the_value_of_its_first_quarter():
+    logs = made(samples=80)
+    fit = fitted(logs[:5], holdout=logs[5:])
+    (run,) = dft.compare(fit, logs[5:]).runs
+    first = logs[5].time <= 0.25 * logs[5].time[-1]
+    slope, mean = fit.parameters["slope"].value, fit.parameters["offset"].value
+    apart = (logs[5].measured["reading"] - slope * logs[5].inputs["depth"] - mean)[first]
+    # the posterior of a Gaussian about the mean, with the errors that least squares leave
+    noise = np.std(apart)
+    weight = apart.size / noise**2
+    value = mean + weight * apart.mean() / (weight + fit.per_log["offset"].width ** -2)
+    assert run.start["offset"] == pytest.approx(value, rel=1e-3)
+    assert run.differing == ("offset",)
+
+
+def test_what_comes_after_the_first_quarter_moves_nothing():
+    logs = made(samples=80)
+    fit, unseen = fitted(logs[:5]), logs[5]
+    reading = np.where(unseen.time > 0.25 * unseen.time[-1], 7.0, unseen.measured["reading"])
+    spoilt = unseen.replaced(measured={"reading": reading})
+    whole, changed = (dft.compare(fit, log).runs[0].start["offset"] for log in (unseen, spoilt))
+    assert whole == changed
+
+
+def test_a_first_quarter_that_tells_nothing_leaves_the_value_at_the_mean():
+    logs = made(samples=80)
+    fit, unseen = fitted(logs[:5]), logs[5]
+    reading = np.where(unseen.time < 0.5 * unseen.time[-1], np.nan, unseen.measured["reading"])
+    (run,) = dft.compare(fit, unseen.replaced(measured={"reading": reading})).runs
+    assert run.start["offset"] == pytest.approx(fit.parameters["offset"].value)
+
+
+def test_reports_say_where_the_value_of_an_unseen_log_is_from():
+    logs = made()
+    fit = fitted(logs[:5], holdout=logs[5:])
+    said = "Estimated from the first 25 % of each run"
+    assert said in fit.report()
+    assert said in " ".join(dft.compare(fit, logs[5:]).report().split())
+    assert fit.holdout.channels["reading"].rmse < 1.5 * NOISE
+
+
+def test_a_log_of_the_fit_keeps_its_value():
+    logs = made()
+    fit = fitted(logs[:5])
+    comparison = dft.compare(fit, logs[:5])
+    assert comparison.errors.nrmse == pytest.approx(fit.train.nrmse, rel=1e-12)
+    assert fit.own_numbers(logs[1])["offset"] == fit.per_log["offset"].values["run1"].value
+    assert "Estimated from" not in comparison.report()
