@@ -24,6 +24,7 @@ from diffthrust._support.report import (
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.estimation._estimate import parameter_rows
 from diffthrust.estimation._origin import closing
+from diffthrust.estimation._per_log import per_log_section
 from diffthrust.estimation._result import Fit, doubt_lines, error_rows
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
@@ -83,6 +84,7 @@ def write_comparison_page(
     report = Report(
         Section("", Line(("Model: ", Styled(str(model), "strong"))), *_fit_parts(fit)),
         Section("Parameters", parameter_rows(fit.parameters if fit else {})),
+        per_log_section(fit.per_log if fit else {}, "Numbers by log"),
         Section("Errors", errors, _ERRORS, *notes(fit.notes if fit else ())),
         *figures,
         Section("Checks", _check_rows(fit) if fit and checked else ""),

@@ -275,7 +275,7 @@ def per_log_notes(per_log: Mapping[str, PerLog]) -> tuple[str, ...]:
     )
 
 
-def per_log_section(per_log: Mapping[str, PerLog]) -> Section:
+def per_log_section(per_log: Mapping[str, PerLog], title: str = "") -> Section:
     """The value of each log, after the mean and the width of all."""
     blocks = []
     for name, found in per_log.items():
@@ -289,4 +289,4 @@ def per_log_section(per_log: Mapping[str, PerLog]) -> Section:
             rows.append((name, log, *with_error(*value.shown[:2]), unit))
         blocks.append(tuple(rows))
     headings = ("By log", "Log", "Value", "Std error", "Unit")
-    return Section("", Rows(headings, tuple(blocks), numbers=(2, 3)))
+    return Section(title, Rows(headings, tuple(blocks), numbers=(2, 3)))

@@ -44,6 +44,7 @@ from diffthrust.diagnosis._report.text import (
     verdict_words,
 )
 from diffthrust.estimation._model_lines import python_lines, spec_lines
+from diffthrust.estimation._per_log import per_log_section
 from diffthrust.experiments._result import Experiment
 
 if TYPE_CHECKING:
@@ -113,6 +114,7 @@ def diagnosis_report(diag: Findings) -> Report:
         _remaining(diag),
         _learned(diag),
         Section("Parameters", tables.stage_parameter_rows(diag)),
+        per_log_section(diag.fit.per_log, "Numbers by log, last stage"),
         Section("Not testable by these logs", tables.untestable_rows(diag)),
         _cautions(diag),
         closing_section(_closing(diag)),

@@ -1,0 +1,40 @@
+"""A diagnosis of a fit with numbers that differ by log keeps them, and finds what is missing."""
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+
+HALF_WIDTH = 0.6
+
+
+def run(number, tare):
+    rng = np.random.default_rng([29, number])
+    time, command = 0.05 * np.arange(300), np.repeat(rng.uniform(-4.0, 4.0, 15), 20)
+    truth = dft.Thruster() + dft.effects.CommandDeadband(half_width=HALF_WIDTH)
+    out = dft.simulate(truth, dft.Log(time, {"command": command}))
+    measured = {
+        "speed": out["speed"] + rng.normal(0.0, 0.3, time.size),
+        "thrust": out["thrust"] + tare + rng.normal(0.0, 0.2, time.size),
+    }
+    return dft.Log(time, {"command": command}, measured, name=f"run {number}")
+
+
+@pytest.mark.slow
+def test_a_dead_band_is_found_and_each_log_keeps_its_tare():
+    tares = [1.4, -0.9, 0.6, 2.1]
+    *logs, unseen = [run(k, tare) for k, tare in enumerate(tares)]
+    name = "thrust_sensor_offset.offset"
+    model = dft.Thruster() + "thrust_sensor_offset"
+    fit = dft.fit(model, logs, holdout=unseen, per_log=[name], starts=2)
+    diag = dft.diagnose(
+        fit, logs, holdout=unseen, candidates=["command_deadband"], experiment=False
+    )
+    assert str(diag.fit.model) == "thruster + thrust_sensor_offset + command_deadband"
+    assert diag.fit.model.per_log == (name,)
+    for value, tare in zip(diag.fit.per_log[name].values.values(), tares, strict=False):
+        assert abs(value.value - tare) < 4.0 * value.std_error
+    text = diag.report()
+    assert "Numbers by log, last stage" in text
+    assert "per_log = true" in text
+    assert "Estimated from the first 25 % of each run" in " ".join(text.split())
