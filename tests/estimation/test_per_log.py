@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from compilations import compilations
 from offsets_by_log import NOISE, fitted, readings
-from reference import inputs, thruster
+from reference import inputs, thruster, vessel
 from scipy.optimize import least_squares, minimize_scalar
 
 import diffthrust as dft
@@ -240,3 +240,41 @@ def test_a_value_of_what_does_not_differ_is_no_start():
     (log,) = runs_of_thrusters([0.02], duration=5.0)
     with pytest.raises(InputError, match="one number for all logs"):
         dft.simulate(dft.Thruster(), log, initial={"ct": 0.03})
+
+
+# A boat in water that moves otherwise in each log, by the reference that is written without us.
+
+
+def run_of_a_boat(number, current):
+    rng = np.random.default_rng([41, number])
+    time = inputs.grid(40.0, 0.1)
+    forces = {n: np.repeat(rng.uniform(-0.2, 1.0, 20), 21)[: time.size] for n in vessel.TWIN}
+    hidden = {"water_current": dict(zip(("to_north", "to_east"), current, strict=True))}
+    made = vessel.simulate(time, forces, method="rk4", **hidden)
+    names = ("surge", "sway", "yaw_rate", "heading")
+    measured = {n: made.truth[n] + rng.normal(0.0, 0.01, time.size) for n in names}
+    return Log(time, forces, measured, name=f"run{number}")
+
+
+def test_a_current_by_log_is_found_beside_one_hull():
+    currents = np.random.default_rng(43).normal([0.15, -0.1], 0.1, (5, 2))
+    *logs, unseen = [run_of_a_boat(k, current) for k, current in enumerate(currents)]
+    names = ["water_current.to_north", "water_current.to_east"]
+    hull = dft.Vessel(drive="twin", **vessel.SIRAMDASU).fix("m22", "d22", "i33", "d33", "exponent")
+    fit = dft.fit(
+        hull.replace(m11=6.0, d11=3.0) + "water_current", logs, per_log=names, starts=1,
+        holdout=unseen, horizon=None, substeps=2,
+    )  # fmt: skip
+    for name in ("m11", "d11"):
+        estimate = fit.parameters[name]
+        assert abs(estimate.value - vessel.SIRAMDASU[name]) < 4.0 * estimate.std_error
+        assert estimate.std_error < 0.02 * estimate.value
+    (run,) = dft.compare(fit, unseen, substeps=2).runs
+    for name, true in zip(names, currents.T, strict=True):
+        for value, component in zip(fit.per_log[name].values.values(), true, strict=False):
+            assert abs(value.value - component) < 4.0 * value.std_error
+            assert value.std_error < 0.01
+        assert fit.per_log[name].tells
+        assert run.start[name] == pytest.approx(true[-1], abs=0.02)
+    for channel in fit.holdout.channels.values():
+        assert channel.rmse < 0.012
