@@ -19,6 +19,7 @@ FINE = Local(
     at_bound=(),
     vanished=(),
     covariance=np.eye(3),
+    spread=np.eye(3),
     combinations=(),
 )
 
