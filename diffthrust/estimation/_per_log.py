@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
 from diffthrust._support.names import listing
 from diffthrust._support.report import Rows, Section
@@ -179,6 +178,8 @@ def _spread(problem: Problem, z: np.ndarray, q: Quadratic) -> _Spread:
 
 def _likeliest(spread: _Spread, first: np.ndarray) -> np.ndarray:
     """The widths of the largest restricted likelihood, which is kept from zero; see above."""
+    from scipy.optimize import minimize  # slow to import
+
     errors = spread.errors(first.size)
 
     def loss(logs: np.ndarray) -> float:
