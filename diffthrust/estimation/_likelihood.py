@@ -197,7 +197,7 @@ def _assemble(
     n, m, tight = layout.shared, len(layout.local), tightness(layout, numbers)[None]
     gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())
     local, cross, corners, scores = [], [], [], []
-    for (residual, jacobian), batch, away in zip(passes, numbers.batches, own, strict=True):
+    for (residual, jacobian), batch, apart in zip(passes, numbers.batches, own, strict=True):
         residual, weight = layout.likelihood.law.straight(residual, sigma, batch)
         root = jnp.sqrt(weight) / sigma[None, :, None]
         residual, jacobian = residual * root, jacobian * root[:, None]
@@ -205,10 +205,10 @@ def _assemble(
         slope = products[:, :-1, -1]
         gradient += slope[:, :n].sum(0)
         information += products[:, :n, :n].sum(0)
-        energy += products[:, -1, -1].sum() + (tight * away**2).sum()
+        energy += products[:, -1, -1].sum() + (tight * apart**2).sum()
         if layout.width is not None:
             scores.append(by_blocks(jacobian * residual[:, None], _BLOCKS, jnp)[:, :n])
-        local.append((slope[:, n:] + tight * away).reshape(-1))
+        local.append((slope[:, n:] + tight * apart).reshape(-1))
         cross.append(products[:, :n, n:-1].transpose(1, 0, 2).reshape(n, -1))
         corners.append(products[:, n:-1, n:-1] + jnp.diag(tight[0])[None])
     for name, (mean, std) in numbers.prior.items():
