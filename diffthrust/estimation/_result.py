@@ -337,9 +337,10 @@ class Fit(Result):
             "train": self.train.to_json(),
             "holdout": self.holdout.to_json() if self.holdout else None,
             "checks": dict(vars(self.checks)),
-            "per_log": {name: found.to_json() for name, found in self.per_log.items()},
             "doubts": [doubt.to_json() for doubt in self.doubts],
         }
+        if self.per_log:
+            written["per_log"] = {name: by.to_json() for name, by in self.per_log.items()}
         return plain(written)
 
 

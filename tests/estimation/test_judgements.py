@@ -120,9 +120,14 @@ def problem(size=5, samples=(40.0, 30.0), known=(False, True), excess=1.0, at=1.
         named=named,
         limits=lambda: (np.full(size, -at), np.full(size, at)),
         slopes=lambda z: SLOPES,
+        shared=4,
+        each=1,
         numbers=SimpleNamespace(counts=np.array(samples)),
         layout=SimpleNamespace(
-            known_noise=known, likelihood=SimpleNamespace(law=SimpleNamespace(excess=excess))
+            known_noise=known,
+            likelihood=SimpleNamespace(law=SimpleNamespace(excess=excess)),
+            local=("speed",),
+            starts=("speed",),
         ),
     )
 
