@@ -81,12 +81,16 @@ class RunPlots:
     @property
     def layout(self) -> Any:
         """The plots, one below the other, with one toolbar."""
-        return gridplot(
+        grid: Any = gridplot(
             [[figure] for figure in self.figures],
             toolbar_location="right",
             toolbar_options={"logo": None},
             sizing_mode="stretch_width",
         )
+        # in the order of the plots, so that the same page has the same bytes a second time
+        tools = [id(tool) for figure in self.figures for tool in figure.toolbar.tools]
+        grid.toolbar.tools.sort(key=lambda proxy: tools.index(id(proxy.tools[0])))
+        return grid
 
     def _figure(self, y: str, unit: str, kind: int, *fields: str) -> Any:
         figure = plot(
