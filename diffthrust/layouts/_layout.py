@@ -71,7 +71,7 @@ class Layout(Result):
         >>> rov.share[0][:3], layout.values["d11"]
         (('t1', 't2', 't3'), 13.7)
         >>> print(layout.craft(dft.Thruster(command="effort")).actuators["t5"].pointing)
-        (0.0, 0.0, -1.0)
+        (0.0, 0.0, 1.0)
     """
 
     _LAYOUTS: ClassVar[dict[str, Layout]] = {}
