@@ -31,6 +31,8 @@ _DEFAULTS = {
 }
 _SMALL = 1e-3
 """PX4 takes smaller entries of the pseudo-inverse as zero."""
+_EPSILON = float(np.finfo(np.float32).eps)
+"""PX4 divides by no scale below this (its FLT_EPSILON)."""
 
 
 def px4_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
@@ -86,8 +88,9 @@ def px4_mixer(effectiveness: Mapping[str, Sequence[float]]) -> Mixer:
     """What PX4 sends to its motors: the pseudo-inverse of their effectiveness, normalized.
 
     A force command of 1 sends 1 to those that push along it, in the mean; a yaw command of 1 sends
-    1 to the motor that is sent most; roll and pitch have one scale, so that the squares of what is
-    sent for one of them have the sum of half the motors.
+    1 to the motor that is sent most ahead, and is as the pseudo-inverse has it where none is sent
+    ahead; roll and pitch have one scale, so that the squares of what is sent for one of them have
+    the sum of half the motors.
 
     Args:
         effectiveness: for each motor its force and moment, in the order of `AXES`, per CT u.
@@ -100,7 +103,7 @@ def px4_mixer(effectiveness: Mapping[str, Sequence[float]]) -> Mixer:
     plain = Mixer.inverse(effectiveness)
     mix = {axis: plain.matrix[:, k] for k, axis in enumerate(plain.commands)}
     moving = {axis: np.abs(column) > _SMALL for axis, column in mix.items()}
-    scales = {axis: float(np.mean(np.abs(c[np.abs(c) > 1e-7]))) for axis, c in mix.items()}
+    scales = {axis: float(np.mean(np.abs(c[np.abs(c) > _EPSILON]))) for axis, c in mix.items()}
     tilts = [
         float(np.sqrt(np.sum(mix[axis] ** 2) / (np.sum(moving[axis]) / 2)))
         for axis in ("roll", "pitch")
@@ -108,7 +111,10 @@ def px4_mixer(effectiveness: Mapping[str, Sequence[float]]) -> Mixer:
     ]
     scales |= dict.fromkeys(("roll", "pitch"), max(tilts, default=1.0))
     if "yaw" in mix:
-        scales["yaw"] = float(np.max(mix["yaw"]))
+        # PX4 takes the largest with its sign, and does not divide where that is not above zero: a
+        # lateral thruster at the stern is sent nothing ahead for a yaw to starboard
+        most = float(np.max(mix["yaw"]))
+        scales["yaw"] = most if most > _EPSILON else 1.0
     rows = np.stack([mix[axis] / scales[axis] for axis in mix], axis=1)
     rows = np.where(np.abs(rows) < _SMALL, 0.0, rows)
     factors = dict(zip(plain.thrusters, rows.tolist(), strict=True))

@@ -123,6 +123,27 @@ def test_px4_geometry_and_what_px4_makes_of_it():
     assert px4_layout({**ROTORS, "CA_AIRFRAME": 0.0}) is None
 
 
+def rotors(*rows):
+    """PX4's parameters of motors: place and axis of each, without a torque of its own."""
+    settings = {"CA_AIRFRAME": 7.0, "CA_ROTOR_COUNT": float(len(rows))}
+    keys = ("PX", "PY", "PZ", "AX", "AY", "AZ", "KM", "CT")
+    for k, row in enumerate(rows):
+        values = dict(zip(keys, (*row, 0.0, 6.5), strict=True))
+        settings |= {f"CA_ROTOR{k}_{key}": float(value) for key, value in values.items()}
+    return settings
+
+
+def test_px4_does_not_divide_a_yaw_that_sends_nothing_ahead():
+    # surge turns the craft to port, so yaw sends the one motor astern, and is left as it is
+    one = px4_layout(rotors((0, 0.3, 0, 1, 0, 0))).mixer
+    yaw = -0.3 * 6.5 / (6.5**2 + (0.3 * 6.5) ** 2)
+    np.testing.assert_allclose(one.matrix, [[1.0, yaw]], rtol=1e-9)
+    stern = px4_layout(rotors((0, 0, 0, 1, 0, 0), (-0.5, 0, 0, 0, 1, 0))).mixer
+    turn = -0.5 * 6.5 / (6.5**2 + (0.5 * 6.5) ** 2)
+    assert stern.commands == ("surge", "sway", "yaw")
+    np.testing.assert_allclose(stern.matrix, [[1, 0, 0], [0, 1, turn]], rtol=1e-9)
+
+
 def test_px4_leaves_out_rotors_without_a_direction():
     layout = px4_layout({**ROTORS, "CA_ROTOR7_AZ": 0.0, "CA_ROTOR4_CT": 0.0})
     assert list(layout.thrusters) == ["m1", "m2", "m3", "m4", "m6", "m7"]
