@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
+from diffthrust._support.words import joined, number
 from diffthrust.control._allocation_result import Allocation
 from diffthrust.control._thrust_map import ThrustMap, moving_axes
 from diffthrust.layouts._mixer import AXES, Mixer
@@ -27,6 +28,10 @@ _LEAST = 0.2
 law, and of a dead band, is zero at the stop."""
 _STEP = 0.05
 """Share of a standard error over which the slope to a parameter is taken."""
+_KEPT = 0.98
+"""Share of a command's force that corrected factors must keep: feedback removes the rest."""
+_NOTHING = 1e-3
+"""Thrusters with less than this share of the force of the strongest give nothing, to a mixer."""
 _NONE = 0.1
 """A command that leads to less than this share of what its thrusters could do is not corrected."""
 _DEPENDENT = 1e-3
@@ -50,7 +55,9 @@ def allocation(
 
     The corrected mixer keeps the force that each command has along its axis, takes away what it has
     beside it, and differs from the mixer by as little as that takes (least squares of the factors).
-    Axes that are commanded come first; others are freed of what the remaining thrusters can.
+    Axes that are commanded come first; others are freed of what the remaining thrusters can. A
+    command of which that costs force, or asks more of a thruster than it takes, keeps its factors;
+    findings say so.
 
     Args:
         craft: a craft, or a fit of one; with a fit, forces have standard errors.
@@ -94,6 +101,11 @@ def allocation(
     errors = _errors(craft, thrusts.parameters, lambda values: forces(values)[0])
     factors = _corrected(thrusts, mixer, size, rows)
     remaining, _ = _of_mixer(thrusts, factors, size, {})
+    chords = _chords(thrusts, _largest(mixer, size))
+    uncorrected = _uncorrected(mixer, factors, (odd, remaining), chords, level)
+    as_they_were = [k for k, name in enumerate(mixer.commands) if name in uncorrected]
+    factors[:, as_they_were] = mixer.matrix[:, as_they_were]
+    remaining[:, as_they_were] = odd[:, as_they_were]
     corrected = Mixer(
         mixer.commands,
         dict(zip(mixer.thrusters, factors.tolist(), strict=True)),
@@ -109,7 +121,8 @@ def allocation(
         None if errors is None else errors[rows],
         corrected,
         remaining[rows],
-        _chords(thrusts, _largest(mixer, size)),
+        uncorrected,
+        chords,
         model,
     )
 
@@ -188,6 +201,40 @@ def _corrected(thrusts: ThrustMap, mixer: Mixer, size: float, rows: list[int]) -
         if np.abs(changes).max() < _SETTLED * np.abs(factors).max():
             break
     return factors
+
+
+def _uncorrected(
+    mixer: Mixer,
+    factors: np.ndarray,
+    forces: tuple[np.ndarray, np.ndarray],
+    chords: np.ndarray,
+    level: float,
+) -> dict[str, str]:
+    """Commands that no factors correct, and why: by forces as they are, and corrected."""
+    takes = max(1.0, float(np.abs(mixer.matrix).max()))
+    strengths = np.linalg.norm(chords[:3], axis=0)
+    idle = [
+        name
+        for name, strength in zip(mixer.thrusters, strengths, strict=True)
+        if strength < _NOTHING * strengths.max()
+    ]
+    reasons = {}
+    for k, name in enumerate(mixer.commands):
+        if np.array_equal(factors[:, k], mixer.matrix[:, k]):
+            continue
+        row, sent = AXES.index(name), level * np.abs(factors[:, k])
+        before, after = abs(forces[0][row, k]), forces[1][row, k]
+        unit = "N" if row < 3 else "N m"
+        if not sent.max() <= takes * (1 + 1e-6):
+            most = mixer.thrusters[int(np.argmax(sent))]
+            reasons[name] = (
+                f"at {level:g} {most} would be sent {number(sent.max(), 3)}, it takes {takes:g}"
+            )
+        elif after < _KEPT * before:
+            fall = f"it falls from {number(before, 3)} to {number(after, 3)} {unit}"
+            gives = "give" if len(idle) > 1 else "gives"
+            reasons[name] = f"{fall}, as {joined(idle)} {gives} nothing" if idle else fall
+    return reasons
 
 
 def _change(

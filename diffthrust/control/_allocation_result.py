@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,6 +42,8 @@ class Allocation(Result):
         std_errors: of ``forces``, where a fit was given.
         corrected: the mixer with factors that suit the thrusters.
         remaining: what that leads to, as ``forces``.
+        uncorrected: commands that keep their factors as no others give the same force alone, and
+            why.
         effectiveness: force and moment of each thruster per unit of its command, ``(6,
             thrusters)``: the chord at the largest command that the mixer sends to it.
         craft: the craft.
@@ -70,6 +72,7 @@ class Allocation(Result):
     std_errors: np.ndarray | None
     corrected: Mixer
     remaining: np.ndarray
+    uncorrected: Mapping[str, str]
     effectiveness: np.ndarray
     craft: Craft = field(repr=False)
 
@@ -116,8 +119,16 @@ class Allocation(Result):
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Sentences on what is unwanted, the largest first; empty where nothing is."""
-        return (*self._wrong(), *self._unwanted())
+        """Sentences: what is wrong, what cannot be corrected, what is unwanted, the largest first.
+
+        Empty where nothing is.
+        """
+        kept = (
+            f"The factors of {command} stay as they are: the same force free of others cannot be "
+            f"had, {why}."
+            for command, why in self.uncorrected.items()
+        )
+        return (*self._wrong(), *kept, *self._unwanted())
 
     def _wrong(self) -> Iterator[str]:
         """Commands that push the other way, or hardly."""

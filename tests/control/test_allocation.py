@@ -164,6 +164,25 @@ def test_commands_that_are_reversed_or_dead_are_told():
     assert "does not move in heave" in " ".join(audit.report().split())
 
 
+def test_commands_that_no_factors_correct_keep_theirs_and_are_told(tmp_path):
+    mixer = Mixer(("surge", "yaw"), {"port": (1, 1), "starboard": (1, -1)})
+    dead = dft.layouts.BLUEBOAT.craft().replace({"starboard.strength": 1e-6})
+    audit = allocation(dead, mixer)
+    # of two thrusters that are to push alike, one has half of the force: surge and yaw are one
+    force = audit.forces[0, 0]
+    told = f"it falls from {force:.1f} to {force / 2:.2f} N, as starboard gives nothing."
+    assert audit.findings[0].startswith("The factors of surge stay as they are: ")
+    assert audit.findings[0].endswith(told)
+    assert audit.findings[1].startswith("The factors of yaw stay as they are: ")
+    np.testing.assert_array_equal(audit.corrected.matrix, mixer.matrix)
+    np.testing.assert_array_equal(audit.remaining, audit.forces)
+    weak = dft.layouts.BLUEBOAT.craft().replace({"starboard.strength": 1e-3})
+    audit = allocation(weak, mixer)
+    assert "at 0.5 starboard would be sent 19.4, it takes 1." in audit.findings[0]
+    saved = tomllib.loads(audit.save(tmp_path / "mixer.toml").read_text())
+    assert saved["thrusters"]["starboard"] == [1.0, -1.0]
+
+
 def test_what_is_saved_is_read_back(tmp_path):
     craft, mixer, _, _ = vehicle()
     audit = allocation(craft, mixer)
