@@ -12,7 +12,7 @@ import numpy as np
 from diffthrust._support.figures import showing
 from diffthrust._support.report import Bullets, Report, Rows, Section, Styled, notes
 from diffthrust._support.results import Result
-from diffthrust._support.words import joined, number, with_error
+from diffthrust._support.words import capitalised, joined, number, with_error
 from diffthrust.layouts._mixer import AXES, Mixer
 from diffthrust.models._craft.craft import Craft
 
@@ -131,15 +131,19 @@ class Allocation(Result):
         return (*self._wrong(), *kept, *self._unwanted())
 
     def _wrong(self) -> Iterator[str]:
-        """Commands that push the other way, or hardly."""
+        """Commands that push the other way, hardly or not at all, and thrusters sent nothing."""
         scales = np.abs(self.effectiveness).sum(axis=1) * self.level * self.full
         for column, command in enumerate(self.mixer.commands):
-            if not self._uses(column):
-                continue
             if command not in self.axes:
                 continue
+            if not self._uses(column):
+                yield f"A {command} command sends nothing to any thruster."
+                continue
             own, could = self._own(command) or 0.0, scales[AXES.index(command)]
-            if abs(own) < 0.1 * could:
+            like = slice(0, 3) if command in AXES[:3] else slice(3, 6)
+            if could <= 1e-9 * scales[like].max():
+                yield f"A {command} command gives no {command}: no thruster can."
+            elif abs(own) < 0.1 * could:
                 yield (
                     f"A {command} command hardly does anything: {number(own, 3)} "
                     f"{_unit(command)} of the {number(could, 3)} that the thrusters can."
@@ -147,6 +151,9 @@ class Allocation(Result):
             elif own < 0:
                 ahead, back = _WAYS.get(command, ("clockwise", "counter-clockwise"))
                 yield f"A {command} command pushes {back}: it should push {ahead}."
+        idle = [name for name, row in self.mixer.factors.items() if not any(row)]
+        if idle:
+            yield f"{capitalised(joined(idle))} {'are' if len(idle) > 1 else 'is'} sent nothing."
 
     def _unwanted(self) -> list[str]:
         found = []
@@ -269,7 +276,8 @@ class Allocation(Result):
                 cells.append(Styled(text, "strong") if axis == command else text)
             rows.append((command, *cells))
         headings = ("Command", *(f"{axis} [{_unit(axis)}]" for axis in self.axes))
-        fine = () if self.findings else ("Every command does what it should.",)
+        looked = {*self.mixer.commands} & {*self.axes}
+        fine = ("Every command does what it should.",) if looked and not self.findings else ()
         corrected = Section(
             "", f"Corrected factors ({self.corrected.source}):", _factor_rows(self.corrected)
         )

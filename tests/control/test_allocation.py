@@ -164,6 +164,25 @@ def test_commands_that_are_reversed_or_dead_are_told():
     assert "does not move in heave" in " ".join(audit.report().split())
 
 
+def test_what_a_mixer_leaves_out_is_told():
+    boat = dft.layouts.BLUEBOAT.craft()
+    lame = Mixer(("surge", "sway", "yaw"), {"port": (1, 0, 1), "starboard": (0, 0, 0)})
+    audit = allocation(boat, lame)
+    assert "A sway command sends nothing to any thruster." in audit.findings
+    assert "Starboard is sent nothing." in audit.findings
+    audit = allocation(boat, Mixer(("sway",), {"port": (1,), "starboard": (1,)}))
+    assert audit.findings[0] == "A sway command gives no sway: no thruster can."
+    silent = allocation(boat, Mixer(("surge",), {"port": (0,), "starboard": (0,)}))
+    assert silent.findings == (
+        "A surge command sends nothing to any thruster.",
+        "Port and starboard are sent nothing.",
+    )
+    # a boat does not heave: nothing is looked at, so nothing is praised
+    unseen = allocation(boat, Mixer(("heave",), {"port": (1,), "starboard": (1,)}))
+    assert "does what it should" not in unseen.report()
+    assert "does not move in heave" in " ".join(unseen.report().split())
+
+
 def test_commands_that_no_factors_correct_keep_theirs_and_are_told(tmp_path):
     mixer = Mixer(("surge", "yaw"), {"port": (1, 1), "starboard": (1, -1)})
     dead = dft.layouts.BLUEBOAT.craft().replace({"starboard.strength": 1e-6})
