@@ -68,8 +68,8 @@ def allocation(
         inputs: values of what the thrusters read besides, such as ``{"supply_voltage": 15.2}``.
 
     Raises:
-        InputError: no craft, other thrusters than those of the mixer, a thruster that turns, or a
-            level that is not above zero.
+        InputError: no craft, other thrusters than those of the mixer, a thruster that turns, a
+            level that is not above 0 and at most 1, or inputs that the thrusters do not read.
 
     Example:
         >>> boat = dft.layouts.BLUEBOAT.craft().replace({"starboard.strength": 0.8})
@@ -87,8 +87,8 @@ def allocation(
             "Place the thrusters on a body: dft.Craft(dft.bodies.Planar(), ...).",
         )
     _check_names(model, mixer)
-    for name, value in (("level", level), ("full", full)):
-        finite(f"allocation, {name}", value, lambda x: x > 0, "a number above zero")
+    finite("allocation, level", level, lambda x: 0 < x <= 1, "a number above 0, at most 1")
+    finite("allocation, full", full, lambda x: x > 0, "a number above zero")
     thrusts = ThrustMap(model, inputs or {})
     mixer = replace(mixer, factors={name: mixer.factors[name] for name in model.actuators})
     size = level * full

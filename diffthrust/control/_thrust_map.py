@@ -10,6 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.validation import finite
 from diffthrust.export._steady import steady_outputs
 from diffthrust.layouts._mixer import AXES
 from diffthrust.models._base.effect import Ports
@@ -49,7 +50,7 @@ class ThrustMap:
         inputs: what the thrusters read besides their commands, held at these values.
 
     Raises:
-        InputError: a thruster that turns, or an input without a value.
+        InputError: a thruster that turns, an input without a value, or one that none reads.
     """
 
     def __init__(self, craft: Craft, inputs: Mapping[str, float]) -> None:
@@ -65,13 +66,24 @@ class ThrustMap:
         self._craft = held._copy(effects=placed)
         self._commands = [f"{n}.{next(iter(m.model.inputs))}" for n, m in craft.actuators.items()]
         needed = {name for effect in placed for name in effect.needs} | {*held.inputs}
-        missing = sorted(needed - {*self._commands} - {*inputs})
+        needed -= {*self._commands}
+        for name, value in inputs.items():
+            if name not in needed:
+                raise InputError(
+                    f"allocation, inputs: expected what the thrusters read besides their commands "
+                    f"({listing(sorted(needed))}), found {name!r}.",
+                    "Leave it out: the mixer sends the commands."
+                    if name in self._commands
+                    else "Correct the name, or leave it out.",
+                )
+            finite(f"allocation, inputs, {name}", value, lambda _: True, "a finite number")
+        missing = sorted(needed - {*inputs})
         if missing:
             raise InputError(
                 f"allocation: the thrusters read {listing(missing)}, of which no value is given.",
                 f'Give it: inputs={{"{missing[0]}": 16.0}}.',
             )
-        self._inputs = {name: float(v) for name, v in inputs.items() if name in needed}
+        self._inputs = {name: float(v) for name, v in inputs.items()}
         self._craft_values = {n: p.value for n, p in craft.parameters.items()}
 
     @property

@@ -238,8 +238,13 @@ def test_what_is_no_audit_is_refused():
         allocation(boat, "vectored")
     with pytest.raises(InputError, match=r"sends to 'm1'[\s\S]*mixer\.named\(\['port'"):
         allocation(boat, ardusub_mixer("simplerov_3"))
-    with pytest.raises(InputError, match="level"):
-        allocation(boat, mixer, level=0.0)
+    for level in (0.0, 1.5, "half"):
+        with pytest.raises(InputError, match="level: expected a number above 0, at most 1"):
+            allocation(boat, mixer, level=level)
+    with pytest.raises(InputError, match=r"\(none\), found 'voltage'"):
+        allocation(boat, mixer, inputs={"voltage": 15.0})
+    with pytest.raises(InputError, match=r"found 'port\.command'[\s\S]*the mixer sends"):
+        allocation(boat, mixer, inputs={"port.command": 1.0})
     with pytest.raises(InputError, match="'bow', 'stern' turn"):
         allocation(dft.layouts.FERRY.craft(), mixer.named(["bow", "stern"]))
     law = dft.Thruster(command="effort")
@@ -250,3 +255,5 @@ def test_what_is_no_audit_is_refused():
     with pytest.raises(InputError, match=r'inputs=\{"supply_voltage"'):
         allocation(sagging, mixer)
     assert allocation(sagging, mixer, inputs={"supply_voltage": 14.0}).forces[0, 0] > 0
+    with pytest.raises(InputError, match="supply_voltage: expected a finite number, found nan"):
+        allocation(sagging, mixer, inputs={"supply_voltage": float("nan")})
