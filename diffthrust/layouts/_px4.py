@@ -9,7 +9,7 @@ that may turn back is at rest halfway between the ends of its pulses).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -72,16 +72,34 @@ def px4_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
             round(p["CT"] / strongest, 6),
             -p["KM"] if p["KM"] else None,
         )
-    ours = "CA_ROTORn_"
-    facts = (
-        Fact({"places": f"{ours}PX, PY, PZ"}, "published", "the log's parameters"),
-        Fact({"directions": f"{ours}AX, AY, AZ"}, "published", "the log's parameters"),
-        Fact({"strengths": f"ratios of {ours}CT"}, "published", "the log's parameters"),
-        Fact({"reactions": f"-{ours}KM, whose default is 0.05"}, "unknown",
-             "the log's parameters; KM is positive where the propeller turns counter-clockwise"),
-    )  # fmt: skip
+    facts = (*_geometry(parameters, pushing), *_one_point(thrusters))
     title = f"PX4, CA_AIRFRAME {_MOTORS_6DOF}, {count_words(len(thrusters))} thrusters"
     return RecordedLayout(title, SixDegrees, thrusters, px4_mixer(effectiveness), facts)
+
+
+def _geometry(parameters: Mapping[str, float], motors: Iterable[int]) -> Iterator[Fact]:
+    """Where places, directions, strengths and reactions are from: the log, or PX4's defaults."""
+    told = {"places": "PX PY PZ", "directions": "AX AY AZ", "strengths": "CT"}
+    for what, keys in told.items():
+        names = [f"CA_ROTOR{k}_{key}" for k in motors for key in keys.split()]
+        missing = [name for name in names if name not in parameters]
+        given = f"CA_ROTORn_{', '.join(keys.split())}"
+        if len(missing) < len(names):
+            yield Fact({what: given}, "published", "the log's parameters")
+        if missing:
+            values = " ".join(f"{_DEFAULTS[key]:g}" for key in keys.split())
+            lacks = f"PX4's default, the log has no {', '.join(missing[:3])}"
+            more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+            yield Fact({what: f"{given} of {values}"}, "unknown", lacks + more)
+    turns = "the log's parameters; KM is positive where the propeller turns counter-clockwise"
+    yield Fact({"reactions": "-CA_ROTORn_KM, whose default is 0.05"}, "unknown", turns)
+
+
+def _one_point(thrusters: Mapping[str, RecordedThruster]) -> Iterator[Fact]:
+    """That no thruster has a lever arm, by parameters that nobody has set."""
+    if len(thrusters) > 1 and len({t.place for t in thrusters.values()}) == 1:
+        source = "no thruster turns the craft by its place: set CA_ROTORn_PX, PY, PZ"
+        yield Fact({"places": "all at one point"}, "unknown", source)
 
 
 def px4_mixer(effectiveness: Mapping[str, Sequence[float]]) -> Mixer:

@@ -144,6 +144,23 @@ def test_px4_does_not_divide_a_yaw_that_sends_nothing_ahead():
     np.testing.assert_allclose(stern.matrix, [[1, 0, 0], [0, 1, turn]], rtol=1e-9)
 
 
+def test_px4_defaults_are_not_told_as_settings_of_the_log():
+    bare = {"CA_AIRFRAME": 7.0, "CA_ROTOR_COUNT": 2.0}
+    marks = {fact.mark for fact in px4_layout(bare).facts}
+    assert marks == {"unknown"}
+    sources = [fact.source for fact in px4_layout(bare).facts]
+    assert sources[0] == (
+        "PX4's default, the log has no CA_ROTOR0_PX, CA_ROTOR0_PY, CA_ROTOR0_PZ and 3 more"
+    )
+    assert sources[-1].startswith("no thruster turns the craft by its place")
+    told = rotors((0, 0.3, 0, 1, 0, 0), (0, -0.3, 0, 1, 0, 0))
+    facts = px4_layout(told).facts
+    assert [fact.mark for fact in facts] == ["published"] * 3 + ["unknown"]
+    told.pop("CA_ROTOR1_PY")
+    facts = [f.source for f in px4_layout(told).facts if "places" in f.values]
+    assert facts == ["the log's parameters", "PX4's default, the log has no CA_ROTOR1_PY"]
+
+
 def test_px4_leaves_out_rotors_without_a_direction():
     layout = px4_layout({**ROTORS, "CA_ROTOR7_AZ": 0.0, "CA_ROTOR4_CT": 0.0})
     assert list(layout.thrusters) == ["m1", "m2", "m3", "m4", "m6", "m7"]
