@@ -96,6 +96,9 @@ def ardupilot_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
     Args:
         parameters: values by name, as of `diffthrust.logs.parameters_in`.
 
+    Raises:
+        InputError: pulses whose stop is not between their ends.
+
     Example:
         >>> print(dft.layouts.ardupilot_layout({"FRAME_CLASS": 1.0}))
         None
@@ -164,10 +167,12 @@ def _boat(parameters: Mapping[str, float], outputs: Mapping[int, int]) -> Record
             parameters.get(f"SERVO{output}_{what}", default)
             for what, default in (("TRIM", 1500.0), ("MIN", 1100.0), ("MAX", 1900.0))
         )
+        told = f"SERVO{output}_MIN {low:g}, SERVO{output}_TRIM {stop:g}, SERVO{output}_MAX {high:g}"
         if parameters.get(f"SERVO{output}_REVERSED"):
             low, high = high, low
         place = (0.0, side * 1.5 * ARM, 0.0)
-        widths = PWM(stop, high, low)
+        # a motor that does not turn back has its stop at its end
+        widths = PWM.of(PWM(stop, high, None if low == stop else low), f"the parameters {told}")
         thrusters[name] = RecordedThruster(place, (1.0, 0.0, 0.0), _widths(output, widths))
     facts = (
         Fact({"places": f"{1.5 * ARM:.2g} m to either side"}, "rule of thumb",

@@ -41,6 +41,9 @@ def px4_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
     Args:
         parameters: values by name, as of `diffthrust.logs.parameters_in`.
 
+    Raises:
+        InputError: pulses of one width.
+
     Example:
         >>> rov = {"CA_AIRFRAME": 7, "CA_ROTOR_COUNT": 1, "CA_ROTOR0_AX": 1, "CA_ROTOR0_AZ": 0}
         >>> dft.layouts.px4_layout(rov).thrusters["m1"].reaction
@@ -149,6 +152,7 @@ def _columns(motor: int, parameters: Mapping[str, float]) -> tuple[CommandColumn
             high = parameters.get(f"PWM_MAIN_MAX{output}", 2000.0)
             both_ways = int(parameters.get("CA_R_REV", 0)) >> motor & 1
             stop = (low + high) / 2 if both_ways else low
-            pwm = PWM(stop, high, low if both_ways else None)
+            told = f"PWM_MAIN_MIN{output} {low:g}, PWM_MAIN_MAX{output} {high:g}"
+            pwm = PWM.of(PWM(stop, high, low if both_ways else None), f"the parameters {told}")
             columns.append(CommandColumn(f"actuator_outputs.output[{output - 1}]", pwm))
     return tuple(columns)

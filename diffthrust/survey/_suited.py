@@ -31,7 +31,11 @@ def choice_of(contents: Contents) -> Choice:
     guesses = meanings(fields, ros=contents.kind.startswith("ROS"))
     pool = Pool(fields, guesses)
     plain = _coarse(Choice(contents, guesses, time=_clock(contents, pool), doubts=contents.notes))
-    layout = recorded_layout(contents.parameters)
+    try:
+        layout = recorded_layout(contents.parameters)
+    except InputError as error:  # settings that are wrong are no reason not to look at the rest
+        layout = None
+        plain = replace(plain, doubts=(*plain.doubts, f"{error.problem} Mend: {error.mend}"))
     if layout is not None:
         plain = craft_choice(pool, plain, layout)
         if plain.model is not None:

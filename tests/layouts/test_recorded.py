@@ -85,6 +85,18 @@ def test_a_boat_of_ardupilot(tmp_path):
     assert out["yaw_rate"][-1] > 0.01
 
 
+def test_pulses_that_are_none_are_refused(tmp_path):
+    boat = {"FRAME_CLASS": 2.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    told = r"SERVO1_MIN 1100, SERVO1_TRIM 1900, SERVO1_MAX 1900: expected the stop \(1900\) between"
+    with pytest.raises(InputError, match=told):
+        ardupilot_layout({**boat, "SERVO1_TRIM": 1900.0})
+    # a motor that does not turn back
+    ahead = ardupilot_layout({**boat, "SERVO3_MIN": 1500.0})
+    assert ahead.thrusters["starboard"].columns[0].pwm == PWM(1500.0, 1900.0)
+    with pytest.raises(InputError, match="PWM_MAIN_MIN3 1900, PWM_MAIN_MAX3 1900: expected"):
+        px4_layout({**ROTORS, "PWM_MAIN_MIN3": 1900.0})
+
+
 ROTORS = {
     "CA_AIRFRAME": 7.0,
     "CA_ROTOR_COUNT": 8.0,

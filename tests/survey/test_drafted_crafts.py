@@ -171,6 +171,15 @@ def test_a_craft_without_its_commands_is_a_doubt(tmp_path):
     assert any(words in doubt for doubt in seen.doubts)
 
 
+def test_settings_that_are_wrong_are_a_doubt(tmp_path):
+    settings = {"FRAME_CLASS": 2.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    formats, rows = dataflash_parameters({**settings, "SERVO1_TRIM": 1900.0})
+    formats["ATT"] = ("Qff", ["TimeUS", "Pitch", "Yaw"])
+    rows += [("ATT", (1000 * k, 0.1 * k, float(k % 7))) for k in range(50)]
+    seen = dft.look(write_dataflash(tmp_path / "lake.bin", formats, rows))
+    assert any("SERVO1_TRIM 1900" in doubt and "Mend: " in doubt for doubt in seen.doubts)
+
+
 def test_servos_of_other_vehicles_are_looked_at_as_ever(tmp_path):
     pytest.importorskip("pymavlink")
     messages = [(0.1 * k, 1, servos(1500 + k)) for k in range(20)]
