@@ -59,6 +59,8 @@ _FRAMES: Mapping[str, tuple[tuple[float, ...], ...]] = {
 ARDUSUB_FRAMES = tuple(_FRAMES)
 """ArduSub's frames by name, in the order of ``FRAME_CONFIG``."""
 _PLACES: Mapping[str, Layout] = {"vectored": BLUEROV2, "vectored_6dof": BLUEROV2_HEAVY}
+_OWN = 7
+"""``FRAME_CONFIG`` of a frame of the user's own code."""
 _LEFT, _RIGHT = 73, 74
 """Functions of outputs of a boat with two thrusters: throttle left and throttle right."""
 
@@ -71,7 +73,7 @@ def ardusub_mixer(frame: str, directions: Sequence[float] = ()) -> Mixer:
         directions: ``MOT_n_DIRECTION`` of each motor, 1 or -1; 1 where left out.
 
     Raises:
-        InputError: there is no such frame.
+        InputError: there is no such frame, or a direction is neither 1 nor -1.
 
     Example:
         >>> dft.layouts.ardusub_mixer("vectored").factors["m1"]
@@ -82,6 +84,12 @@ def ardusub_mixer(frame: str, directions: Sequence[float] = ()) -> Mixer:
             f"the frame {frame!r} is not known; {nearby(frame, _FRAMES)}.",
             "Name one of dft.layouts.ARDUSUB_FRAMES, or give factors: dft.layouts.Mixer.",
         )
+    for k, direction in enumerate(directions, 1):
+        if direction not in (1, -1):
+            raise InputError(
+                f"MOT_{k}_DIRECTION: expected 1 or -1, found {direction}.",
+                "Set -1 where the motor is to turn the other way, else 1.",
+            )
     rows = {}
     for k, (roll, pitch, yaw, throttle, forward, lateral) in enumerate(_FRAMES[frame]):
         direction = directions[k] if k < len(directions) else 1.0
@@ -97,7 +105,8 @@ def ardupilot_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
         parameters: values by name, as of `diffthrust.logs.parameters_in`.
 
     Raises:
-        InputError: pulses whose stop is not between their ends.
+        InputError: a frame that ArduSub does not have or whose factors are the user's own, a
+            direction that is none, or pulses whose stop is not between their ends.
 
     Example:
         >>> print(dft.layouts.ardupilot_layout({"FRAME_CLASS": 1.0}))
@@ -112,15 +121,21 @@ def ardupilot_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
     return None
 
 
-def _sub(parameters: Mapping[str, float]) -> RecordedLayout | None:
-    number = int(parameters["FRAME_CONFIG"])
-    if not 0 <= number < len(ARDUSUB_FRAMES):
-        return None  # 7 is a frame of the user's own code, which no parameter describes
-    frame = ARDUSUB_FRAMES[number]
+def _sub(parameters: Mapping[str, float]) -> RecordedLayout:
+    number = parameters["FRAME_CONFIG"]
+    if number not in range(len(ARDUSUB_FRAMES)):
+        own = ", a frame of your own code, which no parameter describes" * (number == _OWN)
+        raise InputError(
+            f"FRAME_CONFIG: expected a whole number from 0 to {len(ARDUSUB_FRAMES) - 1}, found "
+            f"{number:g}{own}.",
+            "Place the thrusters in a spec file: [thrusters.NAME] with at = [x, y, z].",
+        )
+    frame = ARDUSUB_FRAMES[int(number)]
     plain = ardusub_mixer(frame)
     directions = [
         parameters.get(f"MOT_{k}_DIRECTION", 1.0) for k in range(1, 1 + len(plain.factors))
     ]
+    mixer = ardusub_mixer(frame, directions)
     outputs = _outputs(parameters)
     known = _PLACES.get(frame)
     places = [*known.places.values()] if known else None
@@ -150,10 +165,10 @@ def _sub(parameters: Mapping[str, float]) -> RecordedLayout | None:
     )  # fmt: skip
     count = count_words(len(thrusters))
     return RecordedLayout(
-        f"ArduSub, FRAME_CONFIG {number} ({frame}), {count} thrusters",
+        f"ArduSub, FRAME_CONFIG {number:g} ({frame}), {count} thrusters",
         SixDegrees,
         thrusters,
-        ardusub_mixer(frame, directions),
+        mixer,
         facts,
     )
 

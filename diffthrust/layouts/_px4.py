@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
 from diffthrust._support.words import count_words
 from diffthrust.bodies import SixDegrees
 from diffthrust.layouts._layout import Fact
@@ -42,20 +43,31 @@ def px4_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
         parameters: values by name, as of `diffthrust.logs.parameters_in`.
 
     Raises:
-        InputError: pulses of one width.
+        InputError: a number of motors or a thrust that PX4 does not have, or pulses of one width.
 
     Example:
         >>> rov = {"CA_AIRFRAME": 7, "CA_ROTOR_COUNT": 1, "CA_ROTOR0_AX": 1, "CA_ROTOR0_AZ": 0}
         >>> dft.layouts.px4_layout(rov).thrusters["m1"].reaction
         -0.05
     """
-    count = int(parameters.get("CA_ROTOR_COUNT", 0))
-    if parameters.get("CA_AIRFRAME") != _MOTORS_6DOF or not 0 < count <= _MOST:
+    count = parameters.get("CA_ROTOR_COUNT", 0)
+    if parameters.get("CA_AIRFRAME") != _MOTORS_6DOF or count == 0:
         return None
+    if count not in range(_MOST + 1):
+        raise InputError(
+            f"CA_ROTOR_COUNT: expected a whole number up to {_MOST}, found {count:g}.",
+            "Set it to the number of motors.",
+        )
     each = [
         {key: parameters.get(f"CA_ROTOR{k}_{key}", default) for key, default in _DEFAULTS.items()}
-        for k in range(count)
+        for k in range(int(count))
     ]
+    for k, p in enumerate(each):
+        if p["CT"] < 0:
+            raise InputError(
+                f"CA_ROTOR{k}_CT: expected a thrust of 0 or more, found {p['CT']:g}.",
+                f"Set it to {-p['CT']:g} and turn its axis round: CA_ROTOR{k}_AX, AY, AZ.",
+            )
     # PX4 takes no notice of a rotor without a direction or without thrust
     pushing = {k: p for k, p in enumerate(each) if p["CT"] and any(p[f"A{x}"] for x in "XYZ")}
     if not pushing:

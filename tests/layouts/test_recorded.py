@@ -64,7 +64,6 @@ def test_directions_and_outputs_follow_the_parameters():
     # what is sent is turned as well: a surge command still pushes ahead
     (acted, _), _ = _coupling(layout)
     assert np.all(acted > 0)
-    assert ardupilot_layout({"FRAME_CONFIG": 7.0}) is None
     assert ardupilot_layout({"FRAME_CLASS": 1.0, "SERVO1_FUNCTION": 73.0}) is None
 
 
@@ -95,6 +94,33 @@ def test_pulses_that_are_none_are_refused(tmp_path):
     assert ahead.thrusters["starboard"].columns[0].pwm == PWM(1500.0, 1900.0)
     with pytest.raises(InputError, match="PWM_MAIN_MIN3 1900, PWM_MAIN_MAX3 1900: expected"):
         px4_layout({**ROTORS, "PWM_MAIN_MIN3": 1900.0})
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"FRAME_CONFIG": 7.0}, "FRAME_CONFIG: .* found 7, a frame of your own code"),
+        ({"FRAME_CONFIG": 1.5}, "FRAME_CONFIG: expected a whole number from 0 to 6, found 1.5"),
+        ({"FRAME_CONFIG": 1.0, "MOT_1_DIRECTION": 0.0}, "MOT_1_DIRECTION: expected 1 or -1"),
+        ({"FRAME_CONFIG": 1.0, "MOT_2_DIRECTION": -2.0}, "MOT_2_DIRECTION: .* found -2.0"),
+    ],
+)
+def test_settings_that_ardusub_does_not_have_are_refused(settings, told):
+    with pytest.raises(InputError, match=told):
+        ardupilot_layout(settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"CA_ROTOR_COUNT": 2.7}, "CA_ROTOR_COUNT: expected a whole number up to 12, found 2.7"),
+        ({"CA_ROTOR_COUNT": 20.0}, "CA_ROTOR_COUNT: .* found 20"),
+        ({"CA_ROTOR3_CT": -6.5}, r"CA_ROTOR3_CT: [\s\S]*Set it to 6.5 and turn its axis round"),
+    ],
+)
+def test_settings_that_px4_does_not_have_are_refused(settings, told):
+    with pytest.raises(InputError, match=told):
+        px4_layout({**ROTORS, **settings})
 
 
 ROTORS = {
