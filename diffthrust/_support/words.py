@@ -114,3 +114,13 @@ def count_words(count: int) -> str:
         ('three', 'many')
     """
     return _COUNTS[count] if count < len(_COUNTS) else "many"
+
+
+def counted(count: int, noun: str) -> str:
+    """So many of something.
+
+    Example:
+        >>> counted(1, "thruster"), counted(3, "thruster")
+        ('one thruster', 'three thrusters')
+    """
+    return f"{count_words(count)} {noun}{'s' * (count != 1)}"

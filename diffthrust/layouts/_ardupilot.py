@@ -14,7 +14,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearby
-from diffthrust._support.words import count_words
+from diffthrust._support.words import counted
 from diffthrust.bodies import Planar, SixDegrees
 from diffthrust.layouts._bluerov2 import BLUEROV2, BLUEROV2_HEAVY
 from diffthrust.layouts._layout import Fact, Layout
@@ -163,9 +163,9 @@ def _sub(parameters: Mapping[str, float]) -> RecordedLayout:
              f"{_SOURCE}; {', '.join(turned) or 'none'} turned by the log's parameters"),
         Fact({"stop": 1500, "full": 1900}, "published", f"{_SOURCE}: 400 us for each 1"),
     )  # fmt: skip
-    count = count_words(len(thrusters))
+    count = counted(len(thrusters), "thruster")
     return RecordedLayout(
-        f"ArduSub, FRAME_CONFIG {number:g} ({frame}), {count} thrusters",
+        f"ArduSub, FRAME_CONFIG {number:g} ({frame}), {count}",
         SixDegrees,
         thrusters,
         mixer,

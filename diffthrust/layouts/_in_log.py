@@ -33,7 +33,11 @@ def layout_in(path: str | PathLike[str]) -> RecordedLayout:
         >>> print(dft.layouts.layout_in("boat.param").craft())
         craft
     """
-    layout = recorded_layout(parameters := parameters_in(path))
+    parameters = parameters_in(path)
+    try:
+        layout = recorded_layout(parameters)
+    except InputError as error:
+        raise InputError.at(str(path), error.problem, error.mend) from None
     if layout is None:
         frame = {k: v for k, v in parameters.items() if k in _TELLING}
         found = ", ".join(f"{name} {value:g}" for name, value in frame.items()) or "none of them"

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import csv
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending, write_whole
-from diffthrust._support.names import listing
+from diffthrust._support.literals import as_toml
+from diffthrust._support.names import listing, short_repr
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
-from diffthrust._support.words import number
+from diffthrust._support.words import counted, number
 from diffthrust.models._craft.six import Six
 
 AXES = Six._fields
@@ -58,16 +62,7 @@ class Mixer(Result):
                 f"{listing(self.commands) if self.commands else 'none'}.",
                 "A heave command pushes down, a sway command to starboard: name what yours does.",
             )
-        for name, row in self.factors.items():
-            if len(row) != len(self.commands) or not np.all(np.isfinite(row)):
-                raise InputError(
-                    f"Mixer, {name}: expected {len(self.commands)} factors, for "
-                    f"{listing(self.commands)}, found {[*row]}.",
-                    "Give each thruster one finite number for each command.",
-                )
-        if not self.factors:
-            raise InputError("Mixer: expected thrusters, found none.", "Give factors by thruster.")
-        rows = {name: tuple(map(float, row)) for name, row in self.factors.items()}
+        rows = _rows("Mixer", self.factors, self.commands, "factors")
         object.__setattr__(self, "factors", rows)
 
     @classmethod
@@ -82,12 +77,21 @@ class Mixer(Result):
         Returns:
             A mixer of those axes on which any thruster acts.
 
+        Raises:
+            InputError: a thruster without six finite numbers, or none that acts.
+
         Example:
             >>> boat = {"port": (1, 0, 0, 0, 0, 0.3), "starboard": (1, 0, 0, 0, 0, -0.3)}
             >>> print(dft.layouts.Mixer.inverse(boat).commands)
             ('surge', 'yaw')
         """
-        acting = np.array([[*row] for row in effectiveness.values()], float).T
+        does = _rows("Mixer.inverse", effectiveness, AXES, "numbers")
+        acting = np.array([*does.values()]).T
+        if not np.any(acting):
+            raise InputError(
+                f"Mixer.inverse: expected forces or moments of {listing(does)}, found zeros.",
+                "Give what each thruster does, per what it is sent.",
+            )
         mix = np.linalg.pinv(acting, rcond=1e-9)
         used = [k for k in range(len(AXES)) if np.abs(mix[:, k]).max() > 1e-9]
         rows = {name: mix[i, used].tolist() for i, name in enumerate(effectiveness)}
@@ -122,15 +126,18 @@ class Mixer(Result):
 
     def csv(self) -> str:
         """The factors as a table, a line for each thruster."""
-        lines = [",".join(("thruster", *self.commands))]
-        lines += [",".join((name, *map(repr, row))) for name, row in self.factors.items()]
-        return "\n".join(lines) + "\n"
+        text = StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(("thruster", *self.commands))
+        table.writerows((name, *row) for name, row in self.factors.items())
+        return text.getvalue()
 
     def toml(self) -> str:
         """The factors as TOML, an array for each thruster."""
-        lines = [f"# {self.source}: x ahead, y to starboard, z down"]
-        lines += [f"commands = [{', '.join(map(repr, self.commands))}]".replace("'", '"')]
-        lines += ["[thrusters]", *(f"{name} = {[*row]}" for name, row in self.factors.items())]
+        # a comment ends with its line
+        lines = [f"# {' '.join(self.source.split())}: x ahead, y to starboard, z down"]
+        lines += [f"commands = {as_toml(self.commands)}", "[thrusters]"]
+        lines += [f"{_key(name)} = {as_toml(row)}" for name, row in self.factors.items()]
         return "\n".join(lines) + "\n"
 
     def ardusub(self) -> str:
@@ -165,10 +172,41 @@ class Mixer(Result):
         return file
 
     def _line(self) -> str:
-        return f"{self.source}: {len(self.factors)} thrusters by {', '.join(self.commands)}"
+        return (
+            f"{self.source}: {counted(len(self.factors), 'thruster')} by {', '.join(self.commands)}"
+        )
 
     def _report(self) -> Report:
         rows = [(name, *(number(v, 3) for v in row)) for name, row in self.factors.items()]
         headings = ("Sent to", *self.commands)
         table = Rows.of(headings, rows, numbers=range(1, len(headings)))
         return Report(Section("", f"Mixer: {self.source}, for a command of 1.", table))
+
+
+def _rows(what: str, given: Any, columns: Sequence[str], noun: str) -> dict[str, tuple[float, ...]]:
+    """One finite number of each thruster for each column."""
+    if not isinstance(given, Mapping) or not given:
+        found = "none" if isinstance(given, Mapping) else short_repr(given)
+        raise InputError(
+            f"{what}: expected thrusters, found {found}.",
+            f'Give {noun} by thruster, as in {{"port": (1, 1)}}.',
+        )
+    rows = {}
+    for name, row in given.items():
+        try:
+            values = np.array(row, float)
+        except (TypeError, ValueError):
+            values = np.array(np.nan)
+        if values.shape != (len(columns),) or not np.all(np.isfinite(values)):
+            raise InputError(
+                f"{what}, {name}: expected {len(columns)} {noun}, for {listing(columns)}, found "
+                f"{short_repr(row)}.",
+                f"Give each thruster one finite number for each of {listing(columns)}.",
+            )
+        rows[name] = tuple(values.tolist())
+    return rows
+
+
+def _key(name: str) -> str:
+    """A name as a key of TOML: quoted where it is more than letters, digits, _ and -."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else as_toml(name)

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.words import count_words
+from diffthrust._support.words import counted
 from diffthrust.bodies import SixDegrees
 from diffthrust.layouts._layout import Fact
 from diffthrust.layouts._mixer import Mixer
@@ -88,7 +88,7 @@ def px4_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
             -p["KM"] if p["KM"] else None,
         )
     facts = (*_geometry(parameters, pushing), *_one_point(thrusters))
-    title = f"PX4, CA_AIRFRAME {_MOTORS_6DOF}, {count_words(len(thrusters))} thrusters"
+    title = f"PX4, CA_AIRFRAME {_MOTORS_6DOF}, {counted(len(thrusters), 'thruster')}"
     return RecordedLayout(title, SixDegrees, thrusters, px4_mixer(effectiveness), facts)
 
 

@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import short_repr
 from diffthrust.logs._contents import contents
 from diffthrust.logs._kinds import kind_of
 
@@ -30,7 +31,8 @@ def parameters_in(path: str | PathLike[str]) -> dict[str, float]:
         Values by name, such as ``FRAME_CONFIG``; empty for a log that holds none.
 
     Raises:
-        InputError: there is no such file, it is neither, or a line of it has no value.
+        InputError: there is no such file, it is neither, it has no parameters, or a line of it has
+            no value.
 
     Example:
         >>> with open("rov.param", "w") as file:
@@ -38,6 +40,11 @@ def parameters_in(path: str | PathLike[str]) -> dict[str, float]:
         >>> dft.logs.parameters_in("rov.param")
         {'FRAME_CONFIG': 2.0, 'SERVO1_FUNCTION': 33.0}
     """
+    if not isinstance(path, str | PathLike):
+        raise InputError(
+            f"expected the path of a log or of a file of parameters, found {short_repr(path)}.",
+            'Name the file: "dive.bin".',
+        )
     file = Path(path)
     kind = kind_of(file)
     if kind.messages:
@@ -53,7 +60,7 @@ def parameters_in(path: str | PathLike[str]) -> dict[str, float]:
 
 def _listed(file: Path) -> dict[str, float]:
     values = {}
-    for number, line in enumerate(file.read_text("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(file.read_text("utf-8-sig", "replace").splitlines(), 1):
         text = line.split("#")[0].strip()
         if not text:
             continue
@@ -68,4 +75,9 @@ def _listed(file: Path) -> dict[str, float]:
                 "Write it as in FRAME_CONFIG,2, or remove the line.",
             )
         values[match[1]] = value
+    if not values:
+        raise InputError(
+            f"{file}: expected parameters, found none.",
+            "Save the parameters of the vehicle anew from its ground station.",
+        )
     return values

@@ -1,5 +1,8 @@
 """Layouts by the settings of autopilots, against mechanics written anew."""
 
+import csv
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -221,6 +224,54 @@ def test_mixers_that_are_none_are_refused():
         ardusub_mixer("vektored")
     with pytest.raises(InputError, match="expected 3 names, found 1"):
         ardusub_mixer("simplerov_3").named(["a"])
+
+
+@pytest.mark.parametrize(
+    ("factors", "told"),
+    [
+        ([(1,)], r"Mixer: expected thrusters, found \[\(1,\)\]"),
+        ({"a": ("x",)}, r"Mixer, a: expected 1 factors, for 'surge', found \('x',\)"),
+        ({"a": 1}, "Mixer, a: expected 1 factors, for 'surge', found 1"),
+    ],
+)
+def test_factors_that_are_none_are_refused(factors, told):
+    with pytest.raises(InputError, match=told):
+        Mixer(("surge",), factors)
+
+
+@pytest.mark.parametrize(
+    ("effectiveness", "told"),
+    [
+        ({}, "Mixer.inverse: expected thrusters, found none"),
+        ({"a": (1, 0, 0)}, r"Mixer.inverse, a: expected 6 numbers.*found \(1, 0, 0\)"),
+        ({"a": (0,) * 6}, "Mixer.inverse: expected forces or moments of 'a', found zeros"),
+    ],
+)
+def test_thrusters_that_have_no_inverse_are_refused(effectiveness, told):
+    with pytest.raises(InputError, match=told):
+        Mixer.inverse(effectiveness)
+
+
+def test_odd_names_are_read_back():
+    mixer = Mixer(("surge", "yaw"), {"bow, left": (1, 0.5), 'a "b"': (1, -1)}, "mine\n[other]")
+    rows = list(csv.reader(mixer.csv().splitlines()))
+    assert rows[0] == ["thruster", "surge", "yaw"]
+    assert {name: tuple(map(float, row)) for name, *row in rows[1:]} == mixer.factors
+    tables = tomllib.loads(mixer.toml())
+    assert {n: tuple(row) for n, row in tables["thrusters"].items()} == mixer.factors
+    assert list(tables) == ["commands", "thrusters"]
+
+
+def test_one_thruster_is_no_plural():
+    assert px4_layout(rotors((0, 0, 0, 1, 0, 0))).title == "PX4, CA_AIRFRAME 7, one thruster"
+
+
+def test_errors_of_settings_name_the_file(tmp_path):
+    (tmp_path / "own.param").write_text("FRAME_CONFIG,7\n")
+    with pytest.raises(InputError, match=r"own\.param: FRAME_CONFIG: expected"):
+        layout_in(tmp_path / "own.param")
+    with pytest.raises(InputError, match=r"expected the path of a log .* found 3"):
+        layout_in(3)
 
 
 def test_ardusub_lines_count_a_throttle_up():

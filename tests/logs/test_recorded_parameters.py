@@ -48,6 +48,7 @@ def test_parameters_of_a_ulog(tmp_path):
     "text",
     [
         "# saved\nFRAME_CONFIG,2\nMOT_1_DIRECTION,-1.0\n",
+        "\ufeffFRAME_CONFIG,2\nMOT_1_DIRECTION,-1.0\n",
         "FRAME_CONFIG 2 # vectored\nMOT_1_DIRECTION -1.000000\n",
         "# Vehicle-Id Component-Id Name Value Type\n1\t1\tFRAME_CONFIG\t2\t2\n"
         "1\t1\tMOT_1_DIRECTION\t-1\t2\n",
@@ -55,7 +56,7 @@ def test_parameters_of_a_ulog(tmp_path):
 )
 def test_files_of_three_ground_stations(text, tmp_path):
     path = tmp_path / "rov.params"
-    path.write_text(text)
+    path.write_text(text, "utf-8")
     assert parameters_in(path) == {"FRAME_CONFIG": 2.0, "MOT_1_DIRECTION": -1.0}
 
 
@@ -63,6 +64,9 @@ def test_what_holds_no_parameters_is_refused(tmp_path):
     (tmp_path / "rov.param").write_text("FRAME_CONFIG,2\nMOT_1_DIRECTION,\n")
     with pytest.raises(InputError, match=r"rov.param, line 2: .*'MOT_1_DIRECTION,'"):
         parameters_in(tmp_path / "rov.param")
+    (tmp_path / "empty.param").write_text("# nothing\n")
+    with pytest.raises(InputError, match=r"empty\.param: expected parameters, found none"):
+        parameters_in(tmp_path / "empty.param")
     (tmp_path / "run.csv").write_text("t,u\n0,1\n1,2\n")
     with pytest.raises(InputError, match="or a file of its parameters, found a table of text"):
         parameters_in(tmp_path / "run.csv")

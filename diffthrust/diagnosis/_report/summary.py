@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from diffthrust._support.words import count_words, distinct_numbers, humanize, joined, number
+from diffthrust._support.words import counted, distinct_numbers, humanize, joined, number
 from diffthrust.diagnosis._explained_share import sure_share
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._missing import Remaining
@@ -98,9 +98,7 @@ def _effects(diag: Findings) -> Part:
     for k in range(count, 0, -1):
         also = [f"Also: {joined(map(humanize, names[k:]))}"] if k < count else []
         wordings.append(((11, 11, 10)[k] if k < 3 else 7, ".\n".join([*lines[:k], *also])))
-    return as_part(
-        *wordings, (13, f"Found: {count_words(count)} effect{'s' * (count != 1)}, see below")
-    )
+    return as_part(*wordings, (13, f"Found: {counted(count, 'effect')}, see below"))
 
 
 def _small(diag: Findings) -> Part:
