@@ -124,10 +124,10 @@ def ardupilot_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
 def _sub(parameters: Mapping[str, float]) -> RecordedLayout:
     number = parameters["FRAME_CONFIG"]
     if number not in range(len(ARDUSUB_FRAMES)):
-        own = ", a frame of your own code, which no parameter describes" * (number == _OWN)
+        custom = ", a frame of your own code, which no parameter describes" * (number == _OWN)
         raise InputError(
             f"FRAME_CONFIG: expected a whole number from 0 to {len(ARDUSUB_FRAMES) - 1}, found "
-            f"{number:g}{own}.",
+            f"{number:g}{custom}.",
             "Place the thrusters in a spec file: [thrusters.NAME] with at = [x, y, z].",
         )
     frame = ARDUSUB_FRAMES[int(number)]
@@ -182,12 +182,14 @@ def _boat(parameters: Mapping[str, float], outputs: Mapping[int, int]) -> Record
             parameters.get(f"SERVO{output}_{what}", default)
             for what, default in (("TRIM", 1500.0), ("MIN", 1100.0), ("MAX", 1900.0))
         )
-        told = f"SERVO{output}_MIN {low:g}, SERVO{output}_TRIM {stop:g}, SERVO{output}_MAX {high:g}"
+        settings = (
+            f"SERVO{output}_MIN {low:g}, SERVO{output}_TRIM {stop:g}, SERVO{output}_MAX {high:g}"
+        )
         if parameters.get(f"SERVO{output}_REVERSED"):
             low, high = high, low
         place = (0.0, side * 1.5 * ARM, 0.0)
         # a motor that does not turn back has its stop at its end
-        widths = PWM.of(PWM(stop, high, None if low == stop else low), f"the parameters {told}")
+        widths = PWM.of(PWM(stop, high, None if low == stop else low), f"the parameters {settings}")
         thrusters[name] = RecordedThruster(place, (1.0, 0.0, 0.0), _widths(output, widths))
     facts = (
         Fact({"places": f"{1.5 * ARM:.2g} m to either side"}, "rule of thumb",

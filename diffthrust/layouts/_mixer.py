@@ -183,16 +183,18 @@ class Mixer(Result):
         return Report(Section("", f"Mixer: {self.source}, for a command of 1.", table))
 
 
-def _rows(what: str, given: Any, columns: Sequence[str], noun: str) -> dict[str, tuple[float, ...]]:
+def _rows(
+    what: str, by_thruster: Any, columns: Sequence[str], noun: str
+) -> dict[str, tuple[float, ...]]:
     """One finite number of each thruster for each column."""
-    if not isinstance(given, Mapping) or not given:
-        found = "none" if isinstance(given, Mapping) else short_repr(given)
+    if not isinstance(by_thruster, Mapping) or not by_thruster:
+        content = "none" if isinstance(by_thruster, Mapping) else short_repr(by_thruster)
         raise InputError(
-            f"{what}: expected thrusters, found {found}.",
+            f"{what}: expected thrusters, found {content}.",
             f'Give {noun} by thruster, as in {{"port": (1, 1)}}.',
         )
     rows = {}
-    for name, row in given.items():
+    for name, row in by_thruster.items():
         try:
             values = np.array(row, float)
         except (TypeError, ValueError):

@@ -94,18 +94,18 @@ def px4_layout(parameters: Mapping[str, float]) -> RecordedLayout | None:
 
 def _geometry(parameters: Mapping[str, float], motors: Iterable[int]) -> Iterator[Fact]:
     """Where places, directions, strengths and reactions are from: the log, or PX4's defaults."""
-    told = {"places": "PX PY PZ", "directions": "AX AY AZ", "strengths": "CT"}
-    for what, keys in told.items():
+    groups = {"places": "PX PY PZ", "directions": "AX AY AZ", "strengths": "CT"}
+    for what, keys in groups.items():
         names = [f"CA_ROTOR{k}_{key}" for k in motors for key in keys.split()]
         missing = [name for name in names if name not in parameters]
-        given = f"CA_ROTORn_{', '.join(keys.split())}"
+        group = f"CA_ROTORn_{', '.join(keys.split())}"
         if len(missing) < len(names):
-            yield Fact({what: given}, "published", "the log's parameters")
+            yield Fact({what: group}, "published", "the log's parameters")
         if missing:
             values = " ".join(f"{_DEFAULTS[key]:g}" for key in keys.split())
             lacks = f"PX4's default, the log has no {', '.join(missing[:3])}"
             more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-            yield Fact({what: f"{given} of {values}"}, "unknown", lacks + more)
+            yield Fact({what: f"{group} of {values}"}, "unknown", lacks + more)
     turns = "the log's parameters; KM is positive where the propeller turns counter-clockwise"
     yield Fact({"reactions": "-CA_ROTORn_KM, whose default is 0.05"}, "unknown", turns)
 
@@ -164,7 +164,7 @@ def _columns(motor: int, parameters: Mapping[str, float]) -> tuple[CommandColumn
             high = parameters.get(f"PWM_MAIN_MAX{output}", 2000.0)
             both_ways = int(parameters.get("CA_R_REV", 0)) >> motor & 1
             stop = (low + high) / 2 if both_ways else low
-            told = f"PWM_MAIN_MIN{output} {low:g}, PWM_MAIN_MAX{output} {high:g}"
-            pwm = PWM.of(PWM(stop, high, low if both_ways else None), f"the parameters {told}")
+            settings = f"PWM_MAIN_MIN{output} {low:g}, PWM_MAIN_MAX{output} {high:g}"
+            pwm = PWM.of(PWM(stop, high, low if both_ways else None), f"the parameters {settings}")
             columns.append(CommandColumn(f"actuator_outputs.output[{output - 1}]", pwm))
     return tuple(columns)
