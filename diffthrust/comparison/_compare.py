@@ -294,7 +294,7 @@ class Comparison(Result):
             (Status.SIMULATION_FAILED.value, list(self.failures)),
             ("Doubts about the logs of the fit", doubts),
             ("What does not fit together", [*self.hints, *self.outstanding]),
-            ("Initial states", list(start_notes(self.runs))),
+            ("Initial states", list(start_notes(self.model, self.runs))),
             ("Where the error sits (inputs as recorded, other signals as modelled)", regimes),
             ("Is the residual noise?", noise),
         ]

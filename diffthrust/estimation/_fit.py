@@ -240,7 +240,7 @@ def fit_records(
     )
     notes += (
         *failures(holdout_runs),
-        *start_notes(holdout_runs),
+        *start_notes(optimum.model, holdout_runs),
         *rail_notes(likelihood.law, records),
     )
     task.tell("done", 1.0)

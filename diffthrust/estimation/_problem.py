@@ -219,8 +219,7 @@ class Problem:
         named = self.named
         out = {name: p.value for name, p in named.items()}
         for name, coordinate in zip(self.free, z, strict=False):
-            low, high = named[name].limits
-            out[name] = min(max(float(named[name].from_coordinate(coordinate)), low), high)
+            out[name] = named[name].limited(named[name].from_coordinate(coordinate))
         return out
 
     def model_at(self, z: np.ndarray) -> Model:

@@ -18,7 +18,7 @@ from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._overflow import overflow, too_large
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._starts import FIRST_PART, estimated_start, unknown_starts
+from diffthrust.simulation._starts import FIRST_PART, estimated_start, unknown_starts, unusual
 from diffthrust.simulation._step_size import (
     StepChoice,
     fewest_steps,
@@ -218,7 +218,7 @@ def _trace(model: Model, record: Record, name: str, modelled: np.ndarray) -> Tra
     return Trace(measured, modelled, residual, model.outputs[name])
 
 
-def start_notes(runs: Sequence[Run]) -> tuple[str, ...]:
+def start_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
     """Notes on what was estimated from the very runs that are compared."""
     names = dict.fromkeys(name for run in runs for name in run.estimated)
     differing = dict.fromkeys(name for run in runs for name in run.differing)
@@ -236,6 +236,13 @@ def start_notes(runs: Sequence[Run]) -> tuple[str, ...]:
             f"By log: {listing(differing)}. Estimated from {part}, which the errors count, too; "
             "the remainder is predicted."
         )
+    for run in runs:
+        for name in run.differing:
+            if said := unusual(model, name, run.start[name]):
+                notes.append(
+                    f"{run.name}: {name} is {run.start[name]:.4g}, {said}: the model may not be "
+                    "what this run is of."
+                )
     return tuple(notes)
 
 

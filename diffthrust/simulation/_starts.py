@@ -25,6 +25,7 @@ import jax
 import numpy as np
 
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._dependence import dependence, states_behind
 from diffthrust.simulation._errors import wrapped
@@ -43,6 +44,8 @@ _NUDGE = 1e-4
 FIRST_PART = 0.25
 """The share of an unseen run from which its own numbers are estimated: three quarters are left to
 be predicted. A manoeuvre has turned through all headings in it that tell a current from a wind."""
+_UNUSUAL = 3.0
+"""So many widths from the mean a value by log is said to be unusual: by chance one of 370 is."""
 _FAR = 10.0
 """So far from the model's own start, in sizes of the state, counts like one sample that errs by the
 spread of its channel: a start that the run hardly feels stays near."""
@@ -127,35 +130,39 @@ def estimated_start(
     differing = [n for n in names if n in model.per_log]
     record = first_part(record) if differing else record
     key, values = Key(model), {name: p.value for name, p in model.parameters.items()}
-    fixed = {**record.start, **given_start}
+    fixed, described = {**record.start, **given_start}, [model.parameters[n] for n in differing]
+    first = len(names) - len(differing)
 
-    def simulate(x: np.ndarray) -> dict[str, np.ndarray]:
-        start = {**fixed, **dict(zip(names, map(float, x), strict=True))}
-        return simulated_from(key, values, record, start, substeps)
+    def named(x: np.ndarray) -> dict[str, float]:
+        own = [p.limited(p.from_coordinate(z)) for p, z in zip(described, x[first:], strict=True)]
+        return dict(zip(names, map(float, [*x[:first], *own]), strict=True))
 
-    def errors(path: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def errors(x: np.ndarray) -> dict[str, np.ndarray]:
+        path = simulated_from(key, values, record, {**fixed, **named(x)}, substeps)
         return _errors(model, record, path)
 
-    begin = {**values, **starting_states(model, record)}
-    x = np.array([begin[n] for n in names], float)
+    begin = starting_states(model, record)
+    means = [p.to_coordinate(p.value) for p in described]
+    x = np.array([*(begin[n] for n in names[:first]), *means], float)
     # The size of a state is what it reaches in the run: its initial value is often zero.
-    reached = simulate(x)
-    sizes = {n: np.max(np.abs(reached[n])) for n in names if n not in differing}
-    sizes |= {n: model.parameters[n].scale for n in differing}
-    size = np.array([sizes[n] if np.isfinite(sizes[n]) and sizes[n] > 0 else 1.0 for n in names])
-    x = _least_squares(lambda x: _stacked(errors(simulate(x))), x, size, _FAR * size)
-    widths = [_width(model, n) for n in differing]
+    reached = simulated_from(key, values, record, {**fixed, **named(x)}, substeps)
+    sizes = np.array([*(np.max(np.abs(reached[n])) for n in names[:first]), *(1.0 for _ in means)])
+    size = np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
+    ends = np.array([*((-np.inf, np.inf) for _ in names[:first]),
+                     *(p.coordinate_limits() for p in described)]).T  # fmt: skip
+    x = _least_squares(lambda x: _stacked(errors(x)), x, size, _FAR * size, ends)
+    widths = [_width(p) for p in described]
     if differing and None not in widths:
         # a first part that tells nothing of a current would else give it any value
-        levels = {n: np.sqrt(np.mean(e**2)) or 1.0 for n, e in errors(simulate(x)).items()}
-        means = {**dict(zip(names, x, strict=True)), **{n: begin[n] for n in differing}}
+        levels = {n: np.sqrt(np.mean(e**2)) or 1.0 for n, e in errors(x).items()}
         x = _least_squares(
-            lambda x: _stacked({n: e / levels[n] for n, e in errors(simulate(x)).items()}),
-            np.array([means[n] for n in names]),
+            lambda x: _stacked({n: e / levels[n] for n, e in errors(x).items()}),
+            np.array([*x[:first], *means]),
             size,
-            np.array([*_FAR * size[: len(names) - len(differing)], *widths]),
+            np.array([*_FAR * size[:first], *widths]),
+            ends,
         )
-    return dict(zip(names, map(float, x), strict=True))
+    return named(x)
 
 
 def first_part(record: Record) -> Record:
@@ -168,10 +175,23 @@ def first_part(record: Record) -> Record:
     return replace(record, measured=measured)
 
 
-def _width(model: Model, name: str) -> float | None:
-    """The standard deviation of a parameter about its mean, in its unit; None before any fit."""
+def _width(parameter: Parameter) -> float | None:
+    """The standard deviation of a parameter about its mean, in its coordinate; None before fits."""
+    if parameter.width is None or parameter.transform == "log":
+        return parameter.width
+    return parameter.width / parameter.scale
+
+
+def unusual(model: Model, name: str, value: float) -> str:
+    """What is unusual about the value of a parameter in an unseen run; mostly nothing."""
     p = model.parameters[name]
-    return p.width if p.width is None or p.transform == "linear" else p.width * p.value
+    width, (low, high) = _width(p), p.coordinate_limits()
+    away = p.to_coordinate(value) - p.to_coordinate(p.value)
+    if min(abs(p.to_coordinate(value) - low), abs(p.to_coordinate(value) - high)) < 1e-9:
+        return f"at its bound ({p.range_text()})"
+    if width is not None and abs(away) > _UNUSUAL * width:
+        return f"{abs(away) / width:.3g} widths from the mean {p.value:.4g}"
+    return ""
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are reported elsewhere
@@ -198,8 +218,9 @@ def _least_squares(
     first: np.ndarray,
     size: np.ndarray,
     far: np.ndarray,
+    ends: np.ndarray,
 ) -> np.ndarray:
-    """Levenberg-Marquardt over a few numbers, by differences, from ``first``.
+    """Levenberg-Marquardt over a few numbers within ``ends``, by differences, from ``first``.
 
     By differences, for a derivative of the simulation would be another program to compile. So
     ``far`` from where it begins, a number counts like one error of one.
@@ -209,19 +230,26 @@ def _least_squares(
         return np.append(errors(first + size * y), size * y / far)
 
     y, damping = np.zeros(first.size), 1e-3
+    low, high = (ends - first) / size
     current = residuals(y)
     for _ in range(_ROUNDS):
-        slopes = np.array([(residuals(y + d) - current) / _NUDGE for d in _NUDGE * np.eye(y.size)])
+        nudges = np.where(y + _NUDGE > high, -_NUDGE, _NUDGE)
+        slopes = np.array([(residuals(y + d) - current) / d.sum() for d in np.diag(nudges)])
+        # what stands at an end and would go beyond is held
+        gradient = slopes @ current
+        slopes[((y <= low) & (gradient > 0)) | ((y >= high) & (gradient < 0))] = 0.0
         square, gradient, fell = slopes @ slopes.T, slopes @ current, 0.0
+        square += np.diag(np.diag(square) == 0)
         while not fell and damping < _STUCK and np.isfinite(square).all():
             # Damped in proportion to the curvature (Marquardt): states in different units need no
             # scaling.
             step = np.linalg.solve(square + damping * np.diag(np.diag(square)), gradient)
-            trial = residuals(y - step)
+            moved = np.clip(y - step, low, high)
+            trial = residuals(moved)
             fell = max(0.0, 1.0 - float(trial @ trial) / (float(current @ current) or 1.0))
             damping *= 0.1 if fell > 0 else 10.0
             if fell > 0:
-                y, current = y - step, trial
+                y, current = moved, trial
         if not fell > _ENOUGH:
             break
-    return first + size * y
+    return np.clip(first + size * y, *ends)

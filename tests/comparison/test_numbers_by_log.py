@@ -60,3 +60,33 @@ def test_a_log_of_the_fit_keeps_its_value():
     assert comparison.errors.nrmse == pytest.approx(fit.train.nrmse, rel=1e-12)
     assert fit.own_numbers(logs[1])["offset"] == fit.per_log["offset"].values["run1"].value
     assert "Estimated from" not in comparison.report()
+
+
+def test_a_positive_number_stays_positive_and_it_is_said_where_it_is_unusual():
+    rng = np.random.default_rng(31)
+    logs = readings(rng, [1.0] * 5, samples=80)
+    logs = [
+        log.replaced(measured={"reading": log.measured["reading"] + factor * log.inputs["depth"]})
+        for log, factor in zip(logs, (0.8, 0.9, 1.0, 1.1, 0.95), strict=True)
+    ]
+    model = dft.LinearSensor(slope=1.0, offset=1.0).fix("offset")
+    model = model.replace(slope={"bounds": (0, None), "transform": "log"})
+    fit = dft.fit(model, logs[:4], per_log=["slope"], starts=1)
+    usual = dft.compare(fit, logs[4])
+    assert usual.runs[0].start["slope"] == pytest.approx(1.15, abs=0.05)
+    assert "widths from the mean" not in usual.report()
+    turned = logs[4].replaced(measured={"reading": 2.0 - logs[4].measured["reading"]})
+    comparison = dft.compare(fit, turned)  # a sensor of the wrong sign
+    assert 0.0 < comparison.runs[0].start["slope"] < usual.runs[0].start["slope"]
+    assert "widths from the mean" in " ".join(comparison.report().split())
+    assert comparison.errors.channels["reading"].nrmse > 0.9
+
+
+def test_a_value_of_an_unseen_log_ends_at_a_bound():
+    logs = made(samples=80)
+    fit = fitted(logs[:5])
+    high = fit.parameters["offset"].value + 0.1
+    far = logs[5].replaced(measured={"reading": logs[5].measured["reading"] + 1.0})
+    comparison = dft.compare(fit.model.replace(offset={"bounds": (None, high)}), far)
+    assert comparison.runs[0].start["offset"] == high
+    assert "at its bound" in " ".join(comparison.report().split())

@@ -199,6 +199,16 @@ class Parameter:
         low, high = self.bounds
         return (-math.inf if low is None else float(low), math.inf if high is None else float(high))
 
+    def limited(self, value: float) -> float:
+        """A value within the bounds.
+
+        Example:
+            >>> dft.Parameter(0.037, bounds=(0, None)).limited(-1.0)
+            0.0
+        """
+        low, high = self.limits
+        return min(max(float(value), low), high)
+
     @property
     def scale(self) -> float:
         """The unit length of a linear coordinate: what counts as a moderate change.
