@@ -44,6 +44,12 @@ class Quadratic(NamedTuple):
     sigma: Any
     scores: Any
 
+    def turned(self, matrix: Any) -> Quadratic:
+        """In other coordinates, by which the old ones have this ``matrix``."""
+        return self._replace(
+            gradient=matrix.T @ self.gradient, information=matrix.T @ self.information @ matrix
+        )
+
 
 _BLOCKS = 48
 """Blocks of time into which each log is divided for the scatter of the gradient."""
@@ -72,7 +78,11 @@ def values_of_log(
     for i, (name, transform) in enumerate(layout.per_log, start=first):
         kind, mean = numbers.varying[name], values[name]
         value = mean * jnp.exp(own[i]) if transform == "log" else mean + kind.scale * own[i]
-        moved[name] = jnp.clip(value, kind.low, kind.high)
+        # at a bound, and beyond it by rounding, the derivative is that from within
+        room = 1e-9 * kind.scale
+        value = jnp.clip(value, kind.low - room, kind.high + room)
+        within = jnp.clip(value, kind.low, kind.high)
+        moved[name] = value + jax.lax.stop_gradient(within - value)
     return moved
 
 

@@ -163,6 +163,13 @@ def _spread(problem: Problem, z: np.ndarray, q: Quadratic) -> _Spread:
     information, gradient = np.array(q.information), np.array(q.gradient)
     information[ours, ours] -= tight
     gradient[ours] -= tight * z[ours]
+    if problem.turn is not None:  # a value at a bound does not move with the mean, nor tell of it
+        held = problem.turn.at_bound(z)[ours]
+        moved = np.eye(z.size)
+        moved[ours[held]] = problem.turn.matrix[ours[held]]
+        moved[ours[held], ours[held]] = 0.0
+        information, gradient = moved.T @ information @ moved, moved.T @ gradient
+        ours, groups = ours[~held], groups[~held]
     low, high = problem.limits()
     length = np.sqrt(np.maximum(np.diagonal(information), 0.0))
     free = (z > low + 1e-9) & (z < high - 1e-9) & (length > 0)
@@ -189,7 +196,9 @@ def _likeliest(spread: _Spread, first: np.ndarray) -> np.ndarray:
     ends = np.log([_NARROW, _WIDE])
     begun = [np.clip(np.log(first / errors), *ends), *(np.full(first.size, s) for s in (0.0, 2.5))]
     ended = [minimize(loss, at, bounds=[tuple(ends)] * first.size, tol=1e-12) for at in begun]
-    return np.exp(min(ended, key=lambda result: result.fun).x) * errors
+    found = np.exp(min(ended, key=lambda result: result.fun).x) * errors
+    # one value alone, where all others are at a bound, tells of no width
+    return np.where(np.bincount(spread.groups, minlength=first.size) < 2, first, found)
 
 
 def _width_range(spread: _Spread, widths: np.ndarray, i: int) -> tuple[float, float]:
@@ -230,6 +239,7 @@ def per_log_of(
         _coordinates(problem),
     )
     widths = np.array([float(problem.numbers.varying[n].width) for n, _ in problem.layout.per_log])
+    held = np.zeros(z.size, bool) if problem.turn is None else problem.turn.at_bound(z)
     for i, (name, transform) in enumerate(problem.layout.per_log):
         kind = problem.numbers.varying[name]
         without = widths.copy()
@@ -238,12 +248,17 @@ def per_log_of(
         for k, label in enumerate(_labels(problem)):
             value = numbers[k][name]
             together = [places[k, i]]
-            together += [problem.free.index(name)] if name in problem.free else []
+            if problem.turn is None and name in problem.free:
+                together.append(problem.free.index(name))
             slope = value if transform == "log" else float(kind.scale)
             variance = covariance[np.ix_(together, together)].sum() * slope**2
             error = float(np.sqrt(variance)) if variance > 0 else None
             values[label] = replace(
-                means[name], value=value, std_error=error, fixed=False, at_bound=False
+                means[name],
+                value=value,
+                std_error=error,
+                fixed=False,
+                at_bound=bool(held[places[k, i]]),
             )
         low, high = _width_range(spread, widths, i)
         out[name] = PerLog(

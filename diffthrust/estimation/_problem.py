@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,6 +51,44 @@ class Layout:
     def cost(self, numbers: ProblemNumbers, rests: Sequence[Any]) -> Any:
         """Negative log-likelihood of residuals, and the noise level of each channel."""
         return self.likelihood.law.cost(rests, numbers, self.known_noise)
+
+
+class Turn(NamedTuple):
+    """Other coordinates: the values by log themselves, whose bounds are a box.
+
+    How far they are from their means, in which a search goes quickest, has no such bounds: they
+    would move with the means.
+
+    Args:
+        matrix: of the coordinates of a problem by these, ``(n, n)``.
+        shift: what is added, ``(n,)``.
+        places: of the values, in turn for each log, ``(k,)``.
+        low: lower bounds of the values, ``(k,)``.
+        high: their upper bounds.
+    """
+
+    matrix: np.ndarray
+    shift: np.ndarray
+    places: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def to(self, z: np.ndarray) -> np.ndarray:
+        """These coordinates of those of the problem."""
+        away = z - self.shift
+        return 2.0 * away - self.matrix @ away  # the matrix less the identity has a square of zero
+
+    def limited(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Limits of the coordinates of the problem with the bounds of the values."""
+        low, high = low.copy(), high.copy()
+        low[self.places], high[self.places] = self.low, self.high
+        return low, high
+
+    def at_bound(self, z: np.ndarray) -> np.ndarray:
+        """Which coordinates are values at a bound, ``(n,)``."""
+        low, high = self.limited(np.full(z.size, -np.inf), np.full(z.size, np.inf))
+        values = self.to(z)
+        return (values <= low + 1e-9) | (values >= high - 1e-9)
 
 
 @dataclass(frozen=True)
@@ -203,6 +241,36 @@ class Problem:
                 room = 2.0 * (high - low)
                 pairs.append((low - room, high + room) if room > 0 else (-np.inf, np.inf))
         return pairs
+
+    @cached_property
+    def turn(self) -> Turn | None:
+        """Coordinates with the values by log themselves; None where these have no bounds."""
+        kinds, names = self.numbers.varying, [name for name, _ in self.layout.per_log]
+        low, high = (
+            np.array([self._in_coordinate(n, getattr(kinds[n], end)) for n in names])
+            for end in ("low", "high")
+        )
+        if not np.isfinite([*low, *high]).any():
+            return None
+        size, logs = self.shared + self.local, len(self.records)
+        matrix, shift = np.eye(size), np.zeros(size)
+        first = self.shared + len(self.layout.starts)
+        places = (first + np.arange(logs)[:, None] * self.each + np.arange(len(names))).ravel()
+        for i, name in enumerate(names):
+            rows = places[i :: len(names)]
+            if name in self.free:
+                log = self.named[name].transform == "log"
+                scale = self.numbers.scales[self.layout.free.index(name)] / kinds[name].scale
+                matrix[rows, self.free.index(name)] = -1.0 if log else -scale
+            else:
+                shift[rows] = -self._in_coordinate(name, self.named[name].value)
+        return Turn(matrix, shift, places, np.tile(low, logs), np.tile(high, logs))
+
+    def _in_coordinate(self, name: str, value: float) -> float:
+        """A value of a parameter that differs by log as a coordinate."""
+        if self.named[name].transform == "log":
+            return float(np.log(value)) if value > 0 else -np.inf
+        return float(value / self.numbers.varying[name].scale)
 
     @property
     def _in_order(self) -> list[Record]:

@@ -15,7 +15,7 @@ from diffthrust._support._running.batching import shared_runs
 from diffthrust._support._running.programs import Programs, program
 from diffthrust._support.box import least_in_box
 from diffthrust.estimation._likelihood import Quadratic, evaluate
-from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._problem import Problem, Turn
 
 MOST_STEPS = 300
 _CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
@@ -137,11 +137,11 @@ class Solved(NamedTuple):
 
 @program(1)
 def solved_by_passes(
-    layout: Any, numbers: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any
+    layout: Any, numbers: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any, turn: Any = None
 ) -> Any:
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     solution = optx.minimise(
-        _objective(layout), solver, z, (numbers, budget), has_aux=True, max_steps=MOST_STEPS,
+        _objective(layout), solver, z, (numbers, budget, turn), has_aux=True, max_steps=MOST_STEPS,
         throw=False,
     )  # fmt: skip
     return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
@@ -153,7 +153,7 @@ _solved_quickly_compiled = Programs(solved_by_passes.function, 1, quick_compile=
 @program(1)
 def _further(layout: Any, arguments: Any) -> Any:
     """Some steps from where the last ones ended: the iteration of `solved_by_passes`, in parts."""
-    numbers, y, state, low, high, budget, atol = arguments
+    numbers, y, state, low, high, budget, atol, turn = arguments
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     objective = _objective(layout)
 
@@ -163,7 +163,7 @@ def _further(layout: Any, arguments: Any) -> Any:
 
     def step(carry: Any) -> Any:
         y, state, count = carry
-        y, state, _ = solver.step(objective, y, (numbers, budget), {}, state, frozenset())
+        y, state, _ = solver.step(objective, y, (numbers, budget, turn), {}, state, frozenset())
         return y, state, count + 1
 
     return jax.lax.while_loop(on, step, (y, state, 0))[:2]
@@ -171,8 +171,12 @@ def _further(layout: Any, arguments: Any) -> Any:
 
 def _objective(layout: Any) -> Callable[[Any, Any], tuple[Any, Quadratic]]:
     def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
-        q = evaluate(layout, args[0], y)
-        return q.cost, q
+        if (turn := args[2]) is None:
+            q = evaluate(layout, args[0], y)
+            return q.cost, q
+        matrix, shift = turn
+        q = evaluate(layout, args[0], matrix @ y + shift)
+        return q.cost, q.turned(matrix)
 
     return objective
 
@@ -190,19 +194,33 @@ def solve(
     like all others, so that nothing is compiled for them.
     """
     low, high = problem.limits() if limits is None else limits
-    z, layout, numbers = np.clip(z, low, high), problem.layout, problem.numbers
+    z, layout, numbers, turn = np.clip(z, low, high), problem.layout, problem.numbers, problem.turn
+    if turn is not None:
+        low, high = turn.limited(low, high)
+        z = np.clip(turn.to(z), low, high)
+    affine = None if turn is None else (turn.matrix, turn.shift)
     side_by_side = shared_runs()
     if side_by_side is None:
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         search = _solved_quickly_compiled if problem.quick_compile else solved_by_passes
-        value, quadratic, settled, steps = search(layout, numbers, z, *bounds)
+        value, quadratic, settled, steps = search(layout, numbers, z, *bounds, affine)
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
-        return Solved(np.asarray(value), quadratic, bool(settled), int(steps))
+        return _turned_back(Solved(np.asarray(value), quadratic, bool(settled), int(steps)), turn)
     state = _begin(layout, z)
     while not (state.done or state.failed):
-        carried = (numbers, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
-    return Solved(z, state.quadratic, bool(state.done), int(state.steps))
+    return _turned_back(Solved(z, state.quadratic, bool(state.done), int(state.steps)), turn)
+
+
+def _turned_back(solved: Solved, turn: Turn | None) -> Solved:
+    """What was found in other coordinates, in those of the problem."""
+    if turn is None:
+        return solved
+    inverse = 2.0 * np.eye(turn.shift.size) - turn.matrix
+    z = turn.matrix @ solved.z + turn.shift
+    return solved._replace(z=z, quadratic=solved.quadratic.turned(inverse))
 
 
 def _begin(layout: Any, z: np.ndarray) -> _State:

@@ -103,12 +103,17 @@ class Local:
 def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     """Stationarity, rank, condition, bound contact and covariance at some coordinates.
 
+    Where the values of parameters that differ by log have bounds, they take the place of how far
+    they are from the means.
+
     The covariance is that of the model's free parameters in their own units, ``(k, k)``; rows of
     parameters at a bound, or of those that cannot be told apart, are NaN. An observer's gains and
     memories are no claim of the fit: they follow to their best values, and where nothing depends
     on one (the memory of a force that is absent) nothing is lost.
     """
     low, high = problem.limits()
+    if (turn := problem.turn) is not None:
+        (low, high), z, q = turn.limited(low, high), turn.to(z), q.turned(turn.matrix)
     k, free = len(problem.own), len(problem.free)
     out, every = np.full((k, k), np.nan), np.full((z.size, z.size), np.nan)
     if not np.isfinite(q.cost):

@@ -135,6 +135,33 @@ def test_a_mean_that_is_held_and_a_noise_that_is_not_known():
     assert all(e.std_error < 0.02 and not e.fixed for e in offset.values.values())
 
 
+def test_a_value_at_a_bound_is_the_optimum_within_bounds_by_scipy():
+    logs = readings(np.random.default_rng(0), [0.8, 1.0, 1.1, 1.3])
+    bounded = dft.LinearSensor().replace(offset={"value": 1.0, "bounds": (None, 1.2)})
+    fit = dft.fit(bounded, logs, per_log=["offset"], starts=3)
+    assert fit.status is dft.Status.CONVERGED
+    offset = fit.per_log["offset"]
+    *others, last = offset.values.values()
+    assert last.at_bound
+    assert last.value == 1.2
+    assert last.std_error is None
+    assert not any(e.at_bound or e.std_error is None for e in others)
+
+    def rows(x):
+        apart = [(x[2:] - x[1]) / offset.width]
+        pairs = zip(logs, x[2:], strict=True)
+        errors = [g.measured["reading"] - x[0] * g.inputs["depth"] - own for g, own in pairs]
+        return np.concatenate([*apart, *(e / NOISE for e in errors)])
+
+    ends = ([-9.0] * 6, [9.0, *[1.2] * 5])
+    solved = least_squares(rows, [0.2, 1, 1, 1, 1, 1], bounds=ends, xtol=1e-14, ftol=1e-14)
+    found = [fit.parameters[n].value for n in ("slope", "offset")]
+    found += [e.value for e in offset.values.values()]
+    np.testing.assert_allclose(found, solved.x, rtol=1e-4)
+    # the logs within the bounds tell of the difference by themselves
+    assert offset.tells
+
+
 # A model that is not linear.
 
 TRUE = {"alpha": 0.037, "beta": 42.0}
