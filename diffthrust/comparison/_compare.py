@@ -405,7 +405,8 @@ def compare(
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     if not isinstance(fit, Model) and initial is None:
         initial = [fit.own_numbers(log) for log in logs]
-    runs = runs_over(model, bind(model, logs), initial=initial, substeps=substeps)
+    noise = None if isinstance(fit, Model) else fit.noise_of_runs
+    runs = runs_over(model, bind(model, logs), initial=initial, substeps=substeps, noise=noise)
     return comparison_of(fit, runs)
 
 

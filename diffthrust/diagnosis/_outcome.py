@@ -189,7 +189,7 @@ def agrees_with_law(
     after = runs_over(fit.model, context.fitter.records, initial=fit.initial)
     if context.unseen:
         before = (*before, *assessment.after.runs)
-        after = (*after, *runs_over(fit.model, context.unseen))
+        after = (*after, *runs_over(fit.model, context.unseen, noise=fit.noise_of_runs))
     return no_longer_odd(odd, before, after)
 
 

@@ -196,6 +196,6 @@ def _runs_of(context: SearchContext, last: FittedStage, law: LearnedLaw | None) 
         return last.unseen_runs or last.runs
     fit = law.reported
     if context.unseen:
-        return runs_over(fit.model, context.unseen, substeps=fit.substeps)
+        return runs_over(fit.model, context.unseen, substeps=fit.substeps, noise=fit.noise_of_runs)
     records = context.fitter.records
     return runs_over(fit.model, records, initial=fit.initial, substeps=fit.substeps)

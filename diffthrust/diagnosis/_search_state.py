@@ -333,7 +333,7 @@ def _with_its_runs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) 
         return FitRuns(replace(fit, holdout=None) if fit.holdout else fit, runs, ())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoarseStepWarning)  # the fit has warned
-        finer = runs_over(fit.model, unseen)
+        finer = runs_over(fit.model, unseen, noise=fit.noise_of_runs)
     unseen_runs = with_steps(fit.model, finer, fit.substeps)
     errors = [pooled_errors(finer), pooled_errors(unseen_runs)]
     if fit.holdout is None or not any(_agree(fit.holdout, each) for each in errors):

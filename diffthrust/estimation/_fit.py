@@ -235,8 +235,12 @@ def fit_records(
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed or first_substeps else substeps
+    found = _of_noise(optimum.problem, optimum.best)
+    noise = None if found["disturbance"] else found["noise"]
     holdout_runs = (
-        runs_over(optimum.model, holdout_records, substeps=steps) if holdout_records else ()
+        runs_over(optimum.model, holdout_records, substeps=steps, noise=noise)
+        if holdout_records
+        else ()
     )
     notes += (
         *failures(holdout_runs),
@@ -255,7 +259,7 @@ def fit_records(
         logs=(*logs, *unseen),
         **words,
         **_judged(optimum, notes, (*logs, *unseen) if options.doubts else ()),
-        **_of_noise(optimum.problem, optimum.best),
+        **found,
     )
     fitted = with_runaways(fitted, optimum.runs, doubts=options.doubts)
     return FitRuns(fitted, optimum.runs, holdout_runs)

@@ -169,6 +169,18 @@ class Fit(Result):
         return {name: numbers[name] for name in self.per_log}
 
     @property
+    def noise_of_runs(self) -> Mapping[str, float]:
+        """Standard deviation of the errors of whole runs by channel, as far as the fit tells.
+
+        That of the sensors; of an innovations fit none, for random forces add to it in a run.
+
+        Example:
+            >>> fit.noise_of_runs == fit.noise
+            True
+        """
+        return {} if self.disturbance is not None else self.noise
+
+    @property
     def begins_freely(self) -> bool:
         """Whether initial states were estimated that a sensor tells of.
 

@@ -55,6 +55,7 @@ class Run(Brief):
         estimated: names of the latter: no sensor tells where they begin.
         differing: parameters among them, which differ by log.
         substeps: integrator steps per sample.
+        noise: standard deviation of each channel, by which the first part of an unseen run counts.
         failure: when and by which state the simulation left the finite numbers; mostly empty.
         choice: how many steps it needs, where that was examined.
     """
@@ -70,6 +71,7 @@ class Run(Brief):
     substeps: int
     estimated: tuple[str, ...] = ()
     differing: tuple[str, ...] = ()
+    noise: Mapping[str, float] | None = field(default=None, repr=False)
     failure: str = ""
     choice: StepChoice | None = field(default=None, repr=False)
 
@@ -101,6 +103,7 @@ def runs_over(
     *,
     initial: Sequence[Mapping[str, float]] | None = None,
     substeps: int | None = None,
+    noise: Mapping[str, float] | None = None,
 ) -> tuple[Run, ...]:
     """Each whole record simulated, beside what it measured.
 
@@ -110,6 +113,8 @@ def runs_over(
         initial: initial states for each of them; by default measured states start from their first
             measurement, and others, where an output feels them, where the run errs least.
         substeps: integrator steps per sample; chosen for each record where ``None``.
+        noise: standard deviation of each channel, as the fit of the model has found it: by it the
+            first part of a run counts that tells of parameters that differ by log.
 
     Raises:
         InputError: none measures an output of the model, or initial states of another number of
@@ -122,7 +127,8 @@ def runs_over(
             "Give initial=[{'speed': 1.0}, ...].",
         )
     runs = tuple(
-        _run(model, record, start, substeps) for record, start in zip(records, starts, strict=True)
+        _run(model, record, start, substeps, noise)
+        for record, start in zip(records, starts, strict=True)
     )
     if not any(run.channels for run in runs):
         raise InputError(
@@ -152,7 +158,7 @@ def _with_steps(model: Model, run: Run, substeps: int | None) -> Run:
         substeps = choice.substeps
     if substeps == run.substeps:
         return replace(run, choice=choice)
-    return _run(model, run.record, _given_start(run), substeps, choice)
+    return _run(model, run.record, _given_start(run), substeps, run.noise, choice)
 
 
 def step_choice(model: Model, run: Run) -> StepChoice:
@@ -173,13 +179,14 @@ def _run(
     record: Record,
     start: Mapping[str, float],
     substeps: int | None,
+    noise: Mapping[str, float] | None,
     choice: StepChoice | None = None,
 ) -> Run:
     if substeps is None:
         choice = sufficient_steps(model, record, start)
         substeps = choice.substeps
     if estimated := unknown_starts(model, record, start):
-        start = {**start, **estimated_start(model, record, start, estimated, substeps)}
+        start = {**start, **estimated_start(model, record, start, estimated, substeps, noise)}
     if choice and choice.substeps == substeps and not estimated:
         modelled = simulate_chosen(model, record, start, choice)
     else:
@@ -200,6 +207,7 @@ def _run(
         substeps=substeps,
         estimated=estimated,
         differing=tuple(name for name in estimated if name in model.per_log),
+        noise=noise,
         failure=overflow(model, record, modelled) or too_large(model, record, modelled),
         choice=choice,
     )

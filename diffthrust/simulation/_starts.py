@@ -112,6 +112,7 @@ def estimated_start(
     given_start: Mapping[str, float],
     names: Sequence[str],
     substeps: int,
+    noise: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """The numbers of its own with which a run errs least.
 
@@ -121,11 +122,13 @@ def estimated_start(
         given_start: initial values of other states.
         names: the states that are sought, and the parameters that differ by log.
         substeps: integrator steps per sample.
+        noise: standard deviation of each channel, as the fit of the model has found it.
 
     Returns:
         The values: least squares of the errors of all measured channels, each over its spread. With
         a parameter among them those of the first part of the run, and each parameter within its
-        width about its mean: errors then count by what the least squares alone leave of them.
+        width about its mean: errors then count by the noise that the run states or the fit has
+        found, else by what the least squares alone leave of them.
     """
     differing = [n for n in names if n in model.per_log]
     record = first_part(record) if differing else record
@@ -152,9 +155,11 @@ def estimated_start(
                      *(p.coordinate_limits() for p in described)]).T  # fmt: skip
     x = _least_squares(lambda x: _stacked(errors(x)), x, size, _FAR * size, ends)
     widths = [_width(p) for p in described]
+    known = {**(noise or {}), **{n: level for n, level in record.noise.items() if level}}
     if differing and None not in widths:
         # a first part that tells nothing of a current would else give it any value
-        levels = {n: np.sqrt(np.mean(e**2)) or 1.0 for n, e in errors(x).items()}
+        levels = _levels(errors(x), x.size)
+        levels |= {n: known[n] / _spread(record, n) for n in levels if n in known}
         x = _least_squares(
             lambda x: _stacked({n: e / levels[n] for n, e in errors(x).items()}),
             np.array([*x[:first], *means]),
@@ -204,8 +209,23 @@ def _errors(model: Model, record: Record, path: Mapping[str, np.ndarray]) -> dic
         residual = (measured - modelled)[valid]
         residual = wrapped(residual) if name in model.angles else residual
         if residual.size:
-            errors[name] = np.asarray(residual) / (float(np.std(measured[valid])) or 1.0)
+            errors[name] = np.asarray(residual) / _spread(record, name)
     return errors
+
+
+def _spread(record: Record, name: str) -> float:
+    """Standard deviation of what was measured of a channel; 1 for a constant."""
+    measured = record.observed[name]
+    return float(np.std(measured[np.isfinite(measured)])) or 1.0
+
+
+def _levels(errors: Mapping[str, np.ndarray], unknowns: int) -> dict[str, float]:
+    """The noise of each channel, by the errors that so many unknowns leave; 1 where none are."""
+    samples = sum(e.size for e in errors.values())
+    share = max(samples - unknowns, 0) / max(samples, 1)
+    return {
+        n: float(np.sqrt(np.mean(e**2) / share)) or 1.0 if share else 1.0 for n, e in errors.items()
+    }
 
 
 def _stacked(errors: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -19,12 +19,30 @@ def test_an_unseen_log_has_the_value_of_its_first_quarter():
     first = logs[5].time <= 0.25 * logs[5].time[-1]
     slope, mean = fit.parameters["slope"].value, fit.parameters["offset"].value
     apart = (logs[5].measured["reading"] - slope * logs[5].inputs["depth"] - mean)[first]
-    # the posterior of a Gaussian about the mean, with the errors that least squares leave
-    noise = np.std(apart)
-    weight = apart.size / noise**2
+    # the posterior of a Gaussian about the mean, with the noise that the logs state
+    weight = apart.size / NOISE**2
     value = mean + weight * apart.mean() / (weight + fit.per_log["offset"].width ** -2)
     assert run.start["offset"] == pytest.approx(value, rel=1e-3)
     assert run.differing == ("offset",)
+
+
+def test_two_samples_count_by_the_noise_of_the_fit():
+    rng = np.random.default_rng(51)
+    logs = readings(rng, rng.normal(1.0, 0.05, 6), samples=80, known=False)
+    fit = fitted(logs[:5])
+    short = logs[5].slice(0.0, 6.5)  # two of seven samples are in the first quarter
+    slope, mean = fit.parameters["slope"].value, fit.parameters["offset"].value
+    apart = short.measured["reading"] - slope * short.inputs["depth"] - mean
+    weight = 2.0 / fit.noise["reading"] ** 2
+    value = mean + weight * apart[:2].mean() / (weight + fit.per_log["offset"].width ** -2)
+    (run,) = dft.compare(fit, short).runs
+    assert run.start["offset"] == pytest.approx(value, rel=1e-4)
+    # of a model alone by what least squares leave of two samples: one is free
+    noise = np.std(apart[:2], ddof=1)
+    weight = 2.0 / noise**2
+    value = mean + weight * apart[:2].mean() / (weight + fit.per_log["offset"].width ** -2)
+    (run,) = dft.compare(fit.model, short).runs
+    assert run.start["offset"] == pytest.approx(value, rel=1e-3)
 
 
 def test_what_comes_after_the_first_quarter_moves_nothing():
