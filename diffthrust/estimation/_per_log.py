@@ -59,6 +59,7 @@ class PerLog:
         values: the value of each training log, by its name. Its standard error takes the width as
             known.
         ratio: twice the logarithm of the likelihood ratio of that width and of none.
+        relative: the width is that of the logarithm: a share of the value, without a unit.
 
     Example:
         >>> model = dft.Thruster().fix("alpha", "beta")
@@ -69,7 +70,7 @@ class PerLog:
         >>> ct.tells  # the runs have the same thruster
         False
         >>> list(ct.to_json())
-        ['mean', 'width', 'width_range', 'ratio', 'values']
+        ['mean', 'width', 'width_range', 'width_unit', 'ratio', 'values']
     """
 
     mean: Estimate
@@ -77,6 +78,14 @@ class PerLog:
     width_range: tuple[float, float]
     values: Mapping[str, Estimate]
     ratio: float
+    relative: bool = False
+
+    @property
+    def shown_width(self) -> tuple[float, tuple[float, float], str]:
+        """The width, its interval and their unit for people."""
+        per, unit = (100.0, "%") if self.relative else (self.mean.per, self.mean.shown[2])
+        low, high = self.width_range
+        return per * self.width, (per * low, per * high), unit
 
     @property
     def tells(self) -> bool:
@@ -89,6 +98,7 @@ class PerLog:
             "mean": self.mean.to_json(),
             "width": self.width,
             "width_range": list(self.width_range),
+            "width_unit": "" if self.relative else self.mean.unit,
             "ratio": self.ratio,
             "values": {log: value.to_json() for log, value in self.values.items()},
         }
@@ -267,6 +277,7 @@ def per_log_of(
             width_range=(low * float(kind.scale), high * float(kind.scale)),
             values=values,
             ratio=spread.ratio(widths) - spread.ratio(without),
+            relative=transform == "log",
         )
     return out
 
@@ -296,11 +307,10 @@ def per_log_section(per_log: Mapping[str, PerLog], title: str = "") -> Section:
     blocks = []
     for name, found in per_log.items():
         size, spread, unit = found.mean.shown
-        low, high = (number(found.mean.per * end, 2) for end in found.width_range)
+        width, ends, width_unit = found.shown_width
+        low, high = (number(end, 2) for end in ends)
         rows = [(name, "mean of all", *with_error(size, spread), unit)]
-        rows.append(
-            (name, "width", number(found.mean.per * found.width, 2), f"{low} to {high}", unit)
-        )
+        rows.append((name, "width", number(width, 2), f"{low} to {high}", width_unit))
         for log, value in found.values.items():
             rows.append((name, log, *with_error(*value.shown[:2]), unit))
         blocks.append(tuple(rows))

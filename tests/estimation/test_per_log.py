@@ -1,5 +1,7 @@
 """Numbers that differ by log, against mixed models that are solved by other means."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from compilations import compilations
@@ -160,6 +162,27 @@ def test_a_value_at_a_bound_is_the_optimum_within_bounds_by_scipy():
     np.testing.assert_allclose(found, solved.x, rtol=1e-4)
     # the logs within the bounds tell of the difference by themselves
     assert offset.tells
+
+
+def test_a_width_of_a_logarithm_is_a_share_in_reports_and_json():
+    logs = readings(np.random.default_rng(19), [0.8, 1.0, 1.1, 1.3])
+    model = dft.LinearSensor(offset=1.0).replace(offset={"bounds": (0, None), "transform": "log"})
+    relative = fitted(logs, model)
+    width = relative.per_log["offset"].width
+    assert 0.1 < width < 0.5
+    shown = [line for line in relative.report().splitlines() if " width " in line]
+    assert f"{100 * width:.2g}" in shown[0]
+    assert "%" in shown[0]
+    assert relative.to_json()["per_log"]["offset"]["width_unit"] == ""
+    linear = fitted(logs)
+    shown, *_ = [line for line in linear.report().splitlines() if " width " in line]
+    assert "%" not in shown
+    offset = linear.per_log["offset"]
+    assert offset.to_json()["width_unit"] == offset.mean.unit
+    # in the unit of the logs, if that is another: the width goes with the mean, a share does not
+    for found, per in ((offset, 1000.0), (relative.per_log["offset"], 100.0)):
+        other = replace(found, mean=replace(found.mean, per=1000.0, shown_unit="mm"))
+        assert other.shown_width[0] == pytest.approx(per * found.width)
 
 
 # A model that is not linear.
