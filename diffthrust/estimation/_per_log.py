@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -285,8 +286,12 @@ def per_log_of(
 def _labels(problem: Problem) -> list[str]:
     """The names of the logs; of logs of one name the later ones are numbered."""
     names = [record.name for record in problem.records]
-    seen = [names[:k].count(name) for k, name in enumerate(names)]
-    return [f"{n} ({k + 1})" if k else n for n, k in zip(names, seen, strict=True)]
+    labels: list[str] = []
+    for name in names:
+        numbered = (f"{name} ({i})" for i in count(2))
+        taken = {*labels, *names}
+        labels.append(name if name not in labels else next(n for n in numbered if n not in taken))
+    return labels
 
 
 def per_log_notes(per_log: Mapping[str, PerLog]) -> tuple[str, ...]:

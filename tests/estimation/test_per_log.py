@@ -185,6 +185,15 @@ def test_a_width_of_a_logarithm_is_a_share_in_reports_and_json():
         assert other.shown_width[0] == pytest.approx(per * found.width)
 
 
+def test_logs_of_one_name_are_counted_until_the_name_is_free():
+    logs = readings(np.random.default_rng(23), [0.8, 1.0, 1.1, 1.3])
+    pairs = zip(logs, ("a", "a (2)", "a", "b"), strict=True)
+    fit = fitted([log.replaced(name=name) for log, name in pairs])
+    assert [*fit.per_log["offset"].values] == ["a", "a (2)", "a (3)", "b"]
+    begun = [own["offset"] for own in fit.initial]
+    assert [e.value for e in fit.per_log["offset"].values.values()] == begun
+
+
 # A model that is not linear.
 
 TRUE = {"alpha": 0.037, "beta": 42.0}
