@@ -173,7 +173,7 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
             "to fit: nothing tells by how much.",
             "Give more logs, or leave per_log out: the value is then that of this log.",
         )
-    if all(p.fixed for p in model.parameters.values()):
+    if all(p.fixed for p in model.parameters.values()) and not model.per_log:
         raise InputError(
             f"Every parameter of '{model}' is fixed: there is nothing to fit.",
             "Free at least one, or use compare.",

@@ -219,7 +219,8 @@ def _assemble(
         if layout.width is not None:
             scores.append(by_blocks(jacobian * residual[:, None], _BLOCKS, jnp)[:, :n])
         local.append((slope[:, n:] + tight * apart).reshape(-1))
-        cross.append(products[:, :n, n:-1].transpose(1, 0, 2).reshape(n, -1))
+        side = products[:, :n, n:-1].transpose(1, 0, 2)
+        cross.append(side.reshape(n, side.shape[1] * m))  # -1 is refused where n is 0
         corners.append(products[:, n:-1, n:-1] + jnp.diag(tight[0])[None])
     for name, (mean, std) in numbers.prior.items():
 

@@ -194,6 +194,25 @@ def test_logs_of_one_name_are_counted_until_the_name_is_free():
     assert [e.value for e in fit.per_log["offset"].values.values()] == begun
 
 
+def test_values_by_log_are_found_where_every_parameter_is_fixed():
+    rng = np.random.default_rng(29)
+    true = rng.normal(1.0, 0.4, 5)
+    logs = readings(rng, true, samples=200)
+    fit = fitted(logs, dft.LinearSensor(slope=0.2, offset=1.0).fix("slope", "offset"))
+    assert fit.status is dft.Status.CONVERGED
+    assert fit.free == ()
+    offset = fit.per_log["offset"]
+    assert (offset.mean.value, offset.mean.std_error) == (1.0, None)
+    for log, value in zip(logs, offset.values.values(), strict=True):
+        apart = log.measured["reading"] - 0.2 * log.inputs["depth"] - 1.0
+        weight, tight = apart.size / NOISE**2, offset.width**-2
+        exact = 1.0 + weight * apart.mean() / (weight + tight)
+        assert value.value == pytest.approx(exact, rel=1e-6)
+        assert value.std_error == pytest.approx((weight + tight) ** -0.5, rel=1e-6)
+    assert "offset" in fit.report()
+    assert dft.compare(fit, logs).errors.nrmse == pytest.approx(fit.train.nrmse, rel=1e-12)
+
+
 # A model that is not linear.
 
 TRUE = {"alpha": 0.037, "beta": 42.0}
