@@ -127,10 +127,13 @@ class FitOptions:
     doubts: bool = True
 
 
-def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> None:
+def check_arguments(
+    model: Any, logs: Sequence[Log], options: FitOptions, per_log: Sequence[str] | None = None
+) -> None:
     """Raise `InputError` for an argument of `fit` or `diagnose` that cannot be meant.
 
-    Only `check_guesses` needs the model in the units of its logs.
+    Only `check_guesses` needs the model in the units of its logs. ``per_log`` is the argument of
+    `fit`: the model may be marked without it.
     """
     if not isinstance(model, Model):
         is_class = isinstance(model, type) and issubclass(model, Model)
@@ -168,10 +171,12 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
     if not logs:
         raise InputError("logs: expected at least one log to fit, found none.", "Give one.")
     if model.per_log and len(logs) < 2:
+        marks = {name: {"per_log": False} for name in model.per_log}
+        unmarked = "leave per_log out" if per_log else f"write model.replace({marks})"
         raise InputError(
             f"per_log: {listing(model.per_log)} is to differ from log to log, and there is one log "
             "to fit: nothing tells by how much.",
-            "Give more logs, or leave per_log out: the value is then that of this log.",
+            f"Give more logs, or {unmarked}: the value is then that of this log.",
         )
     if all(p.fixed for p in model.parameters.values()) and not model.per_log:
         raise InputError(
@@ -181,11 +186,13 @@ def check_arguments(model: Any, logs: Sequence[Log], options: FitOptions) -> Non
 
 
 def differing_by_log(model: Any, names: Any) -> Any:
-    """The model with some parameters marked that differ from log to log.
+    """The model with some parameters marked that differ from log to log; None marks none.
 
     Raises:
         InputError: something else than a list of names, or a name that the model does not have.
     """
+    if names is None:
+        return model
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise InputError(
             f"per_log: expected a list of names of parameters, found {short_repr(names)}.",

@@ -86,7 +86,7 @@ def fit(
     noise_model: str = "white",
     initial: Literal["auto", "estimate", "measured"] = "auto",
     substeps: int | None = None,
-    per_log: Sequence[str] = (),
+    per_log: Sequence[str] | None = None,
     doubts: bool = True,
     progress: ProgressOption = None,
 ) -> Fit:
@@ -169,7 +169,7 @@ def fit(
         doubts=doubts,
     )
     model = differing_by_log(model, per_log)
-    check_arguments(model, logs, options)
+    check_arguments(model, logs, options, per_log)
     model = adopted(model, logs)
     check_guesses(model, guesses)
     records, holdout_records = bind(model, logs), bind(model, unseen)

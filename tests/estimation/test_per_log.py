@@ -314,6 +314,17 @@ def test_one_log_tells_no_width():
     assert "leave per_log out" in str(caught.value)
 
 
+def test_a_marked_model_on_one_log_says_how_the_mark_is_taken_away():
+    logs = readings(np.random.default_rng(37), [0.8, 1.0, 1.2])
+    fit = fitted(logs)
+    with pytest.raises(InputError, match="there is one log") as caught:
+        dft.fit(fit.model, logs[0], starts=1, per_log=None)
+    assert "model.replace({'offset': {'per_log': False}})" in str(caught.value)
+    assert "leave per_log out" not in str(caught.value)
+    again = dft.fit(fit.model.replace({"offset": {"per_log": False}}), logs[0], starts=1)
+    assert again.per_log == {}
+
+
 def test_a_value_of_what_does_not_differ_is_no_start():
     (log,) = runs_of_thrusters([0.02], duration=5.0)
     with pytest.raises(InputError, match="one number for all logs"):
