@@ -14,6 +14,7 @@ from diffthrust._support.report import Bullets, Report, Rows, Section, Styled, n
 from diffthrust._support.results import Result
 from diffthrust._support.words import capitalised, joined, number, with_error
 from diffthrust.layouts._mixer import AXES, Mixer
+from diffthrust.models._base.parameter import means_note
 from diffthrust.models._craft.craft import Craft
 
 if TYPE_CHECKING:
@@ -180,6 +181,8 @@ class Allocation(Result):
 
     def _remarks(self) -> Iterator[str]:
         """What no mixer removes, and of what the numbers are."""
+        thrusters = self.craft.actuators
+        yield from means_note([n for n in self.craft.per_log if n.split(".")[0] in thrusters])
         both = np.abs(self.coupling(self.common))
         for column, command in enumerate(self.mixer.commands):
             others = [k for k, axis in enumerate(self.axes) if axis != command]

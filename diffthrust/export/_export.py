@@ -20,6 +20,7 @@ from diffthrust.export._source import ExportSource
 from diffthrust.export._table import to_table
 from diffthrust.export._trace import read_inputs
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import means_note
 from diffthrust.models._craft.craft import Craft
 
 ExportTo = Literal["python", "c", "lut", "gz", "uuv", "stonefish"]
@@ -100,7 +101,7 @@ def exported(
     text, notes = _made(source, to, name, suffix, limits)
     if file is not None:
         write_exported(file, to, text)
-    return Exported(to, text, tuple(notes), file)
+    return Exported(to, text, (*notes, *means_note(source.model.per_log)), file)
 
 
 def _made(

@@ -257,3 +257,12 @@ def test_what_is_no_audit_is_refused():
     assert allocation(sagging, mixer, inputs={"supply_voltage": 14.0}).forces[0, 0] > 0
     with pytest.raises(InputError, match="supply_voltage: expected a finite number, found nan"):
         allocation(sagging, mixer, inputs={"supply_voltage": float("nan")})
+
+
+def test_a_thruster_that_differs_by_log_is_said_to_be_the_mean():
+    boat = dft.layouts.BLUEBOAT.craft()
+    mixer = Mixer(("surge", "yaw"), {"port": (1, 1), "starboard": (1, -1)})
+    said = "By log: 'starboard.strength'. What stands here is the mean of all logs."
+    assert said not in allocation(boat, mixer).report()
+    differing = boat.replace({"starboard.strength": {"per_log": True}, "m11": {"per_log": True}})
+    assert said in " ".join(allocation(differing, mixer).report().split())

@@ -144,3 +144,10 @@ def test_what_cannot_be_exported_is_refused(fit):
         failed.export("c")
     with pytest.raises(dft.InputError, match="does not read 'depth'"):
         export_model(dft.Thruster(), "c", ranges={"depth": (0.0, 1.0)})
+
+
+def test_a_parameter_that_differs_by_log_is_said_to_be_the_mean():
+    model = dft.Thruster().replace({"ct": {"per_log": True}})
+    (note,) = dft.export.export_model(model, "python").notes
+    assert note == "By log: 'ct'. What stands here is the mean of all logs."
+    assert dft.export.export_model(dft.Thruster(), "python").notes == ()

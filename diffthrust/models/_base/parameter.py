@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any, Literal, TypeGuard, TypeVar
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
 
 _Numbers = TypeVar("_Numbers", float, np.ndarray, jax.Array)  # one number or many
 
@@ -284,6 +285,18 @@ class Parameter:
         lower = "(-inf" if low == -math.inf else f"[{low:g}"
         right = "inf)" if high == math.inf else f"{high:g}]"
         return f"{lower}, {right} {self.unit}".rstrip()
+
+
+def means_note(names: Sequence[str]) -> tuple[str, ...]:
+    """A note where parameters that differ by log stand for all logs; none where none do.
+
+    Example:
+        >>> means_note(["ct"])
+        ("By log: 'ct'. What stands here is the mean of all logs.",)
+    """
+    if not names:
+        return ()
+    return (f"By log: {listing(names)}. What stands here is the mean of all logs.",)
 
 
 def _spelt(pattern: str, units: Mapping[str, str]) -> str:
