@@ -182,6 +182,7 @@ class Page:
         else:
             self.plots.update(self.run)
         self.results.show_run(comparison.model, self.run)
+        self._found_regimes(())  # those of the earlier model, until its own are there
         self._show_state()
         self.quick.ask(lambda _: comparison.regimes, self._found_regimes, self._failed)
 

@@ -9,10 +9,13 @@ from typing import Any
 
 import example_names
 import made_diagnosis
+import numpy as np
 import pytest
 from bokeh.document import Document
 
 import diffthrust as dft
+from diffthrust.comparison._regime_search import SignalRange  # private: what is shaded
+from diffthrust.comparison._regimes import Regime  # private: likewise
 from diffthrust.workbench._page import Page  # private: what `explore` shows
 from diffthrust.workbench._results import Results  # private: a part of it
 from diffthrust.workbench._session import Session  # private: what the page shows
@@ -76,6 +79,15 @@ def test_an_answer_for_a_model_that_was_left_is_dropped(page):
     page.session.tick("command_deadband")
     page._compared(task, comparison)
     assert page._like(page.session.setup) is None  # sliders sleep until the new model has answered
+
+
+def test_where_another_model_fails_is_not_shaded_until_it_is_known(page):
+    everywhere = SignalRange("speed", -np.inf, np.inf, "rad/s")
+    page._found_regimes((Regime("speed", (everywhere,), 0.9, 0.5, 0.001),))
+    assert page.fails.children
+    page._compared(page.session.task, page.comparison)
+    assert not page.fails.children
+    assert not any(source.data["x0"] for source in page.plots.failing.values())
 
 
 def test_a_refused_change_is_said_and_changes_nothing(page):
