@@ -54,6 +54,7 @@ class Page:
         self.saving = Lane(document.add_next_tick_callback)
         self.shown = 0
         self.sliding: dict[str, float] = {}
+        self.doing = ""
         self.regimes: tuple[Regime, ...] = ()
         self.stretch: tuple[float, float] | None = None
         self.plots = Plots(comparison.runs, self.select)
@@ -244,20 +245,26 @@ class Page:
             self._show_progress("", -1.0)
             then(result)
 
-        self._show_progress(doing, 0.0)
+        self.doing = doing  # what was stopped ends where it next reports, which takes seconds
+        waiting = "waiting until the stopped work lets go"
+        self._show_progress(waiting if self.long.busy else doing, 0.0)
         self.long.ask(work, done, self._failed, stop=True)
 
     def _stop(self) -> None:
         """Stop what is fitted or diagnosed; a program that is being compiled is finished first."""
         self.long.stop()
+        self.doing = ""
         self._say("stopping at the next step")
 
     def _failed(self, error: Exception) -> None:
-        if isinstance(error, Stopped):
-            self._show_progress("" if not self.long.busy else "stopped", -1.0)
+        if isinstance(error, Stopped) and self.doing:
+            self._show_progress(self.doing, 0.0)  # begins now
             return
         self._show_progress("", -1.0)
-        self._say(_words_of(error), "bad")
+        if isinstance(error, Stopped):
+            self._say("stopped")
+        else:
+            self._say(_words_of(error), "bad")
 
     def attempt(self, change: Callable[[], None]) -> bool:
         """Make a change of the session, and say what is wrong where it is refused."""

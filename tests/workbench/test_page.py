@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import example_names
@@ -95,6 +96,32 @@ def test_a_refused_change_is_said_and_changes_nothing(page):
     assert "expected channels to shift" in page.progress.text
     page.diagnose_stretch()
     assert "Select a stretch first" in page.progress.text
+
+
+def test_what_waits_for_stopped_work_says_so_and_what_is_stopped_ends(page):
+    begun, ended = threading.Event(), []
+    ends = [threading.Event(), threading.Event()]
+
+    def work(k, report):
+        begun.set()
+        assert ends[k].wait(120)
+        report("on", 0.5)  # raises: it was stopped
+
+    page._ask(partial(work, 0), ended.append, "looking")
+    assert "looking" in page.progress.text
+    assert begun.wait(120)
+    page._stop()
+    page._ask(partial(work, 1), ended.append, "fitting")
+    assert "waiting until the stopped work lets go" in page.progress.text
+    begun.clear()
+    ends[0].set()
+    page.document.run_until(lambda: "fitting" in page.progress.text)
+    assert begun.wait(120)
+    page._stop()
+    ends[1].set()
+    page.document.run_until(lambda: "stopped" in page.progress.text)
+    assert page.stopping.disabled
+    assert not ended
 
 
 def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
