@@ -128,6 +128,10 @@ class Results:
         self._signals = derived_signals(
             run.time, signals_of(model, run), units_of(run), plain=model.angles
         )
+        for name in run.record.inputs:
+            if name in self._signals:  # as in its plot: pulses of 1 100 us, not 400 below the stop
+                values = run.shown.values(name, run.signals[name], run.units[name])
+                self._signals[name] = values, self._signals[name][1]
         for select, names in ((self.channel, run.channels), (self.signal, self._signals)):
             if list(names) != select.options:
                 select.options = list(names)

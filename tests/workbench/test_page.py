@@ -17,6 +17,7 @@ from bokeh.document import Document
 import diffthrust as dft
 from diffthrust.comparison._regime_search import SignalRange  # private: what is shaded
 from diffthrust.comparison._regimes import Regime  # private: likewise
+from diffthrust.logs import PWM, Written
 from diffthrust.workbench._page import Page  # private: what `explore` shows
 from diffthrust.workbench._results import Results  # private: a part of it
 from diffthrust.workbench._session import Session  # private: what the page shows
@@ -144,6 +145,20 @@ def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
     (tmp_path / "file").touch()
     page.save(str(tmp_path / "file" / "explored"))
     page.document.run_until(lambda: "cannot be made" in page.tools.said.text)
+
+
+def test_a_command_in_pulses_is_in_the_scatter_as_in_its_plot():
+    time = np.linspace(0.0, 4.0, 81)
+    inputs, units = {"command": np.sin(time)}, {"command": "effort", "speed": "rad/s"}
+    written = {"command": Written("us", "pwm", PWM(1500.0, 1900.0))}
+    log = dft.Log(time, inputs, {"speed": 90 * np.sin(time)}, units=units, written=written)
+    model = dft.SpeedLoopThruster(command="effort")
+    results = Results(lambda samples: None)
+    results.show_run(model, dft.compare(model, log).runs[0])
+    assert results.signal.value == "command"
+    assert results.points.data["x"].max() == pytest.approx(1900.0, abs=1.0)
+    results.signal.value = "|command|"  # a size has no other zero
+    assert results.points.data["x"].max() == pytest.approx(400.0, abs=1.0)
 
 
 def test_the_learned_law_and_the_next_experiment_are_drawn():
