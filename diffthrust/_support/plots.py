@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
 from textwrap import fill
 from typing import Any
 
-from bokeh.models import ColumnDataSource, FactorRange, HoverTool, PlainText, Range1d
+from bokeh.models import ColumnDataSource, FactorRange, HoverTool, Label, PlainText, Range1d
 from bokeh.plotting import figure
 
 from diffthrust._support.figures import BLUE
@@ -74,7 +75,7 @@ class Staircase:
     """
 
     def __init__(self, height: int) -> None:
-        self.steps: Any = ColumnDataSource(data={"step": [], "error": [], "label": []})
+        self.steps: Any = ColumnDataSource(data={"step": [], "error": [], "label": [], "hatch": []})
         self.factors, self.heights = FactorRange(factors=[]), Range1d(start=0.0, end=1.0)
         drawn = plot(
             "error",
@@ -86,7 +87,11 @@ class Staircase:
             toolbar_location=None,
             styles={"flex": "1 1 200px", "min-width": "0"},
         )
-        drawn.vbar("step", top="error", width=0.7, source=self.steps, color=BLUE, alpha=0.75)
+        look = {"color": BLUE, "hatch_color": "white", "hatch_pattern": {"field": "hatch"}}
+        drawn.vbar("step", top="error", width=0.7, source=self.steps, alpha=0.75, **look)
+        self.empty: Any = Label(x=8, y=8, x_units="screen", y_units="screen", visible=False)
+        self.empty.update(text="no error: the simulation fails", text_font_size="11px")
+        drawn.add_layout(self.empty)
         drawn.text(
             "step",
             "error",
@@ -99,7 +104,14 @@ class Staircase:
         drawn.xaxis.major_label_text_font_size = "11px"
         self.figure = drawn
 
-    def show(self, names: Sequence[str], errors: Sequence[float], logs: str, top: float) -> None:
+    def show(
+        self,
+        names: Sequence[str],
+        errors: Sequence[float],
+        logs: str,
+        top: float,
+        unfitted: int = 0,
+    ) -> None:
         """Show the steps.
 
         Args:
@@ -107,12 +119,15 @@ class Staircase:
             errors: NRMSE of each.
             logs: which logs err so much, "unseen logs".
             top: an error that must be within the picture, too.
+            unfitted: so many of the first have values that were not fitted: they are hatched.
         """
         labels = [fill(name.replace("_", " "), _WORDS) for name in names]
         self.factors.factors = labels
         shown = [f"{error:.3g}" for error in errors]
-        self.steps.data = {"step": labels, "error": list(errors), "label": shown}
+        hatch = ["/" if k < unfitted else " " for k in range(len(labels))]
+        self.steps.data = {"step": labels, "error": list(errors), "label": shown, "hatch": hatch}
+        self.empty.visible = not any(math.isfinite(error) for error in errors)
         # no range follows a line by itself: the error that sliders had made was above the picture
         finite = [error for error in (*errors, top) if 0 < error < float("inf")]
         self.heights.end = 1.2 * max(finite, default=1.0)
-        self.figure.yaxis[0].axis_label.text = f"error (NRMSE), {logs}"
+        self.figure.yaxis[0].axis_label.text = f"error (NRMSE),\n{logs}"

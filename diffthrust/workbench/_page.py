@@ -52,6 +52,7 @@ class Page:
         self.quick = Lane(document.add_next_tick_callback)
         self.long = Lane(document.add_next_tick_callback, self._show_progress)
         self.saving = Lane(document.add_next_tick_callback)
+        self.opened = self._error(comparison)
         self.shown = 0
         self.sliding: dict[str, float] = {}
         self.doing = ""
@@ -346,15 +347,21 @@ class Page:
         worth = {**diagnosis.possible, **diagnosis.worth} if diagnosis else {}
         self.controls.show_effects(session.setup.effects, worth)
         self.controls.show_parameters(model, awake=current)
-        unseen = [run.errors.nrmse for run in runs[count:] or runs]
-        now = float(np.sqrt(np.mean(np.square(unseen)))) if session.setup.moved else None
-        self.results.show_steps(session.staircase, now, unseen=bool(session.source.unseen))
+        now = self._error(self.comparison) if session.setup.moved else None
+        has_unseen = bool(session.source.unseen)
+        self.results.show_steps(session.staircase, self.opened, now, unseen=has_unseen)
         self.undoing.disabled, self.redoing.disabled = not session.earlier, not session.undone
         found = diagnosis.added if diagnosis else ()
         self.adding.visible = not set(found) <= set(session.setup.effects)
         if diagnosis:
             self.verdict.text = paragraphs(diagnosis.summary)
         self.tools.show_setup(session.setup)
+
+    def _error(self, comparison: Comparison) -> float:
+        """NRMSE over the unseen logs, or over all where there are none."""
+        runs = comparison.runs
+        unseen = [run.errors.nrmse for run in runs[len(self.session.source.train) :] or runs]
+        return float(np.sqrt(np.mean(np.square(unseen))))
 
     def _status(self) -> str:
         fit = self.session.fit

@@ -89,17 +89,24 @@ class Results:
 
     # -- the staircase ---------------------------------------------------------------------------
 
-    def show_steps(self, steps: Sequence[Step], now: float | None, *, unseen: bool) -> None:
+    def show_steps(
+        self, steps: Sequence[Step], opened: float, now: float | None, *, unseen: bool
+    ) -> None:
         """Show the staircase, and as a dashed line the error of the present values.
 
         Args:
             steps: those of the session.
+            opened: the error of the model as it was opened, shown until that is fitted.
             now: the error of values that sliders were moved to; ``None`` where none was.
             unseen: the errors are of unseen logs.
         """
+        fitted = any(not step.added for step in steps)
         names = [step.added or "as opened" for step in steps]
+        errors = [step.unseen for step in steps]
+        if not fitted:
+            names, errors = ["as opened, not fitted", *names], [opened, *errors]
         logs = "unseen logs" if unseen else "training logs"
-        self.stairs.show(names, [step.unseen for step in steps], logs, now or 0.0)
+        self.stairs.show(names, errors, logs, now or 0.0, unfitted=int(not fitted))
         self.now.location = now
         self.now_label.update(y=now or 0.0, text="" if now is None else f"sliders: {now:.3g}")
 

@@ -224,12 +224,18 @@ class Session:
 
     @property
     def staircase(self) -> tuple[Step, ...]:
-        """The fits of the model with one effect after the other, as far as they were made."""
+        """The fits of the model with one effect after the other, as far as they were made.
+
+        From the model as it was opened, where none of its effects was taken back.
+        """
         effects, steps = self.setup.effects, []
-        for count in range(len(effects) + 1):
+        opened = tuple(effect.name for effect in self.source.model.effects)
+        first = len(opened) if effects[: len(opened)] == opened else 0
+        for count in range(first, len(effects) + 1):
             key = replace(self.setup, effects=effects[:count]).fitted_by
             if key in self.fits:
-                steps.append(Step(effects[count - 1] if count else "", self.fits[key]))
+                added = effects[count - 1] if count > first else ""
+                steps.append(Step(added, self.fits[key]))
         return tuple(steps)
 
     # -- changes, each of which can be undone ----------------------------------------------------

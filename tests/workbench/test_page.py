@@ -20,7 +20,7 @@ from diffthrust.comparison._regimes import Regime  # private: likewise
 from diffthrust.logs import PWM, Written
 from diffthrust.workbench._page import Page  # private: what `explore` shows
 from diffthrust.workbench._results import Results  # private: a part of it
-from diffthrust.workbench._session import Session  # private: what the page shows
+from diffthrust.workbench._session import Session, Step  # private: what the page shows
 from diffthrust.workbench._source import opened  # private: `explore` opens by it
 
 
@@ -67,13 +67,26 @@ def test_a_slider_is_followed_and_its_release_can_be_undone(page):
 
 def test_the_error_that_sliders_made_is_within_the_picture(page):
     results, steps = page.results, page.session.staircase
-    results.show_steps(steps, 9.0, unseen=True)
+    results.show_steps(steps, 0.5, 9.0, unseen=True)
     assert (results.now.location, results.stairs.heights.end) == (9.0, pytest.approx(10.8))
     assert results.now_label.text == "sliders: 9"
-    results.show_steps(steps, None, unseen=False)
+    results.show_steps(steps, 0.5, None, unseen=False)
     assert results.stairs.heights.end == pytest.approx(1.2 * steps[0].unseen)
     assert results.now_label.text == ""
     assert "training logs" in results.stairs.figure.yaxis[0].axis_label.text
+
+
+def test_the_staircase_begins_with_the_model_as_opened_hatched_until_it_is_fitted():
+    results, fit = Results(lambda samples: None), example_names.fit()
+    results.show_steps([Step("command_deadband", fit)], 0.5, None, unseen=True)
+    steps = results.stairs.steps.data
+    assert (steps["error"][0], steps["hatch"]) == (0.5, ["/", " "])
+    assert "as opened" in steps["step"][0]
+    results.show_steps([Step("", fit)], 0.5, None, unseen=True)
+    assert results.stairs.steps.data["hatch"] == [" "]
+    assert not results.stairs.empty.visible
+    results.show_steps([], np.nan, None, unseen=True)
+    assert results.stairs.empty.visible
 
 
 def test_an_answer_for_a_model_that_was_left_is_dropped(page):
