@@ -366,7 +366,7 @@ class Page:
     def _status(self) -> str:
         fit = self.session.fit
         if fit is None:
-            return '<p class="quiet">not fitted yet</p>'
+            return "<p><b>not fitted yet: start values</b></p>"
         if self.session.setup.moved:
             return '<p class="quiet">sliders were moved since the fit: "Fit" goes back to it</p>'
         kind = "quiet" if fit.status.ok else "bad"
