@@ -152,9 +152,9 @@ class Page:
 
     def _show_log(self, index: int) -> None:
         self.shown = index
-        self.select(None)
         self.plots.show(self.run, self._left_out())
         self.results.show_run(self.comparison.model, self.run)
+        self.select(None)
         self._show_regimes()
 
     def _left_out(self) -> list[tuple[float, float]]:
@@ -184,6 +184,8 @@ class Page:
         else:
             self.plots.update(self.run)
         self.results.show_run(comparison.model, self.run)
+        if other_logs:
+            self.select(*(self.stretch or (None,)))
         self._found_regimes(())  # those of the earlier model, until its own are there
         self._show_state()
         self.quick.ask(lambda _: comparison.regimes, self._found_regimes, self._failed)

@@ -102,6 +102,8 @@ class Plots:
         self.run, self._columns = run, self.plots.columns(run)
         changed = [n for n in self._columns if n.startswith(("modelled", "residual"))]
         self.drawn.data.update({n: envelope(self._sent, self._columns[n]) for n in changed})
+        if self._lit.any():  # a slider sends nothing more
+            self.light_up(self._lit)
         self._fit_heights(anew=rescaled)
 
     def _fit_heights(self, *, anew: bool) -> None:
@@ -119,6 +121,7 @@ class Plots:
 
     def light_up(self, selected: np.ndarray) -> None:
         """Mark samples, by booleans over those of the log."""
+        self._lit = selected
         at = np.flatnonzero(selected)
         at = at[:: max(1, -(-at.size // _LIT))]
         self.lit.data = {name: values[at] for name, values in self._columns.items()}

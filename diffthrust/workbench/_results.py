@@ -62,6 +62,7 @@ class Results:
         self.scatter = self._scatter()
         self.stretch, self.learned, self.experiment = text(), text(), text()
         self.run: Run | None = None
+        self.selected = np.zeros(0, bool)
         self._signals: dict[str, tuple[np.ndarray, str]] = {}
         beside = column(
             row(text("residual of"), self.channel, text("against"), self.signal),
@@ -131,6 +132,8 @@ class Results:
 
     def show_run(self, model: Model, run: Run) -> None:
         """Offer the residuals and signals of a run."""
+        if self.selected.size != run.time.size:
+            self.selected = np.zeros(run.time.size, bool)
         self.run = run
         self._signals = derived_signals(
             run.time, signals_of(model, run), units_of(run), plain=model.angles
@@ -154,12 +157,13 @@ class Results:
         trace = run.shown_channels[self.channel.value]
         index = np.flatnonzero(np.isfinite(trace.residual) & np.isfinite(signal))
         index = index[:: max(1, -(-index.size // _POINTS))]
-        self.points.selected.indices = []
+        self.points.selected.indices = []  # none of them beyond the points to come
         self.points.data = {
             "x": signal[index].astype(np.float32),
             "y": trace.residual[index].astype(np.float32),
             "index": index,
         }
+        self.light_up(self.selected)
         # another text, not another label: for each new model Bokeh goes through the whole page
         self.scatter.yaxis[0].axis_label.text = with_unit("residual", trace.unit)
         self.scatter.xaxis[0].axis_label.text = with_unit(self.signal.value, unit)
@@ -173,10 +177,12 @@ class Results:
         inside = np.ones(signal.size, bool)
         for values, low, high in ((signal, "x0", "x1"), (trace.residual, "y0", "y1")):
             inside &= (values >= box[low]) & (values <= box[high])
+        self.selected = inside
         self.on_select(inside)
 
     def light_up(self, selected: np.ndarray) -> None:
         """Mark samples of the log that were selected elsewhere."""
+        self.selected = selected
         index = np.asarray(self.points.data["index"], int)
         self.points.selected.indices = np.flatnonzero(selected[index]).tolist()
 

@@ -89,6 +89,27 @@ def test_the_staircase_begins_with_the_model_as_opened_hatched_until_it_is_fitte
     assert results.stairs.empty.visible
 
 
+def test_what_was_selected_stays_lit_in_plots_and_scatter_once_another_model_is_drawn(page):
+    page.select(1.0, 3.0)
+    lit = page.results.points.selected.indices
+    assert len(lit) > 20
+    page._compared(page.session.task, page.comparison)
+    assert page.results.points.selected.indices == lit
+    assert page.stretch == (1.0, 3.0)
+    page.plots.light_up(page.run.time < page.run.time[5])
+    page._compared(page.session.task, page.session.task.compare())
+    assert page.plots.lit.data["time"].size == 5
+    assert page.plots.brushes[0].visible
+    page._show_log(1)
+    assert not page.results.points.selected.indices
+
+
+def test_start_values_are_called_so_until_they_are_fitted(page):
+    page.session.tick("command_deadband")
+    page._show_state()
+    assert "not fitted yet: start values" in page.title.text
+
+
 def test_an_answer_for_a_model_that_was_left_is_dropped(page):
     task, comparison = page.session.task, page.comparison
     page.session.tick("command_deadband")
