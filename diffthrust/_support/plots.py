@@ -8,12 +8,21 @@ from html import escape
 from textwrap import fill
 from typing import Any
 
-from bokeh.models import ColumnDataSource, FactorRange, HoverTool, Label, PlainText, Range1d
+from bokeh.models import (
+    BasicTicker,
+    ColumnDataSource,
+    FactorRange,
+    HoverTool,
+    Label,
+    PlainText,
+    Range1d,
+)
 from bokeh.plotting import figure
 
 from diffthrust._support.figures import BLUE
 
-GREEN, DARK = "#009E73", "#3a3f44"
+_LOW = 90
+"""Display: height of a figure [px] below which more than three ticks collide."""
 _WORDS = 12
 """Display: characters in a line below a step of a staircase of three, 260 px wide."""
 
@@ -35,6 +44,8 @@ def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
     made.axis.minor_tick_line_color = None
     made.grid.grid_line_color = "#eee"
     made.outline_line_color = None
+    if height < _LOW:
+        made.yaxis.ticker = BasicTicker(desired_num_ticks=3, mantissas=[1, 2, 2.5, 5])
     return made
 
 

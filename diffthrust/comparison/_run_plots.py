@@ -23,10 +23,12 @@ from bokeh.models import (
 
 from diffthrust._support.envelope import envelopes
 from diffthrust._support.figures import BLUE, VERMILLION, is_sparse
-from diffthrust._support.plots import DARK, GREEN, hover, plot
+from diffthrust._support.plots import hover, plot
 from diffthrust.simulation._runs import Run
 
 FIELDS = ("measured", "modelled", "residual")
+_DRIVE, _MEASURED = "#262626", "#999999"
+"""Colours of what drives a run and of what is measured: those of the pictures, as Bokeh reads."""
 
 
 class RunPlots:
@@ -107,7 +109,7 @@ class RunPlots:
 
     def _input(self, k: int, name: str, unit: str) -> None:
         figure = self._figure(name.replace("_", " "), unit, 0, f"input{k}")
-        line = figure.line("time", f"input{k}", source=self.driven, color=GREEN, line_width=1.5)
+        line = figure.line("time", f"input{k}", source=self.driven, color=_DRIVE, line_width=1.2)
         hover(figure, line, [(name, f"input{k}", unit)])
 
     def _channel(self, k: int, name: str, runs: Sequence[Run]) -> None:
@@ -115,16 +117,15 @@ class RunPlots:
         unit, dots = traces[0].unit, any(is_sparse(trace.measured) for trace in traces)
         measured, modelled, residual = (f"{field}{k}" for field in FIELDS)
         above = self._figure(name.replace("_", " "), unit, 1, measured, modelled)
-        gray = self._line(above, measured, DARK, 1.2, dots)
-        blue = self._line(above, modelled, BLUE, 1.8)
-        gray.glyph.line_alpha = 0.75
-        hover(above, blue, [("measured", measured, unit), ("model", modelled, unit)])
+        first = self._line(above, measured, _MEASURED, 2.4, dots)
+        second = self._line(above, modelled, VERMILLION, 1.4)
+        hover(above, second, [("measured", measured, unit), ("modelled", modelled, unit)])
         below = self._figure("residual", unit, 2, residual)
         below.add_layout(Span(location=0.0, dimension="width", line_color="#999"))
-        red = self._line(below, residual, VERMILLION, 1.2, dots)
-        hover(below, red, [("residual", residual, unit)])
+        third = self._line(below, residual, BLUE, 1.2, dots)
+        hover(below, third, [("residual", residual, unit)])
         if not k:  # above, not within: it covered a peak
-            above.add_layout(_legend([("measured", gray), ("model", blue)]), "above")
+            above.add_layout(_legend([("measured", first), ("modelled", second)]), "above")
 
     def _line(self, figure: Any, field: str, color: str, width: float, dots: bool = False) -> Any:
         if dots:  # between samples that are far apart there is no line

@@ -74,7 +74,7 @@ class Plots:
         self.brushes.append(brush)
         figure.on_event(SelectionGeometry, self._on_geometry)
         if not fields[0].startswith("input"):
-            color = VERMILLION if fields[0].startswith("measured") else SELECTED
+            color = SELECTED if fields[0].startswith("measured") else VERMILLION
             figure.scatter("time", fields[0], source=self.lit, size=5, color=color)
 
     # -- what is shown ---------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from bokeh.models import (
     Tabs,
 )
 
-from diffthrust._support.figures import VERMILLION
+from diffthrust._support.figures import BLUE, VERMILLION
 from diffthrust._support.page import image
 from diffthrust._support.plots import Staircase, plot, with_unit
 from diffthrust._support.words import humanize
@@ -29,7 +29,7 @@ from diffthrust.comparison._derived_signals import derived_signals, signals_of, 
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
-from diffthrust.workbench._look import SELECTED, box_of, table, text
+from diffthrust.workbench._look import box_of, table, text
 from diffthrust.workbench._session import Step
 
 _POINTS = 4000
@@ -124,8 +124,8 @@ class Results:
             toolbar_location=None,
         )
         drawn.xaxis.axis_label = PlainText(text="")
-        points = drawn.scatter("x", "y", source=self.points, size=3, color=VERMILLION, alpha=0.5)
-        points.selection_glyph = points.glyph.clone(fill_color=SELECTED, line_color=SELECTED)
+        points = drawn.scatter("x", "y", source=self.points, size=3, color=BLUE, alpha=0.5)
+        points.selection_glyph = points.glyph.clone(fill_color=VERMILLION, line_color=VERMILLION)
         points.nonselection_glyph = points.glyph.clone(fill_alpha=0.2, line_alpha=0.2)
         drawn.on_event(SelectionGeometry, self._on_geometry)
         return drawn

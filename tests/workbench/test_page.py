@@ -13,8 +13,10 @@ import made_diagnosis
 import numpy as np
 import pytest
 from bokeh.document import Document
+from matplotlib.colors import to_hex
 
 import diffthrust as dft
+from diffthrust._support.plots import plot  # private: a figure of the page
 from diffthrust.comparison._regime_search import SignalRange  # private: what is shaded
 from diffthrust.comparison._regimes import Regime  # private: likewise
 from diffthrust.logs import PWM, Written
@@ -223,3 +225,22 @@ def test_names_of_users_are_text_on_the_page():
     markup = [model.text for model in page.document.models if type(model).__name__ == "Div"]
     assert not any("<img src=x" in text for text in markup)
     page.close()
+
+
+def test_a_page_has_the_colours_and_words_of_the_pictures(page):
+    pairs = [line for axes in page.comparison.plot().axes for line in axes.get_lines()]
+    drawn = {line.get_label(): to_hex(line.get_color()).upper() for line in pairs}
+    figures = page.plots.figures
+    glyphs = [r.glyph for f in figures for r in f.renderers if type(r.glyph).__name__ == "Line"]
+    lines = {glyph.y: glyph.line_color.upper() for glyph in glyphs}
+    assert lines["input0"] == drawn["_command"]
+    assert lines["measured0"] == drawn["measured"]
+    assert lines["modelled0"] == drawn["modelled"]
+    assert lines["residual0"] == drawn["measured - modelled"]
+    words = [item.label.value for f in figures for legend in f.legend for item in legend.items]
+    assert words == ["measured", "modelled"]
+
+
+def test_low_plots_have_three_ticks():
+    tickers = [plot("speed", "", height=height).yaxis[0].ticker for height in (60, 170)]
+    assert [ticker.desired_num_ticks for ticker in tickers] == [3, 6]
