@@ -59,7 +59,7 @@ class LinearResponse:
         paths = [path for _, path in passed]
         self.slopes = step_slopes(layout, numbers, problem.start(), paths)
         # what is each log's own, and how tight those that differ by log are about their means
-        self.own = problem.start()[problem.shared :].reshape(-1, problem.each)
+        self.own = problem.start()[problem.shared :].reshape(len(problem.records), -1)
         self.tight = np.asarray(tightness(layout, numbers))
         self.cost = float(_cost_and_sigma(layout, numbers, self.errors)[0]) + self._pull(self.own)
 
