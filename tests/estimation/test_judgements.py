@@ -122,6 +122,7 @@ def problem(size=5, samples=(40.0, 30.0), known=(False, True), excess=1.0, at=1.
         slopes=lambda z: SLOPES,
         shared=4,
         each=1,
+        turn=None,
         numbers=SimpleNamespace(counts=np.array(samples)),
         layout=SimpleNamespace(
             known_noise=known,
