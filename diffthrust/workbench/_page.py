@@ -185,7 +185,8 @@ class Page:
             self.plots.update(self.run)
         self.results.show_run(comparison.model, self.run)
         if other_logs:
-            self.select(*(self.stretch or (None,)))
+            start, stop = self.stretch or (None, 0.0)
+            self.select(start, stop)
         self._found_regimes(())  # those of the earlier model, until its own are there
         self._show_state()
         self.quick.ask(lambda _: comparison.regimes, self._found_regimes, self._failed)
