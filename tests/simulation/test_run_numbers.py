@@ -228,8 +228,8 @@ def test_the_start_with_which_a_run_errs_least():
         modelled = x[0] * np.exp(-0.8 * time) + x[1] * np.exp(-3.0 * time)
         return (measured - modelled) / 0.01
 
-    sizes = np.array([1.0, 4.0])
-    found = starts_module._least_squares(errors, np.array([1.0, -4.0]), sizes, 10.0 * sizes)
+    sizes, free = np.array([1.0, 4.0]), np.array([[-np.inf], [np.inf]])
+    found = starts_module._least_squares(errors, np.array([1.0, -4.0]), sizes, 10.0 * sizes, free)
     # a start ten sizes away counts like one sample that errs by the spread of its channel
     rows = np.stack([np.exp(-0.8 * time), np.exp(-3.0 * time)], axis=1) / 0.01
     pull = np.diag(1.0 / (10.0 * sizes))
@@ -240,7 +240,7 @@ def test_the_start_with_which_a_run_errs_least():
 
     def single(errors, first, far):
         one = np.array([first])
-        return starts_module._least_squares(errors, one, np.abs(one), np.array([far]))[0]
+        return starts_module._least_squares(errors, one, np.abs(one), np.array([far]), free)[0]
 
     assert single(lambda x: x - 90.0, 1.0, 10.0) == pytest.approx((90.0 + 0.01) / 1.01, rel=1e-6)
     assert single(lambda x: 1e3 * (x**3 - 27.0), 0.5, 5.0) == pytest.approx(3.0, rel=1e-5)
