@@ -70,6 +70,8 @@ class PerLog:
         (['run1.csv', 'run2.csv'], True)
         >>> ct.tells  # the runs have the same thruster
         False
+        >>> ct.shown_width[2]
+        '%'
         >>> list(ct.to_json())
         ['mean', 'width', 'width_range', 'width_unit', 'ratio', 'values']
     """
