@@ -230,7 +230,9 @@ class Page:
 
         def show(paths: tuple[Path, ...]) -> None:
             names = ", ".join(path.name for path in paths)
-            self.tools.say(f"Saved in {paths[0].parent}: {names}.")
+            folder, here = paths[0].parent, Path.cwd()
+            shown = folder.relative_to(here) if folder.is_relative_to(here) else folder
+            self.tools.say(f"Saved in {shown}: {names}.")
 
         self.tools.say("saving")
         self.saving.ask(lambda _: save(session, Path(folder)), show, self._not_saved)
