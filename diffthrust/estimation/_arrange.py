@@ -48,14 +48,7 @@ def build(
         InputError: no measured channel that the model puts out, or noise levels that differ.
     """
     likelihood = SimulationError() if likelihood is None else likelihood
-    channels = measured_outputs(model, records)
-    if not channels:
-        measured = sorted({name for record in records for name in record.log.measured})
-        raise InputError(
-            f"No log measures an output of '{model.name}': expected one of "
-            f"{listing(model.outputs)}, found {listing(measured)}.",
-            "Map a column to one of these channels.",
-        )
+    channels = _channels(model, records)
     nuisance = likelihood.parameters(channels, records)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
@@ -76,7 +69,6 @@ def build(
         in_loop = compact or is_large(model)
         grids.append(Grid(hold, substeps, restarted, uniform, in_loop, padded=is_unbatched()))
         batch = _batch(model, group, channels, starts, restarted, follow)
-        batch = replace(batch, start=np.pad(batch.start, ((0, 0), (0, len(model.per_log)))))
         if likelihood.law.censors:
             batch = at_rails(batch, group, channels)
         batches.append(batch)
@@ -95,7 +87,6 @@ def build(
         likelihood=likelihood,
         width=width,
     )
-    priors = {n: named[n].prior for n in free if named[n].prior is not None}
     numbers = ProblemNumbers(
         batches=batches,
         values={name: np.asarray(p.value, float) for name, p in named.items()},
@@ -106,12 +97,27 @@ def build(
         clip=np.full(len(channels), np.inf),
         reach=np.ones(()),
         prior={
-            n: (np.asarray(p.mean, float), np.asarray(p.std, float)) for n, p in priors.items() if p
+            n: (np.asarray(p.mean, float), np.asarray(p.std, float))
+            for n in free
+            if (p := named[n].prior)
         },
         varying={n: varying(named[n]) for n in model.per_log},
     )
     problem = Problem(model, tuple(records), layout, numbers, tuple(order), nuisance=nuisance)
     return _for_noise(problem)
+
+
+def _channels(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
+    """The outputs that are measured; an error where there are none."""
+    channels = measured_outputs(model, records)
+    if not channels:
+        measured = sorted({name for record in records for name in record.log.measured})
+        raise InputError(
+            f"No log measures an output of '{model.name}': expected one of "
+            f"{listing(model.outputs)}, found {listing(measured)}.",
+            "Map a column to one of these channels.",
+        )
+    return channels
 
 
 def varying(parameter: Parameter) -> Varying:
@@ -254,6 +260,7 @@ def _batch(
             if name in record.measured:
                 measured[row, column, : len(record)] = record.measured[name]
     first = [starting_states(model, record) for record in records]
+    at_means = [0.0] * len(model.per_log)
     restarts = {
         name: Restart(
             series=np.stack([padded(_restart_values(model, r, name), "nan") for r in records]),
@@ -266,7 +273,7 @@ def _batch(
         time=np.stack([padded(record.time, "edge") for record in records]),
         inputs={n: np.stack([padded(g[n], "edge") for g in inputs]) for n in inputs[0]},
         measured=measured,
-        start=np.array([[f[n] for n in starts] for f in first]).reshape(count, len(starts)),
+        start=np.array([[*(f[n] for n in starts), *at_means] for f in first]).reshape(count, -1),
         held={n: np.array([f[n] for f in first]) for n in first[0] if n not in {*starts, *follow}},
         unsigned=np.array([[n in record.unsigned for n in channels] for record in records]),
         restarts=restarts,

@@ -145,12 +145,8 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     # Checked here because a solver's word is not enough: at points that one reported as optima this
     # was 0.016 to 0.89, at true optima below 4e-8.
     gradient = np.max(np.abs(slope) / np.sqrt(energy), initial=0.0)
-    kept = vectors[:, ~null]
-    inverse = (kept / values[~null]) @ kept.T / np.outer(length, length)
+    inverse = _inverse(values, vectors, null) / np.outer(length, length)
     inverse *= inflation(problem, samples, inside.size + beside.size)
-    unknown = np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)
-    inverse[unknown, :] = np.nan
-    inverse[:, unknown] = np.nan
     every[np.ix_(inside, inside)] = inverse
     ours = inside[inside < k]
     slopes = problem.slopes(z)[ours]
@@ -174,6 +170,16 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
         spread=every,
         combinations=combinations,
     )
+
+
+def _inverse(values: np.ndarray, vectors: np.ndarray, null: np.ndarray) -> np.ndarray:
+    """The inverse of what has these eigenvalues, NaN for coordinates that ``null`` ones move."""
+    kept = vectors[:, ~null]
+    inverse = (kept / values[~null]) @ kept.T
+    unknown = np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)
+    inverse[unknown, :] = np.nan
+    inverse[:, unknown] = np.nan
+    return inverse
 
 
 def marginal_spread(
