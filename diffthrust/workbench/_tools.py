@@ -8,7 +8,7 @@ from html import escape
 from typing import Any, Protocol
 
 from bokeh.layouts import column, row
-from bokeh.models import CheckboxGroup, CustomJS, Spinner, TextInput
+from bokeh.models import CheckboxGroup, CustomJS, Spinner, TextInput, UIElement
 
 from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text
 from diffthrust.workbench._session import Session, Setup, Stretch
@@ -96,6 +96,7 @@ class Tools:
             self.shifts,
         )
         self._setting = False
+        self._listed: tuple[Stretch, ...] = ()
 
     def show_stretch(self, stretch: tuple[float, float] | None) -> None:
         """Show which stretch is selected."""
@@ -105,16 +106,20 @@ class Tools:
 
     def show_setup(self, setup: Setup) -> None:
         """Show what is left out and shifted."""
-        rows = []
+        if setup.left_out != self._listed:  # a click on a button that is made anew is lost
+            self._listed, self.left_out.children = setup.left_out, self._rows(setup)
+        shifts = (f"{name} comes {by:+g} s later" for name, by in setup.shifts.items())
+        self.shifts.text = paragraphs("\n".join(shifts))
+
+    def _rows(self, setup: Setup) -> list[UIElement]:
+        rows: list[UIElement] = []
         for index, stretch in enumerate(setup.left_out):
             words = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
             words += f": {stretch.note}" if stretch.note else ""
             take_in = partial(self.page.session.take_in, index)
             again = button("Take in", partial(self.page.edit, take_in), width=70)
             rows.append(row(text(paragraphs(f"Left out: {words}"), width=LEFT - 100), again))
-        self.left_out.children = rows
-        shifts = (f"{name} comes {by:+g} s later" for name, by in setup.shifts.items())
-        self.shifts.text = paragraphs("\n".join(shifts))
+        return rows
 
     def say(self, words: str, kind: str = "") -> None:
         """Say what was saved, or why it was not."""
