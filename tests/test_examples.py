@@ -45,6 +45,7 @@ def figure(folder: Path, name: str) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_fit_thruster(tmp_path):
     text = run("fit_thruster", tmp_path)
     errors = unseen(text)
@@ -54,6 +55,7 @@ def test_fit_thruster(tmp_path):
     assert figure(tmp_path, "jason_unseen.png").stat().st_size < 150_000
 
 
+@pytest.mark.thorough
 def test_export(tmp_path):
     text = run("export", tmp_path)
     off = re.search(r"The module is within (\S+) of simulate, over 60 s", text).group(1)

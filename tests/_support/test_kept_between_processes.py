@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from places import ROOT
 
 SCRIPT = """
@@ -23,6 +24,7 @@ def kept_after(script: str, **variables: str) -> None:
     subprocess.run([sys.executable, "-c", script], check=True, env=env, timeout=300)
 
 
+@pytest.mark.thorough
 def test_a_second_script_compiles_nothing(tmp_path: Path) -> None:
     kept_after(SCRIPT, DIFFTHRUST_CACHE=str(tmp_path))
     first = {path.name for path in tmp_path.iterdir() if path.name.endswith("-cache")}

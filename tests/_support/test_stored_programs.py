@@ -63,6 +63,7 @@ def run(script: str, folder: Path, path: Path) -> list[str]:
     return made.stdout.decode().split()
 
 
+@pytest.mark.thorough
 def test_a_users_own_model_is_traced_once_until_its_source_changes(tmp_path: Path) -> None:
     cache, path = tmp_path / "cache", tmp_path / "sled.py"
     first = run("DRAG = 1.0\n" + SCRIPT, cache, path)
@@ -74,6 +75,7 @@ def test_a_users_own_model_is_traced_once_until_its_source_changes(tmp_path: Pat
     assert float.fromhex(other[1]) == pytest.approx(float.fromhex(first[1]) / 2.0, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_two_processes_that_write_at_once(tmp_path: Path) -> None:
     source = "DRAG = 1.0\n" + SCRIPT
     path = tmp_path / "sled.py"

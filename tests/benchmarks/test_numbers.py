@@ -20,6 +20,7 @@ def test_each_text_stands_where_it_is_said_to(claim):
     assert len(claim.told) == claim.text.count("{}")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("claim", QUICK, ids=lambda claim: claim.where)
 def test_numbers_that_take_seconds_are_those_of_a_run(claim):
     assert not numbers.differing(claim.told, claim.compute())

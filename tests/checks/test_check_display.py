@@ -83,6 +83,7 @@ starts = 1
 """
 
 
+@pytest.mark.thorough
 def test_what_moved_is_told_in_the_unit_of_the_log_and_kept_in_the_parameters(tmp_path):
     log, name = written_fits.log(), "command_deadband.half_width"
     columns = {

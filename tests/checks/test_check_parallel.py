@@ -62,6 +62,7 @@ def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
     assert groups.next(second) is None
 
 
+@pytest.mark.thorough
 def test_processes_agree_with_this_one_and_survive_deaths(tmp_path, monkeypatch):
     fits = tmp_path
     shutil.copytree(SENSOR, fits / "depth_sensor")

@@ -66,6 +66,7 @@ def handed(monkeypatch) -> dict[str, Any]:
     return seen
 
 
+@pytest.mark.thorough
 def test_it_prints_and_writes(spec, handed, tmp_path):
     out, page = tmp_path / "d.json", tmp_path / "d.html"
     result = run("diagnose", spec, "--json", out, "--report", page)
@@ -143,6 +144,7 @@ def test_bad_input_is_one_message_and_status_2(spec, tmp_path):
     assert "own.py" in refused(spec, "--candidates", "own.py:Mine")
 
 
+@pytest.mark.thorough
 def test_a_file_that_cannot_be_written(spec, handed, tmp_path):
     result = run("diagnose", spec, "--report", tmp_path / "no" / "d.html", status=2)
     assert "no/d.html" in result.stderr

@@ -91,6 +91,7 @@ def test_noise_alone_names_no_regime():
     assert alarms <= 10
 
 
+@pytest.mark.thorough
 def test_the_p_value_keeps_its_level_whatever_the_size_of_the_regime():
     alarms = 0
     for seed in range(200):

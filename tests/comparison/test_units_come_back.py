@@ -101,6 +101,7 @@ def test_regimes_and_tests_speak_them_too(fit, logs):
     assert '"unit": "rpm"' in told
 
 
+@pytest.mark.thorough
 def test_intervals_profiles_and_predictions_speak_them_too(fit, logs):
     table = dft.intervals(fit, logs[0])
     row = table.rows["command_deadband.half_width"]

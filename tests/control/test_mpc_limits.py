@@ -155,6 +155,7 @@ def test_a_limited_plan_is_the_best_one_there_is(point):
 # -- along paths -----------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_rates_of_inputs_are_kept_and_cost_no_precision_in_the_end():
     free, slow = tracked(), tracked(slew=SLEW)
     for name, fastest in SLEW.items():
@@ -194,6 +195,7 @@ def sailed(run):
     return np.array(track).T
 
 
+@pytest.mark.thorough
 def test_a_path_that_is_too_fast_waits_and_the_vessel_stays_on_it():
     """A surge of 0.6 m/s at most, on a path of 0.8: the boat left it at 0.022 m/s."""
     run = tracked(duration=40.0, limits=wide(surge=(-math.inf, 0.6)))

@@ -199,6 +199,7 @@ def test_every_set_tells_whose_it_is(about):
         loader("runn")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "count", "train", "unseen"),
     [

@@ -95,6 +95,7 @@ def compare(first: DescribingMap, second: DescribingMap) -> tuple[float, float]:
     return float(np.abs(np.abs(ratio) - 1).max()), float(np.abs(np.angle(ratio, deg=True)).max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "model",
     [dft.Thruster(), *(pytest.param(m, marks=pytest.mark.slow) for m in (DEADBAND, LAGGED))],
@@ -209,6 +210,7 @@ def test_delay_and_sensor_lag_settle():
     assert "sensors=True" in left_out.notes[0]
 
 
+@pytest.mark.thorough
 def test_bandwidth_and_break_frequency_of_a_lag():
     """A linear model: both are its rate, at every amplitude."""
 
@@ -455,6 +457,7 @@ def test_maps_of_a_fit_are_told_and_drawn_in_the_units_of_its_logs():
     np.testing.assert_array_equal(of_a_model.shown.gain, found.gain)
 
 
+@pytest.mark.thorough
 def test_bands_of_a_fit_are_told_and_drawn_in_the_units_of_its_logs():
     grids = {"amplitudes": [0.25, 0.5], "frequencies": [0.5, 1.0]}
     band = uncertainty(written_fits.fit(), **grids, output="speed", draws=20)

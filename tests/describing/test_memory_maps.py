@@ -89,6 +89,7 @@ def test_a_delay_of_many_periods_is_not_taken_for_silence():
     np.testing.assert_allclose(found.complex, plain.complex * np.exp(-60j), rtol=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_command_a_thousand_times_faster_is_marked_with_its_mend():
     found = describing_function(MODEL, [50.0], [30.0])
     assert found.reason[0, 0] == Reason.MEMORY

@@ -274,6 +274,7 @@ def logs():
     return out
 
 
+@pytest.mark.thorough
 def test_a_hypothesis_that_is_right_is_found_and_can_be_copied(tmp_path):
     train, unseen = logs()
     wrong = Formula("load", "value * (1 + b * cos(time))", name="wave", b="")

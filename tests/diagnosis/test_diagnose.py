@@ -72,6 +72,7 @@ def diag(simulations):
     return found, said, train, unseen
 
 
+@pytest.mark.thorough
 def test_nothing_is_simulated_twice(diag, simulations):
     _, _, train, unseen = diag
     # by the first and the last model every log with the steps that it has, and with half of them
@@ -187,6 +188,7 @@ def test_nothing_is_named_where_nothing_is_missing():
     assert found.remaining is None
 
 
+@pytest.mark.thorough
 def test_an_effect_of_the_user_is_found_without_unseen_logs():
     rng = np.random.default_rng(3)
     model = dft.Thruster() + SquareRootDrag(size=2.0)

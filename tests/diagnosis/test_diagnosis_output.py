@@ -364,6 +364,7 @@ class _Page(HTMLParser):
             self.text += data
 
 
+@pytest.mark.thorough
 def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
     path = tmp_path / "report.html"
     full.save(str(path))
@@ -429,6 +430,7 @@ def test_the_page_is_part_of_the_package():
     assert files("diffthrust._support").joinpath("page.html").is_file()
 
 
+@pytest.mark.thorough
 def test_figures_do_not_touch_pyplot(full, monkeypatch):
     monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # ArviZ brings it along
     diagnosis_page(full)

@@ -77,6 +77,7 @@ def test_nothing_is_promised_where_nothing_is_missing():
         assert "what is left does not repeat" in found.summary
 
 
+@pytest.mark.thorough
 def test_it_stops_when_the_effect_has_been_added():
     truth = dft.Thruster() + effects.AxialFlow()
     train, unseen = [recorded(truth, seed) for seed in range(3)], recorded(truth, 50)
@@ -177,6 +178,7 @@ def test_of_few_readings_it_says_why_it_does_not_tell_and_answers_for_the_other_
     assert thrust.samples == 3603
 
 
+@pytest.mark.thorough
 def test_readings_of_errors_that_last_are_as_few_as_all_samples_of_them():
     """What lasts for two hundred samples is no surer from every tenth, nor from all of them."""
     rng = np.random.default_rng(5)

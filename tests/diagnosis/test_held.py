@@ -69,6 +69,7 @@ def test_a_lever_arm_held_at_a_wrong_value_is_named_and_freed():
     assert '"fixed": False}' in copied
 
 
+@pytest.mark.thorough
 def test_one_held_at_the_right_value_is_left_alone():
     """A likelihood ratio that would lower the criterion by 4 comes in one set of two thousand."""
     diag = diagnosed(ARM, seed=3)

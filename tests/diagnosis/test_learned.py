@@ -426,6 +426,7 @@ def low_battery(loss):
     return with_jump(trials, trial, seen, curve).evidence, curve.evidence
 
 
+@pytest.mark.thorough
 def test_a_law_that_changes_at_once_is_likelier_as_a_jump_and_one_that_does_not_as_a_curve():
     jump, curve = low_battery(lambda volts: 0.12 * (volts < 14.0))
     assert jump > curve + 20.0
@@ -490,6 +491,7 @@ def hump():
     return hidden, dft.diagnose(hidden.model, hidden.train, holdout=hidden.unseen, candidates=names)
 
 
+@pytest.mark.thorough
 def test_a_hump_that_is_in_no_catalogue_is_learned_and_named(hump):
     hidden, diag = hump
     assert diag.verdict == "unexplained"
@@ -508,6 +510,7 @@ def test_a_hump_that_is_in_no_catalogue_is_learned_and_named(hump):
     assert law.form.fit.parameters["curve_form.c"].value == pytest.approx(told["width"], rel=0.3)
 
 
+@pytest.mark.thorough
 def test_what_only_imitates_the_law_is_dropped_and_what_is_there_beside_it_is_kept(hump):
     _, diag = hump
     assert diag.added == ("command_deadband",)
@@ -529,6 +532,7 @@ def test_what_only_imitates_the_law_is_dropped_and_what_is_there_beside_it_is_ke
     assert told == pytest.approx(1.0 - left, abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
     _, diag = hump
     data = diag.to_json()["learned"]
@@ -546,6 +550,7 @@ def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
     assert {axes.get_ylabel() for axes in figure.axes} >= {"samples"}
 
 
+@pytest.mark.thorough
 def test_a_law_is_told_in_the_units_of_the_logs(hump):
     _, diag = hump
     law = diag.laws[0]
@@ -558,6 +563,7 @@ def test_a_law_is_told_in_the_units_of_the_logs(hump):
     assert curve.get_xlim()[1] > 30 / np.pi * law.curve.high
 
 
+@pytest.mark.thorough
 def test_what_was_learned_is_copied_into_a_spec_file(hump):
     _, diag = hump
     lines = diag.report().splitlines()
@@ -575,6 +581,7 @@ def test_what_was_learned_is_copied_into_a_spec_file(hump):
     assert told == pytest.approx([getattr(law.formula, n) for n in again.declared], rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_a_form_that_one_step_errors_set_apart_is_not_told_as_alike(hump):
     _, diag = hump
     law = diag.laws[0]
@@ -584,6 +591,7 @@ def test_a_form_that_one_step_errors_set_apart_is_not_told_as_alike(hump):
     assert replace(law, forms=(law.forms[0], far)).alike == ()
 
 
+@pytest.mark.thorough
 def test_widths_of_pulses_are_told_from_the_stop(hump):
     _, diag = hump
     law = diag.laws[0]
@@ -593,6 +601,7 @@ def test_widths_of_pulses_are_told_from_the_stop(hump):
     assert (driven.shown.value, driven.place_unit) == (400.0, "us from the stop")
 
 
+@pytest.mark.thorough
 def test_what_was_learned_becomes_a_class_of_ones_own(hump, tmp_path):
     hidden, diag = hump
     diag.save(tmp_path / "diag.json")
@@ -608,6 +617,7 @@ def test_what_was_learned_becomes_a_class_of_ones_own(hump, tmp_path):
     assert "Leave out --formula" in more.output
 
 
+@pytest.mark.thorough
 def test_a_model_with_what_was_learned_simulates_fits_and_is_saved(hump, tmp_path):
     hidden, diag = hump
     model = diag.model + diag.learned
@@ -622,6 +632,7 @@ def test_a_model_with_what_was_learned_simulates_fits_and_is_saved(hump, tmp_pat
     assert loaded.details == diag.details
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_that_learned_nothing_has_no_figure_of_it():
     hidden = sets.draw("none", 3)
     diag = dft.diagnose(

@@ -189,6 +189,7 @@ def test_a_wave_in_noise_is_found_where_it_is():
     assert wave.length == pytest.approx(2 * np.pi / wave.number)
 
 
+@pytest.mark.thorough
 def test_white_errors_have_no_waves():
     # one in e^10 is the share of false alarms
     rng = np.random.default_rng(4)

@@ -50,6 +50,7 @@ def regressions(rng, logs, off=(), apart=0.0):
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("logs", [3, 6])
 def test_false_alarms_come_as_rarely_as_stated(logs):
     """At most 1 % of sets; of 1000 more than 2 % a right test gives once in 500 runs."""
@@ -111,6 +112,7 @@ def said_by_a_fit(model, train, unseen):
     return odd_logs(trials, trials.base(), runs)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place", [1, 4])
 def test_a_log_with_another_thruster_is_named_whether_training_or_unseen(place):
     ct = np.ones(5)
@@ -149,6 +151,7 @@ def diagnosed(ct, unseen, seed):
     return dft.diagnose(fit, train, holdout=held, candidates="linear_damping", experiment=False)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place", [pytest.param(1, marks=pytest.mark.slow), 5])
 def test_a_verdict_rests_on_the_other_logs_where_an_odd_one_makes_whole_runs_poor(place):
     ct = np.ones(6)
@@ -182,6 +185,7 @@ def test_the_only_unseen_log_is_not_left_out():
     assert contradictions(diag) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 10))]
 )
@@ -196,6 +200,7 @@ def test_an_astern_run_among_runs_ahead_is_accused_of_nothing(seed):
         assert re.match(r"command below 0\.\d+ V", log.beyond[0])  # where the ahead runs end
 
 
+@pytest.mark.thorough
 def test_what_a_log_does_alone_is_said_and_it_is_not_set_aside():
     made = draw("astern_runs", 1)
     diag = dft.diagnose(made.model, made.train, holdout=made.unseen,
@@ -205,6 +210,7 @@ def test_what_a_log_does_alone_is_said_and_it_is_not_set_aside():
     assert "how it was recorded" not in diag.details
 
 
+@pytest.mark.thorough
 def test_a_fit_that_ended_badly_accuses_no_log():
     """Without the odd log the fit must be as good on the others as the fit of all logs."""
     logs = list(thrusters(np.random.default_rng(7), [1.0, 2.0, 1.0, 1.0, 1.0]))
@@ -251,6 +257,7 @@ def test_a_log_is_odd_no_longer_where_another_model_errs_there_as_elsewhere():
     assert not no_longer_odd([odd], runs(1.0, 1.1, 1.3), runs(1.0, 1.1, 1.2))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("spike", [1e3, 1e6])
 def test_corrections_that_run_away_do_not_stop_a_diagnosis(spike):
     log = made_log(seed=0, count=800)

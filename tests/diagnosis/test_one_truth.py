@@ -57,6 +57,7 @@ def page_of_a_dead_band() -> claims.Page:
     )
 
 
+@pytest.mark.thorough
 def test_a_found_dead_band_is_held_against_a_plain_least_squares():
     page = page_of_a_dead_band()
     assert page.quiet
@@ -81,6 +82,7 @@ def test_what_is_not_so_is_seen(old, new, why):
     assert any(why in words for words in claims.contradictions(diag, text=text))
 
 
+@pytest.mark.thorough
 def test_a_fit_that_ended_early_and_a_false_name_are_seen():
     diag, page = made.found(), page_of_a_dead_band()
     other = {**diag.fit.parameters, "beta": replace(diag.fit.parameters["beta"], value=60.0)}

@@ -14,6 +14,7 @@ def coloured(rng, samples, correlation):
     return lfilter([1.0], [1.0, -correlation], rng.standard_normal(samples))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
 def test_noise_has_no_line(correlation):
     """One hundred draws of two logs: at the level of one in ten thousand not one alarm."""

@@ -64,6 +64,7 @@ def context_of(model, train, unseen):
     return SimpleNamespace(fitter=fitter, unseen=others, guess=guess, refit=refit)
 
 
+@pytest.mark.thorough
 def test_an_overflow_of_a_state_that_is_not_measured_is_learned():
     model, train, unseen = Cascade(), [log(1, SPILL), log(2, SPILL)], [log(3, SPILL)]
     given = dft.fit(model, train, holdout=unseen, starts=2)

@@ -134,6 +134,7 @@ CHANGES = (
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("made_up", MADE_UP)
 def test_any_combination_of_findings_is_told_within_the_budget(made_up):
     for count in range(1, len(CHANGES) + 1):

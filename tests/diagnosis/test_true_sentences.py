@@ -95,6 +95,7 @@ QUICK = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", QUICK)
 def test_few_candidates(name):
     model, train, unseen, page = MADE[name]()

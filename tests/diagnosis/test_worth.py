@@ -129,6 +129,7 @@ def test_a_share_is_said_of_what_it_is_surely_a_share_of():
     assert both == (Worth(0.03, 0.01, 0.04), "", True)
 
 
+@pytest.mark.thorough
 def test_of_noise_next_to_nothing_matters_and_of_what_is_there_most():
     """Three channels, one dominating: in 3 % of 200 sets at most where an effect removes nothing.
 

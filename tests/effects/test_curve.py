@@ -79,6 +79,7 @@ def _by_hand(time: np.ndarray, command: np.ndarray, times: str) -> np.ndarray:
     return np.array(speeds)
 
 
+@pytest.mark.thorough
 def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
     rng = np.random.default_rng(5)
     time = inputs.grid(60.0, 0.05)

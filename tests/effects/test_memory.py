@@ -190,6 +190,7 @@ def test_states_are_refused_at_channels_with_the_ports_that_have_them():
     assert "'drive'" in str(caught.value)
 
 
+@pytest.mark.thorough
 def test_a_fit_finds_the_width_and_the_time_constant():
     own = {"T": {"unit": "s", "value": 1.0}, "b": {"unit": "V", "value": 0.2}}
     law = Formula("drive", "-a * lag(command, T) - c * (command - play(command, b))", name="law",

@@ -258,6 +258,7 @@ def test_every_effect_is_recovered():
     assert sorted(RECOVERED) == sorted(NAMES)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", slow_but(AT_EACH_CHANGE, NAMES))
 def test_an_effect_is_recovered_from_the_reference(name):
     truth = RECOVERED[name]

@@ -196,6 +196,7 @@ def fitted(effect, log, drive="propeller"):
     return dft.fit(dft.Vessel(drive, **start) + effect, log, horizon=None, starts=1, substeps=4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", slow_but(AT_EACH_CHANGE, FOUND))
 def test_the_reference_s_effect_is_found(name):
     hidden, how = FOUND[name]
@@ -209,6 +210,7 @@ def test_the_reference_s_effect_is_found(name):
         assert fit.parameters[parameter].value == pytest.approx(true, rel=0.01), parameter
 
 
+@pytest.mark.thorough
 def test_exchanged_channels_are_found_and_those_that_are_not_stay():
     log = log_of("twin", swapped_thrusters=1.0)  # half way, nothing steers: the start is at one
     fit = fitted(EFFECTS["swapped_thrusters"](), log, "twin")
@@ -267,6 +269,7 @@ def test_a_constant_wind_is_found_without_channels_for_it():
         assert found == pytest.approx(true[parameter], rel=0.02), parameter
 
 
+@pytest.mark.thorough
 def test_the_water_s_speed_counts_not_the_speed_over_ground():
     """A vessel that drifts with the current feels no drag, however the effects are ordered."""
     time = np.arange(51) * 0.1

@@ -26,6 +26,7 @@ def test_logs_of_like_length_share_compiled_code():
     assert all(fit.status.ok for fit in fits)
 
 
+@pytest.mark.thorough
 def test_logs_of_several_lengths_are_one_batch_and_say_what_each_says_alone():
     logs = [made(200, seed=1), made(120, seed=2), made(90, seed=3)]
     together = build(dft.Thruster(), logs)

@@ -49,6 +49,7 @@ def tobit(speed, thrust, low, high):
     return 0.02 * x[0], np.exp(x[1]), 0.02 * error
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("low", [-np.inf, -9.0])
 def test_the_fit_is_that_of_an_independent_tobit(low):
     log, speed, high = clipped(3, low=low)
@@ -102,6 +103,7 @@ def test_a_rail_that_is_not_told_is_found_and_no_longer_drags_ct_along():
     assert dft.compare(free, log).errors.channels["thrust"].samples == len(log) - count
 
 
+@pytest.mark.thorough
 def test_a_fit_says_how_it_took_samples_at_a_rail():
     log = clipped(1, censored=("thrust",))[0]
     told = dft.fit(dft.Thruster(), log, starts=1)

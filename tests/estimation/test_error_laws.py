@@ -149,6 +149,7 @@ def tobit(rest, side, s):
     return inside - norm.logcdf(-(side * rest)[side != 0] / s).sum()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("known", KNOWN)
 def test_samples_at_a_rail(known):
     law = Censored()

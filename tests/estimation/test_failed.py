@@ -48,6 +48,7 @@ def without_infinities(result):
     return told, data
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES)
 def test_an_overflow_is_a_failed_simulation_that_says_where(case):
     model, log, where = CASES[case]
@@ -87,6 +88,7 @@ def test_an_unseen_log_over_which_the_model_fails_is_told():
     without_infinities(fit)
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_says_where_it_failed():
     with pytest.raises(InputError, match="leaves the finite numbers at t = "):
         dft.diagnose(dft.Thruster(), CASES["command"][1])

@@ -294,6 +294,7 @@ def test_several_logs_with_their_own_initial_states():
     assert fit.parameters["alpha"].value == pytest.approx(0.037, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_student_t_forgives_spikes_where_the_gaussian_does_not():
     made = record(seed=8)
     speed = made.measured["speed"].copy()
@@ -321,6 +322,7 @@ def test_a_prior_counts_as_one_more_measurement():
     assert fit.std_error == pytest.approx(free.std_error / np.sqrt(2), rel=0.1)
 
 
+@pytest.mark.thorough
 def test_measured_speed_as_the_input_fits_the_thrust_alone():
     made = record(seed=10)
     log = dft.Log(
@@ -334,6 +336,7 @@ def test_measured_speed_as_the_input_fits_the_thrust_alone():
     assert "held as given: alpha, beta;" in fit.message
 
 
+@pytest.mark.thorough
 def test_a_failed_simulation_says_so():
     class Explodes(dft.Effect):
         """Feeds the shaft back with the wrong sign."""
@@ -375,6 +378,7 @@ def vessel_log(seed, duration=60.0):
     return log_of(made)
 
 
+@pytest.mark.thorough
 def test_a_long_vessel_run_goes_through_segments_to_whole_runs():
     fit = dft.fit(dft.Vessel(m11=9.0, m22=3.0, i33=2.0, d11=7.0), [vessel_log(0), vessel_log(1)])
     assert fit.status.ok, fit.message

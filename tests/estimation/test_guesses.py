@@ -25,6 +25,7 @@ class Swinging(dft.Model):
         return {"place": turned}, {"place": s.place}
 
 
+@pytest.mark.thorough
 def test_a_guess_is_one_more_start_and_the_best_is_kept():
     time = inputs.grid(20.0, 0.02)
     log = dft.Log(time, {"command": np.ones(time.size)}, {"place": np.sin(3.0 * time) / 3.0})

@@ -71,6 +71,7 @@ def study(case, count):
     return fits, excess, sure
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", ["thruster", "three_effects"])
 def test_a_few_first_guesses_fail_loudly_or_not_at_all(case):
     fits, excess, sure = study(case, 6)

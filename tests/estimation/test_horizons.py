@@ -16,6 +16,7 @@ def error(logs, horizon, length):
     return fit.holdout.nrmse, fit
 
 
+@pytest.mark.thorough
 def test_segments_are_kept_where_logs_that_are_left_out_say_so():
     logs = gusty_runs(21, "nothing", 6.0, 30.0, 0.15)
     chosen, fit = error(logs, "auto", 6.0)
@@ -27,6 +28,7 @@ def test_segments_are_kept_where_logs_that_are_left_out_say_so():
     assert chosen < 0.95 * whole
 
 
+@pytest.mark.thorough
 def test_a_log_alone_is_halved():
     log = gusty_runs(21, "nothing", 1.0, 3.0, 0.1, count=1)[0]
     first, second = folds([log])
@@ -35,6 +37,7 @@ def test_a_log_alone_is_halved():
     assert fit.status.ok, fit.message
 
 
+@pytest.mark.thorough
 def test_what_is_hidden_does_not_move_the_fit_and_compiles_nothing():
     logs = gusty_runs(22, "nothing", 1.0, 3.0, 0.1, count=3)
     spoiled = logs[1].replaced(measured={n: 9.0 * v for n, v in logs[1].measured.items()})

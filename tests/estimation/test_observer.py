@@ -150,6 +150,7 @@ def test_stationary_gains_give_the_innovations_of_the_kalman_filter():
     assert np.std(found) > WHITE
 
 
+@pytest.mark.thorough
 def test_maximum_likelihood_finds_the_gains_of_the_kalman_filter():
     log, kalman = linear_log(), Kalman()
     truth = arranged(FirstOrder(), [log], **kalman.as_observer())
@@ -258,6 +259,7 @@ def test_a_batch_of_unequal_logs_is_its_logs():
         np.testing.assert_allclose(ours["x"], theirs, rtol=0, atol=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("loss", ["gaussian", "student_t"])
 def test_the_gradient_is_that_of_the_cost(loss):
     log = field_log(0, spikes=0.02, dropout=0.1)
@@ -385,6 +387,7 @@ def test_without_random_forces_the_gains_vanish():
         assert -1e-6 < gained < 0.5 * chi2.ppf(0.999, len(ours.disturbance))
 
 
+@pytest.mark.thorough
 def test_spikes_do_not_move_the_states_under_student_t():
     log = field_log(30, spikes=0.02)
     fit = dft.fit(GUESS, log, likelihood="innovations", loss="student_t", starts=2)

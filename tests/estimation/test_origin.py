@@ -62,6 +62,7 @@ def test_a_result_is_made_now():
     assert told.library["diffthrust"] == dft.__version__
 
 
+@pytest.mark.thorough
 def test_reports_end_with_where_they_come_from():
     a, b = log(0), log(1)
     fit = dft.fit(short.MODEL + "actuator_lag", a, holdout=b, starts=1)
@@ -78,6 +79,7 @@ def test_reports_end_with_where_they_come_from():
     assert "The fit was made" not in dft.compare(short.MODEL, a).report()
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_tells_that_a_fit_is_of_other_logs():
     a, b = log(0), log(1)
     fit = short.fitted(a)

@@ -43,6 +43,7 @@ def problem():
     return with_clip(made, [50.0, 80.0])
 
 
+@pytest.mark.thorough
 def test_passes_are_in_the_order_of_the_logs(problem):
     z = problem.start()
     found = passes(problem, z)

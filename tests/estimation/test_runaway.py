@@ -32,6 +32,7 @@ def followed(rate):
     return dft.Log(0.5 * np.arange(150), {"target": target}, {"level": noisy})
 
 
+@pytest.mark.thorough
 def test_a_parameter_that_runs_away_is_named_with_a_mend():
     fit = dft.fit(Follower(rate=0.2), followed(rate=200.0), starts=1, doubts=False)
     assert fit.parameters["rate"].value > 5.0
@@ -51,6 +52,7 @@ def test_a_parameter_that_the_logs_bound_is_not(guess):
     assert not any("runs away" in note for note in fit.notes)
 
 
+@pytest.mark.thorough
 def test_a_parameter_at_a_thousand_times_its_start_is_doubted_however_well_it_fits():
     """Readings in mm that were declared in m: the gain takes the factor on, and all converges."""
 

@@ -266,6 +266,7 @@ def steered(seed=0, count=COUNT):
     return dft.Log(time, {"rudder_angle": np.array(angle)}, {"yaw_rate": np.array(read)}, units)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings(
     "ignore::diffthrust.simulation.CoarseStepWarning"
 )  # of the one that fails
@@ -284,6 +285,7 @@ def test_a_fit_of_whole_runs_that_fails_says_why_and_innovations_find_it():
         assert p.std_error < 0.1 * value
 
 
+@pytest.mark.thorough
 def test_a_small_difference_grows_as_the_closed_form_has_it():
     log = steered(count=250)
     (run,) = runs_over(Yawing(), bind(Yawing(), [log]), initial=[{"yaw_rate": 0.0}])

@@ -258,6 +258,7 @@ def test_a_step_in_the_box_is_as_good_as_that_of_an_independent_solver():
         assert ours <= theirs + 1e-6 * abs(theirs)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("power", "steps", "at"), [(1, 12, 8.0), (3, 30, 2.0)])
 def test_a_bound_on_a_ridge_does_not_stop_the_others(power, steps, at):
     # along the ridge both grow together: a step that is cut off at the bound leads uphill

@@ -26,6 +26,7 @@ def dive(seed, buoyancy):
     return dft.Log(step * np.arange(count), {"thrust": thrust}, {"velocity": noisy})
 
 
+@pytest.mark.thorough
 def test_a_thrust_that_holds_against_a_constant_is_hinted_at_with_a_mend():
     log = dive(1, BUOYANCY)
     fit = dft.fit(dft.AxisVehicle(), log, starts=1)

@@ -156,6 +156,7 @@ def test_the_same_rival_twice_cannot_be_told_apart():
     assert all(trial.separation == 0.0 for trial in test.ranking)
 
 
+@pytest.mark.thorough
 def test_rivals_that_imitate_each_other_cannot_be_told_apart():
     """Alpha and beta are free: the imitator moves them to those of the truth."""
     rivals = [dft.Thruster(), dft.Thruster(alpha=0.03, beta=36.0)]
@@ -174,6 +175,7 @@ def test_a_model_and_its_extension_are_judged_with_the_extension_as_the_truth():
     assert test.decisive
 
 
+@pytest.mark.thorough
 def test_correlated_noise_counts_a_lasting_difference_for_less(friction):
     rivals = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
     test = dft.suggest_experiment(
@@ -185,6 +187,7 @@ def test_correlated_noise_counts_a_lasting_difference_for_less(friction):
 # -- the promise -----------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])
 def test_the_promised_likelihood_ratio_is_what_new_data_give(fits, logs, seed):
     """Data of the lag on the suggested inputs; both rivals refitted to old and new logs.
@@ -276,6 +279,7 @@ def test_every_kind_uses_its_range(kind):
     assert top - 0.15 * span < values.max() <= top + 1e-12
 
 
+@pytest.mark.thorough
 def test_the_suggestion_is_the_same_each_time_and_keeps_the_rate_limit():
     rivals = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
 
@@ -337,6 +341,7 @@ def test_a_vessel_is_moved_by_both_inputs():
 # -- what is taken from logs -----------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_limits_and_constant_inputs_come_from_the_logs():
     time = inputs.grid(20.0, 0.05)
     rng = np.random.default_rng(0)
@@ -436,6 +441,7 @@ def test_errors_name_what_is_missing(change, message):
         dft.suggest_experiment(rivals, **given)
 
 
+@pytest.mark.thorough
 def test_a_test_is_told_and_drawn_in_the_units_of_the_fits_logs():
     fits = [written_fits.fit(), written_fits.fit(deadband=False)]
     test = dft.suggest_experiment(

@@ -38,6 +38,7 @@ def fit(tmp_path_factory) -> dft.Fit:
     return dft.fit(dft.SpeedLoopThruster().fix("exponent"), log, starts=2)
 
 
+@pytest.mark.thorough
 def test_a_fit_knows_its_inputs_and_how_they_were_written(fit):
     assert fit.ranges["command"] == pytest.approx((-5 / 6, 0.875))
     assert fit.written["thrust"].unit == "kgf"
@@ -56,6 +57,7 @@ def test_a_fit_knows_its_inputs_and_how_they_were_written(fit):
         assert words in exported.text
 
 
+@pytest.mark.thorough
 def test_a_fit_that_was_saved_gives_the_same_files(fit, tmp_path):
     fit.save(tmp_path / "fit.json")
     again = dft.load(tmp_path / "fit.json")

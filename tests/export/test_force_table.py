@@ -58,6 +58,7 @@ def held(model, command: float) -> float:
     return float(dft.simulate(model, log)["thrust"][-1])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", SEEN)
 def test_the_table_says_what_a_simulation_settles_at(name):
     model = SEEN[name]

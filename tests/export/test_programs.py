@@ -86,6 +86,7 @@ def check_both(
     assert worst(found, wanted, model.outputs) < CLOSE
 
 
+@pytest.mark.thorough
 @needs_compiler
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("even", [True, False], ids=["even", "uneven"])
@@ -93,6 +94,7 @@ def test_each_model_alone(name, even, tmp_path):
     check_both(MODELS[name], tmp_path, even=even, substeps=1 if even else 2)
 
 
+@pytest.mark.thorough
 @needs_compiler
 @pytest.mark.parametrize(("name", "effects"), GROUPS, ids=lambda v: v if isinstance(v, str) else "")
 def test_the_effects_together(name, effects, tmp_path):
@@ -134,6 +136,7 @@ def test_effects_at_their_null_do_nothing_there_either(tmp_path):
     check_both(model, tmp_path)
 
 
+@pytest.mark.thorough
 @needs_compiler
 def test_a_speed_that_is_given_and_states_that_are(tmp_path):
     check_both(dft.Thruster() + "cavitation", tmp_path, inputs=["speed"])
@@ -141,6 +144,7 @@ def test_a_speed_that_is_given_and_states_that_are(tmp_path):
     check_both(dft.DCMotorThruster(), tmp_path, start={"current": -0.4}, even=False)
 
 
+@pytest.mark.thorough
 @needs_compiler
 def test_inputs_that_run_straight_between_samples(tmp_path):
     check_both(dft.Thruster(), tmp_path, hold="linear", even=False, substeps=2)
@@ -150,12 +154,14 @@ def test_inputs_that_run_straight_between_samples(tmp_path):
     check_both(dft.Vessel(), tmp_path, hold=mixed)
 
 
+@pytest.mark.thorough
 @needs_compiler
 def test_measured_wind(tmp_path):
     inputs = ["propeller_speed", "rudder_angle", "wind_speed", "wind_direction"]
     check_both(dft.Vessel() + "wind", tmp_path, inputs=inputs)
 
 
+@pytest.mark.thorough
 @needs_compiler
 def test_a_lag_far_below_and_far_above_the_step(tmp_path):
     for constant in (1e-6, 1e-3, 0.05, 3.0):

@@ -103,6 +103,7 @@ def of_stonefish(text: ElementTree.Element, command: np.ndarray) -> tuple[np.nda
     return speed, np.interp(speed, *tables)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("target", ["uuv", "stonefish"])
 @pytest.mark.parametrize("name", SEEN)
 def test_a_simulator_moves_as_the_model_does(name, target):
@@ -120,6 +121,7 @@ def test_a_simulator_moves_as_the_model_does(name, target):
     assert np.max(np.abs(thrust - wanted["thrust"])) < 2e-3 * np.ptp(wanted["thrust"])
 
 
+@pytest.mark.thorough
 def test_gz_gives_the_force_of_a_speed():
     model = dft.Thruster(ct=0.023)
     plugin = xml_of(export_model(model, "gz", limits=LIMITS)).find("plugin")

@@ -34,6 +34,7 @@ def test_a_set_is_the_same_for_the_same_seed(kind):
     assert first.model.parameters == again.model.parameters
 
 
+@pytest.mark.thorough
 def test_what_is_wrong_in_a_set_is_what_it_asks():
     arm = bench.drawn("constants/lever_arm", 0)
     held = arm.model.parameters["lever_arm"]

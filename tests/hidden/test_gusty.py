@@ -1,12 +1,14 @@
 """The gusty runs: that gusts are all that the model lacks."""
 
 import numpy as np
+import pytest
 
 import diffthrust as dft
 
 from . import gusty
 
 
+@pytest.mark.thorough
 def test_gusts_are_all_that_the_model_lacks():
     still, again = gusty.drawn(3, gust=0.0), gusty.drawn(3, gust=0.0)
     windy = gusty.drawn(3)

@@ -10,6 +10,7 @@ from . import tanks
 TWIN = 2
 
 
+@pytest.mark.thorough
 def test_the_model_with_overflow_is_the_plant():
     rng = np.random.default_rng(0)
     log = tanks.record(rng, 300, tanks.RIM, "one")

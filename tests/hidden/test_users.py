@@ -142,6 +142,7 @@ def test_an_effect_with_numbers_far_from_the_true_ones_is_another():
         assert users.judge(diag, made, 0.1).right is right
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_is_held_against_the_true_structure_where_no_other_is_fitted(capsys):
     with pytest.raises(SystemExit):
         main(["tanks", "--starts", "-1"])

@@ -21,6 +21,7 @@ def bench(tmp_path_factory) -> faults.Bench:
     return faults.Bench(tmp_path_factory.mktemp("bench"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "kind", "moment"),
     [("report", "interrupted", 0.5), ("report", "vanished", 0.9)],

@@ -127,6 +127,7 @@ def test_random_bytes_behind_a_valid_beginning(tail, kind):
     check(valid(kind)[:200] + tail, kind[:4] if kind.startswith(".mat") else kind)
 
 
+@pytest.mark.thorough
 @settings(common, max_examples=400)
 @given(changes=changes, small=small, interpolate=st.booleans())
 def test_mutated_text(changes, small, interpolate):
@@ -164,6 +165,7 @@ cells = st.one_of(
 )
 
 
+@pytest.mark.thorough
 @settings(common, max_examples=300)
 @given(
     rows=st.lists(st.lists(cells, min_size=3, max_size=3), min_size=1, max_size=6),
@@ -226,6 +228,7 @@ units = st.one_of(
 )
 
 
+@pytest.mark.thorough
 @common
 @given(unit=units, time_unit=units, channel=st.sampled_from(["speed", "thrust", "mine"]))
 def test_random_units(unit, time_unit, channel):

@@ -283,6 +283,7 @@ def test_a_folder_of_other_results_is_refused(dives):
     assert "moved" in done.table["spec"][0]
 
 
+@pytest.mark.thorough
 def test_a_cluster_that_is_not_there(dives):
     pytest.importorskip("distributed")
     with pytest.raises(dft.InputError, match=r"no Dask scheduler .* 'tcp://127\.0\.0\.1:9'"):
@@ -341,6 +342,7 @@ class Own(dft.LinearSensor):
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 def test_a_process_that_hangs_or_dies_takes_no_other_task_with_it(tmp_path):
     for name in ("a", "b", "c"):

@@ -166,6 +166,7 @@ def fits():
     return dft.many.fit(MODEL, logs, starts=1)
 
 
+@pytest.mark.thorough
 def test_fits_come_from_many_lists_dictionaries_and_tables(fits, tmp_path):
     def owner(name):
         return name.split("/")[0]

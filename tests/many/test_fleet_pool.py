@@ -50,6 +50,7 @@ def by_quadrature(typical):
     return own @ weight, mean @ weight, tau @ weight
 
 
+@pytest.mark.thorough
 def test_eight_schools_are_those_of_quadrature(pooled):
     assert pooled.convergence.status.ok
     typical = pooled.ruler.typical[0]
@@ -180,6 +181,7 @@ def dives():
     return logs, dft.many.fit(MODEL, logs, starts=1)
 
 
+@pytest.mark.thorough
 def test_an_exact_likelihood_is_that_of_the_logs(dives):
     logs, fits = dives
     made = dft.many.fleet(fits)

@@ -126,6 +126,7 @@ def test_comparisons_and_models_of_each(logs, fits):
     assert by_model.table()["nrmse"].max() < 0.5
 
 
+@pytest.mark.thorough
 def test_maps_of_many_models_are_those_of_each(fits):
     models = [fits[0], fits[1].model, fits[2].model + ActuatorLag(time_constant=0.2), dft.Vessel()]
     amplitudes, frequencies = [0.5, 2.0], [0.5, 3.0]
@@ -390,6 +391,7 @@ print("worst", worst)
 """
 
 
+@pytest.mark.thorough
 def test_runs_are_divided_over_devices():
     flags = "--xla_force_host_platform_device_count=4 " + os.environ.get("XLA_FLAGS", "")
     done = subprocess.run(

@@ -49,6 +49,7 @@ def printed(outputs: list[Any], stream: str = "stdout") -> str:
     return "".join(one.text for one in outputs if one.get("name") == stream)
 
 
+@pytest.mark.thorough
 def test_what_a_notebook_shows(kernel, tmp_path):
     one_image = (
         PLOT,

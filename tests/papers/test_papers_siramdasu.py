@@ -196,6 +196,7 @@ def gust(log, start, stop, turn):
     return dft.Log(time=log.time, inputs=log.inputs, units=log.units, measured=measured)
 
 
+@pytest.mark.thorough
 def test_portions_with_a_gust_are_left_out():
     straight, circle = recorded(98.0, 0.0, 40.0, 0.003), recorded(98.0, 24.0, 40.0, 0.003)
     (whole,) = papers.undisturbed(straight)

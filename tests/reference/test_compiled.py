@@ -17,6 +17,7 @@ def a_run(seed, *, linear=False, **scales):
     return wr.Run(TIME, inputs, {}, linear=frozenset(inputs if linear else ()))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("linear", [False, True])
 def test_a_boat_with_all_that_both_have(linear):
     options = dict.fromkeys(("current", "gain", "crossed", "power", "inflow", "coupling"), True)

@@ -159,6 +159,7 @@ KINDS = (
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_fit_comes_back_to_the_last_digit(kind, tmp_path):
     fit, logs = fit_of(kind)
@@ -172,6 +173,7 @@ def test_a_fit_comes_back_to_the_last_digit(kind, tmp_path):
     assert bits(dft.compare(again, logs).to_json()) == bits(dft.compare(fit, logs).to_json())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["plain", "ar1", "outliers", "described"])
 def test_a_loaded_fit_takes_its_place_everywhere(kind, tmp_path):
     fit, a = fit_of(kind)
@@ -198,6 +200,7 @@ def test_the_file_is_for_people_too(tmp_path):
     assert max(map(len, text.splitlines())) < 200
 
 
+@pytest.mark.thorough
 def test_posteriors_and_diagnoses_of_a_loaded_fit_are_the_same(tmp_path):
     fit, a = fit_of("plain")
     fit.save(tmp_path / "fit.json")
@@ -240,6 +243,7 @@ def test_a_diagnosis_comes_back_with_its_runs(kind, tmp_path):
     assert bits(model) == bits(diag.model + diag.best)
 
 
+@pytest.mark.thorough
 def test_the_page_of_a_loaded_diagnosis_is_the_same(tmp_path):
     diag = made.unexplained()
     diag.save(tmp_path / "diag.json")
@@ -249,6 +253,7 @@ def test_the_page_of_a_loaded_diagnosis_is_the_same(tmp_path):
     assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seen", [True, False])
 def test_the_headroom_of_a_loaded_diagnosis_is_the_same(seen, tmp_path):
     train, _ = made.logs()

@@ -324,6 +324,7 @@ def test_stages_in_a_loop_give_what_stages_in_a_row_do(how):
         np.testing.assert_allclose(looped[name], plain[name], rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.thorough
 def test_a_divided_step_is_as_many_short_ones():
     time = STEP * np.arange(21)
     command = np.sin(np.arange(21.0))
@@ -334,6 +335,7 @@ def test_a_divided_step_is_as_many_short_ones():
         np.testing.assert_allclose(divided[name], short[name][::4], rtol=1e-11, atol=1e-13)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("how", [{}, {"substeps": 3}, {"compact": True}])
 def test_what_a_log_is_padded_with_is_left_out(how):
     steps, command = np.full(30, STEP), np.sin(np.arange(31.0))

@@ -364,6 +364,7 @@ def test_measured_states_cost_nothing_more():
     assert dft.compare(dft.Thruster(), log).runs[0].estimated == ()
 
 
+@pytest.mark.thorough
 def test_what_the_run_hardly_feels_stays_near(train):
     """Noise alone must not send the start of a fast state anywhere."""
     time = 0.1 * np.arange(300)

@@ -40,6 +40,7 @@ class TurningRound(Turning):
     angles = ("yaw",)
 
 
+@pytest.mark.thorough
 def test_a_yaw_that_jumps_asks_for_angles_in_the_class():
     time = np.arange(0.0, 60.0, 0.1)
     rate = 0.5 + 0.4 * np.sin(0.3 * time)

@@ -30,6 +30,7 @@ def test_some_mistakes_in_measured_logs_are_named(root):
         assert (tally.named, tally.other, tally.beside) == (3, [], []), name
 
 
+@pytest.mark.thorough
 def test_measured_logs_as_published_have_the_defects_that_are_known(root):
     told = sound.real_defects(root)
     assert told

@@ -8,6 +8,7 @@ import diffthrust as dft
 from . import railed
 
 
+@pytest.mark.thorough
 def test_some_sound_logs_have_no_rails():
     assert railed.false_alarms(60, seed=1) == 0
 

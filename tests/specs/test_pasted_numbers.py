@@ -68,6 +68,7 @@ def test_a_number_of_a_report_pastes_back_with_its_unit(
     assert model.parameters[name].value == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_every_number_of_a_report_pastes_back(tmp_path: Path) -> None:
     fit = load(tmp_path, 'command_deadband.half_width = "20 us"').fit()
     lines = []

@@ -82,6 +82,7 @@ def test_a_script_from_elsewhere_is_run_where_its_folder_is_trusted(place, how):
         assert "own_drag.slope" in dft.load_spec(path, trust=trust).model.parameters
 
 
+@pytest.mark.thorough
 def test_all_that_work_on_specs_take_trust(place):
     (place / "shared/own.py").write_text(OWN, "utf-8")
     spec(place, "../../shared/own.py")

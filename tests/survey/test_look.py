@@ -266,6 +266,7 @@ def test_measured_logs_are_known_and_read_from_the_draft_as_it_is(file, tmp_path
 FITTED = ("ngs_thruster/CL1stateStep.csv", "emps/DATA_EMPS_SC.csv")
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings(
     "ignore::diffthrust.simulation.CoarseStepWarning"
 )  # what is fitted is rough

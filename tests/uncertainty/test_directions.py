@@ -74,6 +74,7 @@ def test_a_parameter_at_a_bound_takes_no_part():
     assert set(TRUE) - {"alpha"} == set(found[0].changes)
 
 
+@pytest.mark.thorough
 def test_a_linear_parameter_changes_relative_to_its_value_too():
     clean = made_log(seed=8)
     damped = MODEL + dft.effects.LinearDamping(rate=2.0)

@@ -45,6 +45,7 @@ def test_a_line_with_known_noise_has_the_gaussian_posterior_of_the_formula():
     np.testing.assert_allclose(ours, covariance, rtol=5e-3)
 
 
+@pytest.mark.thorough
 def test_an_unknown_gaussian_level_is_integrated_out():
     fit, log = line(known=False, count=12)
     posterior = posterior_of(fit, log)
@@ -68,6 +69,7 @@ def test_an_unknown_gaussian_level_is_integrated_out():
     np.testing.assert_allclose(density - density[0], np.array(expected) - expected[0], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_student_level_is_sampled_with_the_density_of_the_law():
     fit, log = thruster_fit(loss="student_t")
     posterior = posterior_of(fit, log)
@@ -129,6 +131,7 @@ def test_any_number_of_points_and_any_data_share_one_compilation():
     assert compilations("log_densities") == before
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("loss", ["gaussian", "student_t"])
 def test_the_gradient_of_nuts_is_that_of_the_density(loss):
     fit, log = thruster_fit(loss=loss)
@@ -156,6 +159,7 @@ def whitened(posterior):
     return box, {**posterior.data, "origin": jnp.asarray(u), "root": jnp.asarray(root)}
 
 
+@pytest.mark.thorough
 def test_bounded_coordinates_and_their_jacobian():
     low, high = np.array([-np.inf, 1.0, -np.inf, -2.0]), np.array([np.inf, np.inf, 3.0, 5.0])
     box = nuts.Box(tuple(map(bool, np.isfinite(low))), tuple(map(bool, np.isfinite(high))))
@@ -170,6 +174,7 @@ def test_bounded_coordinates_and_their_jacobian():
     assert float(grown) == pytest.approx(np.linalg.slogdet(jacobian)[1], rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_fit_that_did_not_converge_is_refused():
     class Twice(dft.Effect):
         name = "drive_gain"

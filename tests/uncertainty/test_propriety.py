@@ -85,6 +85,7 @@ def test_what_draws_will_not_find_is_no_matter():
     assert not open_ends(posterior_of(fit, log), np.zeros((4, 1)))
 
 
+@pytest.mark.thorough
 def test_chains_without_an_end_are_told_however_well_they_agree():
     fall = 1.7
     fit, log, best = weighed(fall)
@@ -102,6 +103,7 @@ def test_chains_without_an_end_are_told_however_well_they_agree():
     assert f"{100 * beyond.mean():.0f} % of the draws lie beyond" in told.message
 
 
+@pytest.mark.thorough
 def test_the_line_that_is_offered_makes_a_posterior():
     fall = 1.7
     fit, log, best = weighed(fall)
@@ -123,6 +125,7 @@ def test_the_line_that_is_offered_makes_a_posterior():
     assert abs(mass.mean() - mean) < 4.5 * error
 
 
+@pytest.mark.thorough
 def test_a_vehicle_whose_log_hardly_tells_its_mass():
     """583 +- 325 kg by the fit; the mean of its draws was 2e14 kg, and "converged"."""
     rng, time = np.random.default_rng(0), np.arange(0.0, 60.0, 0.5)

@@ -43,6 +43,7 @@ def fit() -> dft.Fit:
     return dft.fit(dft.Thruster(), log(dft.Thruster()), starts=2)
 
 
+@pytest.mark.thorough
 def test_steady_thrust_is_proportional_to_the_command(fit):
     found = quantities(fit, commands=[*SIZES, 0.0], draws=30)["steady_thrust"]
     drawn = draws_of(fit, None, count=30, seed=0).values

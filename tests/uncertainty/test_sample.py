@@ -58,6 +58,7 @@ def error_of(values):
     return float(arviz().mcse(made(np.asarray(values)))["beta"])
 
 
+@pytest.mark.thorough
 def test_emcee_and_nuts_agree_on_the_thruster(posts):
     """Six means and six variances within 4.5 Monte Carlo errors: a false alarm in 1e4 runs."""
     az = arviz()
@@ -353,6 +354,7 @@ def test_a_prior_that_drags_the_fit_along_is_found_out():
         sample(fit, log, draws=20, warmup=20)
 
 
+@pytest.mark.thorough
 def test_doubts_of_a_fit_are_told_with_all_that_is_drawn_of_it():
     rng = np.random.default_rng(3)
     log = thruster_log(count=400)

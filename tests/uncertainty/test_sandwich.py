@@ -13,6 +13,7 @@ import diffthrust as dft
 from diffthrust.uncertainty import sandwich
 
 
+@pytest.mark.thorough
 def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():
     logs = [made_log(seed=1), made_log(seed=2, count=250)]
     fit = fitted(logs)
@@ -28,6 +29,7 @@ def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():
     assert [v.shape[2] for v in told.values] == [400, 250]
 
 
+@pytest.mark.thorough
 def test_white_noise_leaves_the_standard_errors_as_they_are():
     """On 8000 samples the ratio of the two is within 8 % of one.
 
@@ -91,6 +93,7 @@ class TwiceTheSame(dft.Effect):
         return self.gain * value
 
 
+@pytest.mark.thorough
 def test_parameters_that_cannot_be_told_apart_have_no_error():
     log = made_log(seed=7)
     fit = dft.fit(MODEL + TwiceTheSame(), log, starts=1)
@@ -165,6 +168,7 @@ def test_a_channel_read_at_every_fifth_sample_is_as_correlated_as_its_readings()
     assert 1.2 / 0.8 < memory[0] < 1.8 / 0.2
 
 
+@pytest.mark.thorough
 def test_noise_that_two_sensors_share_counts_twice():
     shared = noise.ar1(np.random.default_rng(4), 20_000, 1.0, 0.5)
     scatter, *_ = summed([np.stack([shared[None], shared[None]])])

@@ -39,6 +39,7 @@ def errors_shown(page) -> list[float]:
     return [float(re.search(r"\) (\S+)$", label.strip())[1]) for label in labels]
 
 
+@pytest.mark.thorough
 def test_the_whole_loop_load_diagnose_tick_save(demo):
     """See the error, diagnose, add, the error falls, save, and `check` accepts it."""
     with served(demo) as (address, process), looked_at(address) as page:
@@ -72,6 +73,7 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
     command_line.run("check", saved)
 
 
+@pytest.mark.thorough
 def test_by_keyboard_alone_in_a_narrow_window(demo):
     with served(demo) as (address, _), looked_at(address, width=700) as page:
         page.get_by_text("fit: converged").wait_for()
@@ -99,6 +101,7 @@ def test_by_keyboard_alone_in_a_narrow_window(demo):
         )
 
 
+@pytest.mark.thorough
 def test_all_plots_are_in_sight(demo):
     with served(demo) as (address, _), looked_at(address) as page:
         page.get_by_role("button", name="Zoom in").first.wait_for()
@@ -107,6 +110,7 @@ def test_all_plots_are_in_sight(demo):
         assert max(box["y"] + box["height"] for box in boxes if box) <= 720
 
 
+@pytest.mark.thorough
 def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(demo):
     with served(demo) as (address, _), looked_at(address) as page:
         page.get_by_text("fit: converged").wait_for()
@@ -143,6 +147,7 @@ LIT = """() => [...Bokeh.documents[0]._all_models.values()]
 """
 
 
+@pytest.mark.thorough
 def test_without_its_token_there_is_no_page_and_no_connection(demo):
     with served(demo) as (address, _):
         bare, _, token = address.partition("?")

@@ -197,6 +197,7 @@ def test_a_command_in_pulses_is_in_the_scatter_as_in_its_plot():
     assert results.points.data["x"].max() == pytest.approx(400.0, abs=1.0)
 
 
+@pytest.mark.thorough
 def test_the_learned_law_and_the_next_experiment_are_drawn():
     results = Results(lambda samples: None)
     full = made_diagnosis.diagnosis()
@@ -209,6 +210,7 @@ def test_the_learned_law_and_the_next_experiment_are_drawn():
     assert sum(text.count("data:image/png") for text in drawn) > 0
 
 
+@pytest.mark.thorough
 def test_a_stretch_is_ranked_effect_by_effect():
     results = Results(lambda samples: None)
     results.show_stretch(example_names.diag(), "run1.csv, 2 to 5 s")

@@ -214,6 +214,7 @@ def test_a_stretch_is_diagnosed_alone(session, monkeypatch):
 # -- leaving ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_what_is_saved_is_accepted_by_check_and_opened_again(session, tmp_path):
     fitted(session)
     session.tick("command_deadband")
