@@ -301,7 +301,7 @@ def start_search(
         fitted = refit(fit, progress=progress, doubts=True)
         guess = fitted.fit.guess
     first = fitted.fit
-    refit = replace(refit, first_substeps=first.substeps)
+    refit = replace(refit, first_substeps=few_substeps(first, train))
     if first.horizon is None:
         refit = replace(refit, horizon=to_whole_runs(schedule(first.model, train, "auto")))
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)

@@ -67,7 +67,7 @@ def build(
         )
         uniform = all(record.even for record in group)
         in_loop = compact or is_large(model)
-        grids.append(Grid(hold, substeps, restarted, uniform, in_loop, padded=is_unbatched()))
+        grids.append(Grid(hold, 1, restarted, uniform, in_loop, padded=is_unbatched()))
         batch = _batch(model, group, channels, starts, restarted, follow)
         if likelihood.law.censors:
             batch = at_rails(batch, group, channels)
@@ -104,7 +104,7 @@ def build(
         varying={n: varying(named[n]) for n in model.per_log},
     )
     problem = Problem(model, tuple(records), layout, numbers, tuple(order), nuisance=nuisance)
-    return _for_noise(problem)
+    return _for_noise(problem.stepped(substeps))
 
 
 def _channels(model: Model, records: Sequence[Record]) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ def without(problem: Problem, hidden: Hidden) -> Problem:
 
 def _runs(problem: Problem, solved: Solved, hidden: Hidden) -> tuple[Run, ...]:
     """The model of a fit over whole records, beside what was hidden from it."""
-    model, substeps = problem.model_at(solved.z), problem.layout.grids[0].substeps
+    model, substeps = problem.model_at(solved.z), problem.substeps
     held_out = []
     for index, (first, last) in hidden.items():
         record = problem.records[index]
@@ -168,7 +168,7 @@ def through(
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
         tell(f"segments of {horizon:g} s" if horizon else "whole runs", share)
         share += (1.0 - _FIRST) / len(horizons[1:])
-        ended = ended.followed(stage)
+        ended = ended.followed(stage, passing=horizon != horizons[-1])
     return ended, stage
 
 

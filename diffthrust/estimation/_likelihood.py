@@ -112,6 +112,8 @@ def residuals(
     model = layout.key.model.bind(values)
     states = {**log.held, **{n: start[i] for i, n in enumerate(layout.starts)}}
     grid, channels = layout.grids[index], layout.channels
+    if numbers.substeps is not None:
+        grid = replace(grid, substeps=numbers.substeps)
     return layout.likelihood.residuals(channels, model, grid, values, numbers, log, states)
 
 

@@ -84,14 +84,25 @@ class Search:
         away = [np.abs(solved.z - self.best.z)[:k] * length for solved, _ in self.optima]
         return sum(n for (_, n), d in zip(self.optima, away, strict=True) if np.all(d <= 1.0))
 
-    def followed(self, problem: Problem) -> Search:
-        """The search carried on to a related problem from its best few optima and the guesses."""
+    def followed(self, problem: Problem, passing: bool = False) -> Search:
+        """The search carried on to a related problem from its best few optima and the guesses.
+
+        A problem that is only ``passing``, on the way to another, is not solved to its end: on the
+        BlueBoat one fit crept for minutes through segments of 2 and 7 s, whose optimum nobody asks
+        for.
+        """
         carried = self.optima[:_CARRIED]
-        ended = all_carried_on(problem, [*(solved.z for solved, _ in carried), *self.guesses])
+        starts = [*(solved.z for solved, _ in carried), *self.guesses]
+        if passing:
+            ended = [solve(problem, z, _LOOK_STEPS, _CLOSE) for z in starts]
+        else:
+            ended = all_carried_on(problem, starts)
         counts = [*(n for _, n in carried), *(0 for _ in self.guesses)]  # these are counted already
         counted = distinct(list(zip(ended, counts, strict=True)))
         optima = [(solved, max(n, 1)) for solved, n in counted]
-        return replace(self, optima=_best_ended(problem, tuple(optima)))
+        if not passing:
+            optima = _best_ended(problem, tuple(optima))
+        return replace(self, optima=tuple(optima))
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
@@ -249,9 +260,10 @@ def _close(problem: Problem, z: np.ndarray) -> Solved:
 def _best_ended(
     problem: Problem, optima: tuple[tuple[Solved, int], ...]
 ) -> tuple[tuple[Solved, int], ...]:
-    """The best of several optima carried to the end."""
+    """The best of several optima carried to the end, unless it creeps."""
     (best, count), *rivals = optima
-    ended = solve(problem, best.z) if np.isfinite(best.quadratic.cost) else best
+    creeps = best.steps >= MOST_STEPS
+    ended = best if creeps or not np.isfinite(best.quadratic.cost) else solve(problem, best.z)
     return ((ended, count), *rivals)
 
 

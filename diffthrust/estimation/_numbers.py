@@ -97,6 +97,7 @@ class ProblemNumbers:
         varying: the parameters that differ by log, in their order.
         chosen: places of the coordinates that are moved, where the layout has a width.
         gaps: what the noise model needs to know of all samples together.
+        substeps: integrator steps per sample, where the grids leave them to the numbers.
     """
 
     batches: Sequence[Batch]
@@ -111,6 +112,7 @@ class ProblemNumbers:
     varying: Mapping[str, Varying] = field(default_factory=dict)
     chosen: Int[AnyArray, " width"] | None = None
     gaps: PyTree[AnyArray] = None
+    substeps: Float[AnyArray, ""] | None = None
 
     def split(self, z: AnyArray, shared: int) -> tuple[AnyArray, list[AnyArray]]:
         """The first coordinates, so many, and by batch those of each log, ``(logs, local)``."""

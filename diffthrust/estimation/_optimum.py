@@ -29,6 +29,8 @@ _QUICK = 30_000
 For a thruster on 3 000 samples that saved 2.6 s, a step of the search took 3.5 ms for 1.5, and
 there are some hundred. For a vessel on as many (33 000) it saved 1.7 s, and a step took 26 ms for
 6."""
+_MORE = 4
+"""Numerics: times as many integrator steps where most starts could not be simulated."""
 
 
 class Task(NamedTuple):
@@ -100,6 +102,11 @@ class Optimum:
         return not np.isfinite(self.best.quadratic.cost)
 
     @property
+    def forbidden(self) -> bool:
+        """Most starts could not be simulated: the steps may be too coarse for them."""
+        return 2 * self.search.failed > self.search.begun
+
+    @property
     def released(self) -> Model:
         """The model with all parameters free that were so when the pass began."""
         return self.model.free(*self.silent) if self.silent else self.model
@@ -136,15 +143,40 @@ def optimum_of(
     # the first guess may need more steps than the optimum does
     optimum = _searched(task, model, substeps or first, (0.0, 0.9))
     if substeps or optimum.needed <= optimum.substeps:
-        return optimum, ()
+        return _polished(task, optimum), ()
     finer = _finer(task, optimum, optimum.needed)
-    finer = finer or _searched(task, optimum.released, optimum.needed, (0.9, 1.0))
+    finer = finer or _searched_finer(task, optimum)
     if finer.needed > finer.substeps:
         finer = _run_on(task, finer)
-    return finer, (
+    return _polished(task, finer), (
         f"The integration step was too coarse at the optimum: refitted with {finer.substeps} "
         "steps per sample.",
     )
+
+
+def _polished(task: Task, optimum: Optimum) -> Optimum:
+    """The optimum at its last digits: those of coarser steps and of other horizons need none."""
+    search = polished(optimum.search, optimum.problem)
+    if search is optimum.search:
+        return optimum
+    parts = (optimum.horizon, optimum.silent, optimum.notes)
+    return _with_runs(task, search, optimum.problem, *parts)
+
+
+def _searched_finer(task: Task, optimum: Optimum) -> Optimum:
+    """The search made anew, with as many steps as its optimum needs.
+
+    Where most starts could not be simulated, little is known of it, and a few times the steps are
+    tried: from an Otter's start, which fails with one step a sample, its damping of sway ran to
+    2e5 N s/m with 32, of which the logs tell nothing, and each of 2 700 passes took four times as
+    long as with 8.
+    """
+    substeps, forbidden = optimum.needed, optimum.forbidden
+    while True:
+        substeps = min(_MORE * optimum.substeps, MOST_SUBSTEPS) if forbidden else substeps
+        optimum = _searched(task, optimum.released, substeps, (0.9, 1.0))
+        if not (forbidden and optimum.forbidden and substeps < MOST_SUBSTEPS):
+            return optimum
 
 
 def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, float]) -> Optimum:
@@ -216,11 +248,9 @@ def _finer(task: Task, optimum: Optimum, substeps: int) -> Optimum | None:
     again. But if the errors are larger with them, the coarse steps were what fitted, and where most
     starts could not be simulated, the coarse steps were what forbade them. The horizon stays.
     """
-    if 2 * optimum.search.failed > optimum.search.begun:
+    if optimum.forbidden:
         return None
-    layout = optimum.problem.layout
-    grids = tuple(replace(grid, substeps=substeps) for grid in layout.grids)
-    problem = replace(optimum.problem, layout=replace(layout, grids=grids))
+    problem = optimum.problem.stepped(substeps)
     search = optimum.search.followed(problem)
     if optimum.search.improves_on(search):
         return None
@@ -238,10 +268,21 @@ def _ended(
     silent: tuple[str, ...],
     notes: tuple[str, ...],
 ) -> Optimum:
-    """The optimum with its runs, and the steps that they need."""
+    """The optimum, and the steps that it needs."""
     search, final = with_widths(search, final)
-    search = polished(search, final)
-    model, substeps = final.model_at(search.best.z), final.layout.grids[0].substeps
+    return _with_runs(task, search, final, horizon, silent, notes)
+
+
+def _with_runs(
+    task: Task,
+    search: Search,
+    final: Problem,
+    horizon: float | None,
+    silent: tuple[str, ...],
+    notes: tuple[str, ...],
+) -> Optimum:
+    """The optimum with its runs, and the steps that they need."""
+    model, substeps = final.model_at(search.best.z), final.substeps
     states = tuple(final.numbers_by_log(search.best.z))
     failed = not np.isfinite(search.best.quadratic.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)

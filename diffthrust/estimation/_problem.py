@@ -16,6 +16,9 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._trajectory import Grid, Key
 
+_WRITTEN_OUT = 2
+"""Numerics: so many integrator steps per sample are part of the code."""
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -117,6 +120,26 @@ class Problem:
     nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
     chosen: tuple[str, ...] | None = None
     quick_compile: bool = False
+
+    @property
+    def substeps(self) -> int:
+        """Integrator steps per sample."""
+        given = self.numbers.substeps
+        return self.layout.grids[0].substeps if given is None else int(given)
+
+    def stepped(self, substeps: int) -> Problem:
+        """The same problem with so many integrator steps per sample.
+
+        More than two are a number, for which nothing is compiled again: the first fit of a BlueBoat
+        took 1, 4, 8 and 16, and a third of its time for their programs. Two are a loop that XLA
+        writes out, and a fit of many side by side may differ in its number.
+        """
+        numeric = substeps > _WRITTEN_OUT and not self.layout.likelihood.corrects
+        numeric = numeric and all(grid.padded for grid in self.layout.grids)
+        static, number = (0, np.asarray(float(substeps))) if numeric else (substeps, None)
+        grids = tuple(replace(grid, substeps=static) for grid in self.layout.grids)
+        layout = replace(self.layout, grids=grids)
+        return replace(self, layout=layout, numbers=replace(self.numbers, substeps=number))
 
     @property
     def free(self) -> tuple[str, ...]:

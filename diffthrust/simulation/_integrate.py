@@ -30,7 +30,7 @@ def integrate(
     rows: Any = None,
     *,
     uniform: bool = False,
-    substeps: int = 1,
+    substeps: Any = 1,
     compact: bool = False,
     padded: bool = False,
 ) -> dict[str, Any]:
@@ -50,7 +50,8 @@ def integrate(
         rows: series that ``correct`` reads, ``(N,)`` each.
         uniform: all steps are as long as the first (or of no length, at the end, where nothing is
             read any more): the weights of relaxing states are then worked out once.
-        substeps: parts of equal length into which each step is divided.
+        substeps: parts of equal length into which each step is divided; a traced number makes one
+            program for all of them, of a loop within the loop.
         compact: see `advance`.
         padded: steps of no length at the end are left out, and what is returned there is the
             start. For one run at a time: side by side, runs of several lengths would copy all that
@@ -81,14 +82,15 @@ def integrate(
             state = correct(state, {name: value[0] for name, value in inputs_now.items()}, row)
 
         def further(substep: Any, state: dict[str, Any]) -> dict[str, Any]:
+            part = jnp.asarray(substep, float)
             inputs_within = {
-                name: within(value, substep, substeps) for name, value in inputs_now.items()
+                name: within(value, part, substeps) for name, value in inputs_now.items()
             }
             return advance(rates, state, inputs_within, step / substeps, weights, compact)
 
-        if substeps == 1:
+        if isinstance(substeps, int) and substeps == 1:
             return further(0, state)
-        return jax.lax.fori_loop(0, substeps, further, state)
+        return jax.lax.fori_loop(0, jnp.asarray(substeps, int), further, state)
 
     def kept(state: dict[str, Any], x: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         after = body(state, x)
@@ -125,9 +127,9 @@ def _until_the_end(
     return jax.lax.fori_loop(0, count, one, (first, after))[1]
 
 
-def within(value: tuple[Any, ...], substep: Any, substeps: int) -> tuple[Any, ...]:
+def within(value: tuple[Any, ...], substep: Any, substeps: Any) -> tuple[Any, ...]:
     """An input over one of the equal parts of a step, as `integrate` is given it for the whole."""
-    if substeps == 1 or len(value) == 1:
+    if len(value) == 1 or (isinstance(substeps, int) and substeps == 1):
         return value
     rise = (value[1] - value[0]) / substeps
     return value[0] + rise * substep, value[0] + rise * (substep + 1)

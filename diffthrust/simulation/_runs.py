@@ -166,7 +166,8 @@ def step_choice(model: Model, run: Run) -> StepChoice:
     if run.choice is not None:
         return run.choice
     existing = {} if run.estimated else {run.substeps: run.signals}
-    return fewest_steps(model, run.record, _given_start(run), existing)
+    residual = {name: error.rmse for name, error in run.errors.channels.items()}
+    return fewest_steps(model, run.record, _given_start(run), existing, residual=residual)
 
 
 def _given_start(run: Run) -> dict[str, float]:

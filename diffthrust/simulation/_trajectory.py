@@ -37,7 +37,7 @@ class Grid:
 
     Args:
         hold: for each input "zero" (held over the sample) or "linear".
-        substeps: steps of the integrator per sample.
+        substeps: steps of the integrator per sample; 0 where they are given as a number.
         restarted: measured states that may be set anew.
         uniform: all samples are equally far apart.
         compact: less code to compile, for many effects at a time; see `advance`.

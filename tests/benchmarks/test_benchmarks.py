@@ -79,6 +79,7 @@ def test_simulation_and_fit_of_one_log():
         jnp.asarray(log.time),
         {"command": jnp.asarray(log.inputs["command"])},
         {"speed": jnp.asarray(0.0)},
+        None,
     )
     ours, whole, peer = interleaved(
         lambda: jax.block_until_ready(fixed_step_module.compiled_simulation((key, grid), given)),

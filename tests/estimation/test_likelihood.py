@@ -62,10 +62,9 @@ def plain_residuals(problem, z):
     """For each channel the differences of all logs, missing samples left out."""
     model = problem.model.replace(problem.values(z))
     out = {name: [] for name in problem.layout.channels}
-    grid = problem.layout.grids[0]
     for record, start in zip(problem.records, problem.numbers_by_log(z), strict=True):
         log = record.counted
-        found = simulate(model, log, initial=start, substeps=grid.substeps)
+        found = simulate(model, log, initial=start, substeps=problem.substeps)
         for name in out:
             if name in log.measured:
                 modelled = np.abs(found[name]) if name in log.unsigned else found[name]

@@ -42,7 +42,7 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
         "likelihood": fit.likelihood,
         "loss": layout.likelihood.law.word,
         "lasting noise": layout.likelihood.noise.lasts,
-        "substeps": [grid.substeps for grid in layout.grids],
+        "substeps": [problem.substeps] * len(layout.grids),
         "horizon": fit.horizon,
         "restarts": restarts.hexdigest()[:12] if fit.horizon is not None else None,
         "coordinates": posterior.labels,

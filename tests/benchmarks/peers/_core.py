@@ -24,6 +24,7 @@ def simulation(samples: int) -> Any:
         jnp.asarray(log.time),
         {"command": jnp.asarray(log.inputs["command"])},
         {"speed": jnp.asarray(0.0)},
+        None,
     )
 
     def run(turn: int) -> np.ndarray:
