@@ -61,6 +61,9 @@ from diffthrust.simulation._runs import (  # private: as a fit
     runs_over,
     with_steps,
 )
+from diffthrust.simulation._runs import (  # private: as a fit
+    step_choice as runs_step_choice,
+)
 from diffthrust.simulation._starts import (  # private: each alone
     felt,
     following,
@@ -108,6 +111,7 @@ __all__ = [
     "plain_rate",
     "pooled_errors",
     "runs_over",
+    "runs_step_choice",
     "sensor_noise",
     "slopes_at",
     "starting_point",

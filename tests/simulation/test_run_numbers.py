@@ -11,9 +11,11 @@ from trajectories import (
     checked_initial,
     errors,
     fewest_steps,
+    fixed_step_module,
     overflow,
     pooled_errors,
     runs_over,
+    runs_step_choice,
     sensor_noise,
     slopes_at,
     starting_states,
@@ -361,3 +363,39 @@ def test_a_model_too_fast_for_the_log_warns_and_more_substeps_are_chosen_first()
     assert dft.simulation.choose_substeps(dft.Thruster(alpha=0.1, beta=200.0), log) > 1
     with pytest.warns(CoarseStepWarning, match="too fast for the log's sample rate"):
         dft.simulation.choose_substeps(dft.Thruster(alpha=30.0, beta=30000.0), log)
+
+
+def stiff_log(samples: int, step: float = 0.2) -> Log:
+    """Half a sine of revolutions, and surge that no vessel makes of them."""
+    time = step * np.arange(samples)
+    given = {"propeller_speed": 60.0 * np.sin(time), "rudder_angle": 0.2 * np.sin(0.7 * time)}
+    surge = np.cos(2.0 * time) + 1e-4 * np.random.default_rng(3).standard_normal(samples)
+    return Log(time, given, {"surge": surge}, noise={"surge": 1e-4})
+
+
+def test_steps_are_as_fine_as_the_errors_of_a_model_ask_for():
+    model = dft.Vessel(d11=40.0)
+    (record,) = bind(model, [stiff_log(120, 0.3)])
+    (run,) = runs_over(model, [record], substeps=8)
+    residual = {name: error.rmse for name, error in run.errors.channels.items()}
+    strict = fewest_steps(model, record, None)
+    chosen = fewest_steps(model, record, None, residual=residual)
+    assert chosen.substeps < strict.substeps
+    assert chosen.substeps == runs_step_choice(model, run).substeps
+    assert chosen.simulated is not None
+    (fine,) = runs_over(model, [record], substeps=64)
+    moved = chosen.simulated["surge"] - fine.signals["surge"]
+    assert np.sqrt(np.mean(moved**2)) < 0.01 / 3.0 * residual["surge"]
+
+
+def test_logs_of_several_lengths_and_numbers_of_steps_share_two_programs():
+    program, model = fixed_step_module.compiled_simulation, dft.Vessel(d11=4.5, drive="propeller")
+    before = program.traces
+    for samples, substeps in [(60, 1), (100, 1), (60, 2), (256, 3), (100, 8), (200, 32)]:
+        log = stiff_log(samples, 0.05)
+        modelled = dft.simulate(model, log, substeps=substeps)
+        exact = dft.simulate(model, log, substeps=64)
+        np.testing.assert_allclose(modelled["surge"], exact["surge"], atol=1e-4 / substeps**3)
+    assert program.traces - before <= 2
+    assert dft.simulate(model, stiff_log(300, 0.05), substeps=2)["surge"].shape == (300,)
+    assert program.traces - before <= 3
