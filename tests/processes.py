@@ -1,4 +1,4 @@
-"""Processes that answer a line with a line: what campaigns and checks run in, made to fail here."""
+"""Processes that answer calls: what campaigns and checks run in, made to fail here."""
 
 from diffthrust._support._running import (  # private: the programs alone
     cache,
@@ -17,14 +17,16 @@ from diffthrust._support._running.digest import (  # private: likewise
     environment,
 )
 from diffthrust._support._running.pool import (  # private: likewise
-    Groups,
-    on_processes,
+    WorkerPool,
+    as_done,
+    own_worker,
 )
 from diffthrust._support._running.process import (  # private: users see what they compute
-    LineProcess,
+    NotSent,
     ProcessDied,
     ProcessLate,
     ProcessNotStarted,
+    Worker,
 )
 from diffthrust._support._running.programs import (  # private: what is asked for
     KEPT,
@@ -36,19 +38,21 @@ from diffthrust._support._running.stored import (  # private: users see what it 
 
 __all__ = [
     "KEPT",
-    "Groups",
-    "LineProcess",
     "NoDigest",
+    "NotSent",
     "ProcessDied",
     "ProcessLate",
     "ProcessNotStarted",
     "ProgramStore",
     "SharedRuns",
+    "Worker",
+    "WorkerPool",
+    "as_done",
     "cache",
     "digest",
     "digests",
     "environment",
-    "on_processes",
+    "own_worker",
     "program",
     "programs",
     "run_stacked",

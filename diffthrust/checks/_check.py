@@ -14,7 +14,7 @@ from diffthrust._support.files import ending
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.visible import in_line
 from diffthrust.checks._result import Checked, FitRun
-from diffthrust.checks._run import Task, run_again, run_all
+from diffthrust.checks._run import Task, run_all
 from diffthrust.specs._file import NAME
 
 _FEWEST = 3
@@ -120,13 +120,9 @@ def default_jobs(count: int) -> int:
 
 def _runs(tasks: Sequence[Task], jobs: int, report: Progress) -> list[FitRun]:
     """Run all tasks; outcomes are in the order of the tasks."""
-    if jobs == 1:
-        each = ((i, run_again(*task)) for i, task in enumerate(tasks))
-    else:
-        each = run_all(tasks, jobs)
     outcomes: dict[int, FitRun] = {}
     report(tasks[0].fit, 0.0)
-    for i, run in each:
+    for i, run in run_all(tasks, jobs):
         outcomes[i] = run
         report(run.fit, len(outcomes) / len(tasks))
     return [outcomes[i] for i in range(len(tasks))]

@@ -6,12 +6,11 @@ import os
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from diffthrust._support._running.pool import on_processes
-from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessNotStarted
+from diffthrust._support._running.pool import WorkerPool, as_done, own_worker
+from diffthrust._support._running.process import ProcessDied, ProcessNotStarted, Worker
 from diffthrust._support.errors import InputError, refused
 from diffthrust._support.files import write_whole
 from diffthrust.checks._expected import CheckRow, compared, updated
@@ -125,38 +124,25 @@ class Task(NamedTuple):
 
 
 def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
-    """Run fits in several processes.
-
-    Args:
-        tasks: the fits.
-        jobs: number of processes.
+    """Run fits, in several processes where there is more than one job.
 
     Yields:
         The index and outcome of each task, as they finish. A fit whose process dies counts as not
         run.
     """
-    processes = [LineProcess(f"{__name__}:run_task") for _ in range(jobs)]
-    keys = [compile_key(task.file) for task in tasks]
-    with closing(on_processes(tasks, keys, processes, _in_process)) as each:
-        yield from (outcome for outcome in each if outcome is not None)
+    if jobs == 1:
+        yield from ((i, run_again(*task)) for i, task in enumerate(tasks))
+        return
+    workers = [Worker(run_again) for _ in range(jobs)]
+    with WorkerPool(workers, key=lambda task: compile_key(task.file)) as pool:
+        for outcome in as_done(pool, _in_process, tasks):
+            if outcome is not None:
+                yield outcome[0], outcome[1].result()
 
 
-def run_task(question: list[Any]) -> dict[str, Any]:
-    """Run a fit in this process; `Task` and `FitRun` as plain data."""
-    fit, file, *options = question
-    run = run_again(fit, Path(file), *options)
-    return {
-        "rows": [vars(row) for row in run.rows],
-        "updated": run.updated,
-        "seconds": run.seconds,
-        "warnings": run.warnings,
-        "since": run.since,
-    }
-
-
-def _in_process(process: LineProcess, task: Task) -> FitRun:
+def _in_process(task: Task) -> FitRun:
     try:
-        plain = process.ask([task.fit, str(task.file), task.update, task.trust])
+        return own_worker().ask(*task)
     except ProcessNotStarted as how:
         raise InputError(
             f"A process for the fits cannot be started ({how}).",
@@ -166,6 +152,3 @@ def _in_process(process: LineProcess, task: Task) -> FitRun:
         problem = f"the process that ran it died ({how})."
         mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
         return FitRun(task.fit, task.file, (not_run(task.fit, problem, mend),))
-    rows = tuple(CheckRow(**row) for row in plain["rows"])
-    fields = {**plain, "rows": rows, "warnings": tuple(plain["warnings"])}
-    return FitRun(task.fit, task.file, **fields)

@@ -1,4 +1,4 @@
-"""A process that answers lines: what it is given, how it ends, and that it outlives nobody."""
+"""A process that answers calls: what it is given, how it ends, and that it outlives nobody."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ import time
 from concurrent.futures import CancelledError
 
 import pytest
-from processes import LineProcess, ProcessDied, ProcessLate, ProcessNotStarted
+from processes import NotSent, ProcessDied, ProcessLate, ProcessNotStarted, Worker
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 OWNER = """
-import sys, time
-from diffthrust._support._running.process import LineProcess
-process = LineProcess("os:getenv")
+import os, sys, time
+from diffthrust._support._running.process import Worker
+process = Worker(os.getenv)
 process.ask("HOME")
 print(process.pid, flush=True)
 time.sleep(60)
 """
 
 
-def answer(question: list):
+def answer(what, value):
     """What the process of these tests does; it finds this file on the path of its owner."""
-    what, value = question
     print("a model may print")
+    if what == "input":
+        return input()
     if what == "say":
         sys.exit(value)
     if what == "sleep":
@@ -46,26 +47,28 @@ def cache(tmp_path):
 
 
 def test_a_process_answers_and_its_end_is_told(cache):
-    process = LineProcess(f"{__name__}:answer", quiet=True)
-    text, pid = process.ask(["echo", "Schub in \N{GREEK SMALL LETTER MU}N\n"])
+    process = Worker(answer, quiet=True)
+    text, pid = process.ask("echo", "Schub in \N{GREEK SMALL LETTER MU}N\n")
     assert text == "Schub in \N{GREEK SMALL LETTER MU}N\n"
     given = {"OMP_NUM_THREADS": "1", "NPROC": "1", "DIFFTHRUST_CACHE": cache}
     for name, value in given.items():
-        assert process.ask(["env", name]) == [value, pid]
-    assert "--xla_cpu_multi_thread_eigen=false" in process.ask(["env", "XLA_FLAGS"])[0]
+        assert process.ask("env", name) == [value, pid]
+    assert "--xla_cpu_multi_thread_eigen=false" in process.ask("env", "XLA_FLAGS")[0]
     assert pid == process.pid != os.getpid()
     with pytest.raises(ProcessDied, match=r"^exit status 1, it is full$"):
-        process.ask(["say", "it is full"])
-    assert process.ask(["echo", 1])[1] != pid  # another was started
+        process.ask("say", "it is full")
+    assert process.ask("echo", 1)[1] != pid  # another was started
+    with pytest.raises(ProcessDied, match="EOFError"):  # what is sent to it is no input
+        process.ask("input", None)
     threading.Timer(0.3, process.stop).start()
     with pytest.raises(CancelledError):
-        process.ask(["sleep", 60.0])
+        process.ask("sleep", 60.0)
     with pytest.raises(CancelledError):  # it is not started again
-        process.ask(["echo", 1])
+        process.ask("echo", 1)
 
 
 def test_a_process_is_killed_at_the_limit():
-    process = LineProcess("time:sleep")
+    process = Worker(time.sleep)
     begun = time.monotonic()
     with pytest.raises(ProcessLate, match=r"^signal SIGKILL$"):
         process.ask(60.0, limit=0.2)
@@ -73,8 +76,25 @@ def test_a_process_is_killed_at_the_limit():
     assert process.pid is None
 
 
-def test_a_process_that_cannot_start_says_how_it_ended():
-    process = LineProcess("nowhere:nothing", quiet=True)
+class Here:
+    """What another process may not be able to load."""
+
+
+def test_what_cannot_be_sent_is_told_and_the_process_goes_on(monkeypatch):
+    process = Worker(answer)
+    with pytest.raises(NotSent, match="lambda"):
+        process.ask("echo", lambda: 0)
+    _, pid = process.ask("echo", 1)
+    monkeypatch.setattr(Here, "__module__", "__main__")
+    monkeypatch.setattr(sys.modules["__main__"], "Here", Here, raising=False)
+    with pytest.raises(NotSent, match="Here"):
+        process.ask("echo", Here())
+    assert process.ask("echo", 1)[1] == pid
+
+
+def test_a_process_that_cannot_start_says_how_it_ended(monkeypatch):
+    monkeypatch.setattr(answer, "__module__", "nowhere")
+    process = Worker(answer, quiet=True)
     with pytest.raises(ProcessNotStarted, match=r"exit status 1, ModuleNotFoundError.*'nowhere'"):
         process.ask(0)
 

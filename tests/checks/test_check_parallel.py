@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import queue
 import shutil
-from collections.abc import Hashable
+import threading
 
 import pytest
 from places import FITS
-from processes import Groups
+from processes import Worker, WorkerPool, own_worker
 
 from diffthrust import InputError
 from diffthrust.checks import check
@@ -44,22 +45,47 @@ def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
     (tmp_path / "f7").mkdir()
     (tmp_path / "f7" / "fit.toml").write_text("no toml")
     names = [f"f{i}" for i in range(8)]
-    groups = Groups([compile_key(tmp_path / name / "fit.toml") for name in names])
+    submitted, begun = threading.Event(), queue.SimpleQueue()
 
-    def take(last: Hashable | None) -> tuple[Hashable, str]:
-        given = groups.next(last)
-        assert given is not None
-        return given[0], names[given[1]]
+    class Ready(Worker):
+        """Without a process; ready when all tasks are there."""
 
-    first, name = take(None)
-    assert name == "f0"  # of the largest group
-    second, name = take(None)
-    assert name == "f1"  # another worker takes another group
-    assert [take(first)[1] for _ in range(3)] == ["f2", "f5", "f6"]
-    third, name = take(first)
-    assert name == "f7"  # one that nobody has begun, before it helps
-    assert [take(third)[1], take(second)[1]] == ["f3", "f4"]
-    assert groups.next(second) is None
+        def start(self):
+            submitted.wait(60.0)
+
+    def work(name: str) -> None:
+        go = threading.Event()
+        begun.put((own_worker(), name, go))
+        go.wait(60.0)
+
+    def next_of(worker: Worker, last: threading.Event) -> tuple[str, threading.Event]:
+        last.set()
+        taker, name, go = begun.get(timeout=60.0)
+        assert taker is worker
+        return name, go
+
+    workers = [Ready(work), Ready(work)]
+    with WorkerPool(workers, lambda name: compile_key(tmp_path / name / "fit.toml")) as pool:
+        futures = [pool.submit(work, name) for name in names]
+        submitted.set()
+        both = {name: (worker, go) for worker, name, go in (begun.get(timeout=60.0), begun.get())}
+        assert set(both) == {"f0", "f1"}  # of the largest group, and of another one
+        first, go = both["f0"]
+        for name in (
+            "f2",
+            "f5",
+            "f6",
+            "f7",
+            "f3",
+        ):  # f7: one that nobody has begun, before it helps
+            taken, go = next_of(first, go)
+            assert taken == name
+        last, go_last = next_of(*both["f1"])
+        assert last == "f4"
+        go.set(), go_last.set()
+        assert [future.result(60.0) for future in futures] == [None] * 8
+    with pytest.raises(RuntimeError, match="closed"):
+        pool.submit(work, "f0")
 
 
 @pytest.mark.thorough

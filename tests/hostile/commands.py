@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Callable, Iterator
+import traceback
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,14 @@ TOLD = ("Traceback (most recent call last)", "defect of diffthrust", "Exception 
 """Words that no user may meet."""
 UNEQUAL = {"seconds", "kept", "updated", "created", "sha256"}
 """What differs between equal runs: times with their hash, and what was there before."""
+
+
+def answer(words: Sequence[str]) -> tuple[int, str, str, str]:
+    """Run a command in a worker: its status, what it said, and the way to what it raised."""
+    result = run(*words, status=None)
+    raised = result.exception if not isinstance(result.exception, SystemExit) else None
+    way = "".join(traceback.format_exception(raised)) if raised else ""
+    return result.exit_code, result.stdout, result.stderr, way
 
 
 @dataclass(frozen=True)

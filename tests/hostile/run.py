@@ -17,21 +17,19 @@ import shutil
 import tempfile
 import threading
 import time
-import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from processes import LineProcess, ProcessDied, ProcessLate, on_processes
+from processes import ProcessDied, ProcessLate, Worker, WorkerPool, as_done, own_worker
 from rich.console import Console
 from rich.table import Table
 
 from . import logs, specs
-from .commands import TOLD
+from .commands import TOLD, answer
 
 SECONDS, BYTES = 60.0, 2 * 2**30
 GOOD = ("result", "clear error")
@@ -95,16 +93,6 @@ def write_case(folder: Path, kind: str, seed: int) -> tuple[str, tuple[str, ...]
     )
 
 
-def answer(words: Sequence[str]) -> list[Any]:
-    """Run a command in this worker: its status, what it said, and the way to what it raised."""
-    from command_line import run
-
-    result = run(*words, status=None)
-    raised = result.exception if not isinstance(result.exception, SystemExit) else None
-    way = "".join(traceback.format_exception(raised)) if raised else ""
-    return [result.exit_code, result.stdout, result.stderr, way]
-
-
 def ended(words: Sequence[str], status: int, out: str, err: str, way: str) -> str:
     """How a command ended, of `GOOD` and `BAD`."""
     if way or TOLD[0] in out + err:
@@ -125,7 +113,7 @@ def _reports(words: Sequence[str]) -> bool:
     return bool(data.get(held[words[0]], data.get("columns")))
 
 
-class Watched(LineProcess):
+class Watched(Worker):
     """A worker that is killed when it holds too much memory."""
 
     too_big = False
@@ -149,7 +137,7 @@ def tried(worker: Watched, folder: Path, kind: str, seed: int) -> Case:
     guard.start()
     said = ""
     try:
-        status, out, err, way = worker.ask(list(words), SECONDS)
+        status, out, err, way = worker.ask(words, limit=SECONDS)
         how, said = ended(words, status, out, err, way), way or err or out
     except ProcessLate:
         how = "too slow"
@@ -164,10 +152,11 @@ def tried(worker: Watched, folder: Path, kind: str, seed: int) -> Case:
 def cases(count: int, seed: int, jobs: int, root: Path) -> Iterator[Case]:
     """Half specs and half logs; those that ended badly stay in ``root``, by kind and seed."""
     tasks = [("spec" if i % 2 else "log", 100_000 * seed + i // 2) for i in range(count)]
-    workers = [Watched("hostile.run:answer", quiet=True) for _ in range(min(jobs, count))]
+    workers = [Watched(answer, quiet=True) for _ in range(min(jobs, count))]
     asked = Counter[int]()
 
-    def work(worker: LineProcess, task: tuple[str, int]) -> Case:
+    def work(task: tuple[str, int]) -> Case:
+        worker = own_worker()
         assert isinstance(worker, Watched)
         asked[id(worker)] += 1
         if asked[id(worker)] % _FRESH == 0:
@@ -178,8 +167,8 @@ def cases(count: int, seed: int, jobs: int, root: Path) -> Iterator[Case]:
             shutil.rmtree(folder, ignore_errors=True)
         return case
 
-    with closing(on_processes(tasks, [0] * count, workers, work)) as each:
-        yield from (outcome[1] for outcome in each if outcome is not None)
+    with WorkerPool(workers) as pool:
+        yield from (done[1].result() for done in as_done(pool, work, tasks) if done)
 
 
 def table(found: Sequence[Case]) -> Table:

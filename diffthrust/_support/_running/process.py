@@ -1,32 +1,31 @@
-"""A separate Python process that answers questions, one line of JSON each.
+"""A separate Python process that answers calls, one at a time.
 
 JAX does not survive a fork, so the process is a fresh interpreter. It starts with the environment
 that it needs, which the start methods of ``multiprocessing`` do not allow: the number of threads is
-read when NumPy and XLA are imported. Nothing is imported from the caller's script.
-
-Existing pools do less: in loky 3.7 all tasks fail when one worker dies; it has no time limit, and
-leaves its workers running when their owner is killed; pebble 5.2 runs the caller's script in each
-worker, cannot set its environment, and leaves workers that are busy running.
+read when NumPy and XLA are imported. Nothing is imported from the caller's script. Existing pools
+do less: docs/explanation/dependencies.md.
 """
 
 from __future__ import annotations
 
-import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from typing import Any
 
 _START_LIMIT = 300.0
 """Seconds that a process may take to import the library, on a busy machine."""
-_DEATH_LIMIT = 5.0
+_DEATH_LIMIT = 60.0
 """Seconds that a process may take to end after it has closed its pipe, before it is killed: its
-exit status names the cause (such as signal 9, out of memory), a kill of ours would hide it."""
+exit status names the cause (such as signal 9, out of memory), a kill of ours would hide it. On a
+busy machine the interpreter takes more than five to end."""
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NPROC"), "1"
 )
@@ -45,22 +44,26 @@ class ProcessNotStarted(ProcessDied):
     """It ended before it could be asked."""
 
 
-class LineProcess:
-    """A process with one thread for its arithmetic, kept from question to question.
+class NotSent(Exception):
+    """What a call was given cannot be sent, such as a class of the caller's script."""
+
+
+class Worker:
+    """A process with one thread for its arithmetic, kept from call to call.
 
     It ends with the process that it belongs to, even if that is killed, and when it has had nothing
-    to do for a while; the next question starts another. One that dies takes one question with it.
+    to do for a while; the next call starts another. One that dies takes one call with it.
 
     Args:
-        answer: the function that answers, as ``"module:function"``: plain data in, plain data out.
+        answer: the function that answers; of a module, since the process imports it.
         quiet: keep its standard error off the terminal; the last line of it is part of the message
             when the process dies.
     """
 
-    def __init__(self, answer: str, quiet: bool = False) -> None:
-        self._answer = answer
+    def __init__(self, answer: Callable[..., Any], quiet: bool = False) -> None:
+        self._answer = f"{answer.__module__}:{answer.__name__}"
         self._quiet = quiet
-        self._process: subprocess.Popen[str] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._said = None
         self._stopped = False
 
@@ -69,27 +72,35 @@ class LineProcess:
         """The number of the process, where there is one."""
         return self._process.pid if self._process else None
 
-    def ask(self, question: Any, limit: float | None = None) -> Any:
-        """The answer to a question.
+    def ask(self, *arguments: Any, limit: float | None = None) -> Any:
+        """The answer to arguments.
 
         Args:
-            question: plain data.
+            *arguments: of the function that answers.
             limit: seconds after which the process is killed.
 
         Raises:
             ProcessDied: it ended instead, such as for want of memory.
             ProcessLate: it was killed at the limit.
             ProcessNotStarted: it could not be started.
+            NotSent: the arguments cannot be pickled here, or not be loaded there.
             CancelledError: `stop` was called meanwhile.
         """
-        process = self._started()
+        try:
+            sent = pickle.dumps(arguments)
+        except Exception as error:  # pickle raises errors of several kinds
+            raise NotSent(str(error)) from None
+        process = self.start()
         assert process.stdin is not None
-        # Writing to a process that has died fails; `_line` then finds its pipe closed as well, and
+        # Writing to a process that has died fails; `_reply` then finds its pipe closed as well, and
         # reports how it ended.
         with suppress(OSError):
-            process.stdin.write(f"{json.dumps(question)}\n")
+            pickle.dump(sent, process.stdin)
             process.stdin.flush()
-        return json.loads(self._line(process, limit))
+        answer, refused = self._reply(process, limit)
+        if refused:
+            raise NotSent(refused)
+        return answer
 
     def stop(self) -> None:
         """Kill the process from another thread, and start no other; `close` cleans up."""
@@ -103,8 +114,13 @@ class LineProcess:
 
     __del__ = close
 
-    def _started(self) -> subprocess.Popen[str]:
-        """A process that has said that it is ready."""
+    def start(self) -> subprocess.Popen[bytes]:
+        """The process, that has said that it is ready.
+
+        Raises:
+            ProcessNotStarted: it ended before.
+            CancelledError: `stop` was called.
+        """
         if self._stopped:
             raise CancelledError
         if self._process is not None and self._process.poll() is None:
@@ -119,21 +135,19 @@ class LineProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,
-            text=True,
-            encoding="utf-8",
             env=_environment(),
             start_new_session=True,  # Ctrl-C reaches the owner only, which ends its processes
         )
         if self._stopped:  # `stop` ran in another thread before `_process` was set
             process.kill()
         try:
-            self._line(process, _START_LIMIT)
+            self._reply(process, _START_LIMIT)
         except ProcessDied as error:
             raise ProcessNotStarted(*error.args) from None
         return process
 
-    def _line(self, process: subprocess.Popen[str], limit: float | None) -> str:
-        """The next line that the process writes."""
+    def _reply(self, process: subprocess.Popen[bytes], limit: float | None) -> Any:
+        """The next reply of the process."""
         assert process.stdout is not None
         late = threading.Event()
 
@@ -141,18 +155,20 @@ class LineProcess:
             late.set()
             process.kill()
 
-        # A pipe's readline has no timeout on Windows; killing the process ends the wait on every
+        # A read of a pipe has no timeout on Windows; killing the process ends the wait on every
         # system.
         timer = threading.Timer(limit, expire) if limit is not None else None
         if timer:
             timer.start()
+        reply = None
         try:
-            line = process.stdout.readline()
+            with suppress(EOFError, pickle.UnpicklingError):  # closed, in the midst of a reply too
+                reply = pickle.load(process.stdout)
         finally:
             if timer:
                 timer.cancel()
-        if line.endswith("\n"):
-            return line
+        if reply is not None:
+            return pickle.loads(reply)
         how = self._end(_DEATH_LIMIT)
         if self._stopped:
             raise CancelledError

@@ -1,36 +1,46 @@
-"""The program of a `LineProcess`: questions come in and answers go out as lines of JSON."""
+"""The program of a `Worker`: arguments come in and answers go out, pickled."""
 
 from __future__ import annotations
 
 import importlib
-import json
 import os
+import pickle
 import queue
 import sys
 import threading
+from contextlib import suppress
+from typing import Any
 
 _IDLE = 120.0
-"""Seconds without a question after which the process gives its memory back."""
+"""Seconds without a call after which the process gives its memory back."""
 
 
 def serve(name: str) -> None:
     """Answer until the pipe is closed, which it is as well when the owner is killed.
 
-    A line before all answers says that it is ready. What a function or a user's script prints goes
-    to standard error, so that answers stay answers.
+    An answer before all others says that it is ready. What a function or a user's script prints
+    goes to standard error, so that answers stay answers.
 
     Args:
         name: of the function that answers, as ``module:function``.
     """
     # File descriptors, not sys.stdout: C++ code of XLA prints to descriptor 1 directly.
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    questions: queue.Queue[str] = queue.Queue()
+    # A script that asks for input finds none, rather than the bytes of the next call.
+    calls = os.fdopen(os.dup(0), "rb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    waiting: queue.Queue[bytes] = queue.Queue()
 
     def listen() -> None:
-        for line in sys.stdin:
-            questions.put(line)
+        with suppress(EOFError, pickle.UnpicklingError):
+            while True:
+                waiting.put(pickle.load(calls))
         os._exit(0)  # the owner is gone: a fit that runs in the main thread is not waited for
+
+    def reply(answer: Any = None, refused: str = "") -> None:
+        pickle.dump(pickle.dumps((answer, refused)), answers)
+        answers.flush()
 
     threading.Thread(target=listen, daemon=True).start()
 
@@ -38,14 +48,19 @@ def serve(name: str) -> None:
 
     enable_compilation_cache()
     module, _, function = name.partition(":")
-    answer = getattr(importlib.import_module(module), function)
-    print("ready", file=answers, flush=True)
+    call = getattr(importlib.import_module(module), function)
+    reply()
     while True:
         try:
-            question = questions.get(timeout=_IDLE)
+            sent = waiting.get(timeout=_IDLE)
         except queue.Empty:
             os._exit(0)
-        print(json.dumps(answer(json.loads(question))), file=answers, flush=True)
+        try:
+            arguments = pickle.loads(sent)
+        except Exception as error:  # such as a class of the owner's script
+            reply(refused=str(error))
+            continue
+        reply(call(*arguments))
 
 
 if __name__ == "__main__":

@@ -12,8 +12,7 @@ from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._fit import fit as fit_one
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
-from diffthrust.many._batch.each import check_options, each, lengths_of
-from diffthrust.many._batch.processes import divided
+from diffthrust.many._batch.each import check_options, divided, each, lengths_of
 from diffthrust.many._batch.result import Many, named_members
 from diffthrust.models._base.model import Model
 from diffthrust.uncertainty._sampling.sample import sample as sample_one

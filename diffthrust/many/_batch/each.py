@@ -1,4 +1,4 @@
-"""Run the work of many members, with one outcome for each."""
+"""Run the work of many members, with one outcome for each, in this process or in several."""
 
 from __future__ import annotations
 
@@ -16,17 +16,21 @@ import jax
 import numpy as np
 
 from diffthrust._support._running.batching import SharedRuns, padded_to
+from diffthrust._support._running.pool import WorkerPool, as_done, own_worker
+from diffthrust._support._running.process import NotSent, ProcessDied, Worker
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress
 from diffthrust.logs._log import Log
-from diffthrust.many._batch.result import Many
+from diffthrust.many._batch.result import Many, Outcome, gathered
 from diffthrust.simulation._gaps import bridged
 
 WIDTH = 8
 """Rows per run on a processor: enough to fill its vector units, few enough for its cache."""
 ACCELERATED = 256
 """Rows per run on an accelerator."""
+_MEMBERS_AT_A_TIME = 64
+"""Members sent to a process at once: enough to keep its batched runs full."""
 
 
 def lengths_of(logs: Iterable[Log]) -> list[int]:
@@ -64,29 +68,73 @@ def each(
         runner = SharedRuns(WIDTH if processor else ACCELERATED, chosen, len(names), runs)
     else:
         runner = SharedRuns(_checked_width(width), chosen, runs=runs)
-    started, outcomes = time.monotonic(), [_Outcome() for _ in names]
+    started = time.monotonic()
+    outcomes: list[Outcome] = [(None, None, 0.0)] * len(names)
 
     def one_member(i: int) -> None:
-        started_member = time.monotonic()
+        result, failure, started_member = None, None, time.monotonic()
         try:
             with padded_to(lengths):
-                outcomes[i].result = work(i)
+                result = work(i)
         except Exception as error:  # of any kind: it belongs to this member, the others continue
             _forget(error)
-            outcomes[i].error = error
-        outcomes[i].seconds = time.monotonic() - started_member
+            failure = error
+        outcomes[i] = result, failure, time.monotonic() - started_member
 
     with closing(runner.drive(partial(one_member, i) for i in range(len(names)))) as ended:
         for finished, _ in enumerate(ended, 1):
             if progress:
                 progress(f"{finished} of {len(names)}", finished / len(names))
-    return Many(
-        names=tuple(names),
-        results=tuple(outcome.result for outcome in outcomes),
-        errors=tuple(outcome.error for outcome in outcomes),
-        seconds=tuple(outcome.seconds for outcome in outcomes),
-        wall=time.monotonic() - started,
-    )
+    return gathered(names, outcomes, started)
+
+
+def divided(
+    work: Callable[..., Many],
+    members: Sequence[tuple[Any, ...]],
+    names: Sequence[str],
+    common: Any,
+    *,
+    processes: int,
+    progress: Progress,
+) -> Many:
+    """Call ``work(members, names, common)`` in several processes, some members at a time.
+
+    One process runs one thread of Python, for the sake of the GIL.
+
+    Raises:
+        InputError: an argument cannot be sent to another process, such as a model defined in the
+            main script.
+    """
+    started, count, finished = time.monotonic(), len(members), 0
+    share = max(1, min(_MEMBERS_AT_A_TIME, -(-count // processes)))
+    chunks = [slice(at, min(at + share, count)) for at in range(0, count, share)]
+    outcomes: list[Outcome] = [(None, None, 0.0)] * count
+
+    def ask(chunk: slice) -> list[Outcome]:
+        try:
+            many: Many = own_worker().ask(members[chunk], names[chunk], common)
+            return list(zip(many.results, many.errors, many.seconds, strict=True))
+        except ProcessDied as how:
+            error = InputError(
+                f"The process that worked on it died ({how}).",
+                "Try it alone; if memory was short, take fewer processes.",
+            )
+            return [(None, error, 0.0)] * (chunk.stop - chunk.start)
+        except NotSent as why:
+            raise InputError(
+                f"processes: another process cannot do this ({why}).",
+                "Put models, effects and functions of your own in a module, or leave processes "
+                "out.",
+            ) from None
+
+    with WorkerPool([Worker(work) for _ in range(min(processes, len(chunks)))]) as pool:
+        for done in as_done(pool, ask, chunks):
+            if done is not None:
+                chunk = chunks[done[0]]
+                outcomes[chunk] = done[1].result()
+                finished += chunk.stop - chunk.start
+                progress(f"{finished} of {count}", finished / count)
+    return gathered(names, outcomes, started)
 
 
 def check_options(call: Callable[..., Any], options: Iterable[str]) -> None:
@@ -98,14 +146,6 @@ def check_options(call: Callable[..., Any], options: Iterable[str]) -> None:
                 f"dft.{call.__name__} has no option '{name}'; it has {listing(names)}.",
                 "Correct or leave out the option.",
             )
-
-
-class _Outcome:
-    """Result or error of one member."""
-
-    result: Any = None
-    error: Exception | None = None
-    seconds: float = 0.0
 
 
 def _forget(error: Exception) -> None:

@@ -14,7 +14,7 @@ from diffthrust.describing._describe import maps_of
 from diffthrust.describing._request import MapRequest, request
 from diffthrust.estimation._result import Fit
 from diffthrust.many._batch.each import check_options
-from diffthrust.many._batch.result import Many, named_members
+from diffthrust.many._batch.result import Many, Outcome, gathered, named_members
 from diffthrust.models._base.model import Model
 
 DEFAULTS = {
@@ -71,9 +71,7 @@ def describing_function(
     wanted = {**DEFAULTS, **options}
     started, count = time.monotonic(), len(models)
     named = named_members(names, models.names if isinstance(models, Many) else range(count))
-    results: list[Any] = [None] * count
-    errors: list[Exception | None] = [None] * count
-    seconds = [0.0] * count
+    outcomes: list[Outcome] = [(None, None, 0.0)] * count
     requests: dict[int, MapRequest] = {}
     groups: dict[Any, list[int]] = {}
     for i in range(count):
@@ -81,7 +79,7 @@ def describing_function(
             requests[i] = request(models[i], amplitudes, frequencies, **wanted)
             groups.setdefault(requests[i].model.structure, []).append(i)
         except Exception as error:  # of any kind: it belongs to this member, the others continue
-            errors[i] = error
+            outcomes[i] = None, error, 0.0
     chunks = [
         g[at : at + _MAPS_AT_A_TIME]
         for g in groups.values()
@@ -90,22 +88,17 @@ def describing_function(
     finished = count - len(requests)
     while chunks:
         chunk, since = chunks.pop(0), time.monotonic()
+        failure = None
         try:
             drawn = maps_of([requests[i] for i in chunk], [models[i] for i in chunk])
         except Exception as error:
             if len(chunk) > 1:  # retry one by one, so that only the faulty model fails
                 chunks = [[i] for i in chunk] + chunks
                 continue
-            drawn, errors[chunk[0]] = [None], error
+            drawn, failure = [None], error
         for i, result in zip(chunk, drawn, strict=True):
-            results[i], seconds[i] = result, time.monotonic() - since
+            outcomes[i] = result, failure, time.monotonic() - since
         finished += len(chunk)
         if callable(progress):
             progress(f"maps {finished} of {count}", finished / count)
-    return Many(
-        names=named,
-        results=tuple(results),
-        errors=tuple(errors),
-        seconds=tuple(seconds),
-        wall=time.monotonic() - started,
-    )
+    return gathered(named, outcomes, started)

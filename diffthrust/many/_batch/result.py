@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ _SHOWN = ("name", "status", "fit_status", "train_nrmse", "holdout_nrmse", "nrmse
 _REPORTED_ROWS = 40
 _COMMON = ("name", "status", "error", "mend", "seconds")
 """The columns of every kind of result."""
+Outcome = tuple[Any, Exception | None, float]
+"""The result or error of a member, and its seconds."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,6 +138,12 @@ class Many(Result):
         remaining = [f"and {more} more; .table() has all."] if more else []
         shortened = Rows.of(headings, rows, numbers=numbers)
         return Report(Section("", shortened, *remaining, f"{self._line()}."))
+
+
+def gathered(names: Iterable[str], outcomes: Sequence[Outcome], started: float) -> Many:
+    """The outcomes of members whose work began at a time of `time.monotonic`."""
+    results, errors, seconds = zip(*outcomes, strict=True) if outcomes else ((), (), ())
+    return Many(tuple(names), results, errors, seconds, time.monotonic() - started)
 
 
 def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:

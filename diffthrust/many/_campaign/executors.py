@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import queue
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
-from diffthrust._support._running.pool import on_processes
-from diffthrust._support._running.process import LineProcess
+from diffthrust._support._running.pool import WorkerPool, as_done
+from diffthrust._support._running.process import Worker
 from diffthrust._support.errors import InputError
 from diffthrust.many._campaign.job import Job
 from diffthrust.many._campaign.store import ResultRow
-from diffthrust.many._campaign.task import head, helped, new_process, perform
+from diffthrust.many._campaign.task import head, perform, run_job
 from diffthrust.specs._compile_key import compile_key
 
 _CONNECT = 5.0
 """Time within which the scheduler of a cluster must answer [s]."""
-_TICK = 1.0
-"""Time after which ``None`` is yielded if no row has come [s]."""
 
 
 def outcomes(
@@ -39,56 +36,18 @@ def outcomes(
     Raises:
         InputError: the cluster does not answer, or Dask is not installed.
     """
-    if executor is None:
-        yield from _on_processes(workers, jobs)
-    elif isinstance(executor, str):
-        with _cluster(executor) as client:
-            yield from _on_executor(client, jobs)
+    if isinstance(executor, Executor):
+        for done in as_done(executor, perform, jobs):
+            yield done and _row(done[1], jobs[done[0]])
     else:
-        yield from _on_executor(executor, jobs)
+        with _local(workers) if executor is None else _cluster(executor) as made:
+            yield from outcomes(made, workers, jobs)
 
 
-def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[ResultRow | None]:
-    """Run on processes of this machine; each gets specs that share compiled code."""
-    processes = [new_process() for _ in range(workers)]
-    keys = [compile_key(Path(job.spec)) if workers > 1 else "" for job in jobs]
-    with closing(on_processes(jobs, keys, processes, _helped)) as each:
-        for outcome in each:
-            yield None if outcome is None else outcome[1]
-
-
-def _helped(process: LineProcess, job: Job) -> ResultRow:
-    try:
-        return helped(process, job)
-    except Exception as error:  # the machine cannot start another process
-        return _lost(job, error)
-
-
-def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Generator[ResultRow | None]:
-    finished: queue.SimpleQueue[Future[ResultRow]] = queue.SimpleQueue()
-    waiting: dict[Future[ResultRow], Job] = {}
-    try:
-        for job in jobs:
-            try:
-                future = executor.submit(perform, job)
-            except Exception as error:  # the executor is broken or closed
-                yield _lost(job, error)
-                continue
-            if future.done():  # executors that work synchronously
-                yield _row(future, job)
-            else:
-                waiting[future] = job
-                future.add_done_callback(finished.put)
-        while waiting:
-            try:
-                future = finished.get(timeout=_TICK)
-            except queue.Empty:
-                yield None
-                continue
-            yield _row(future, waiting.pop(future))
-    finally:
-        for future in waiting:
-            future.cancel()
+def _local(workers: int) -> Executor:
+    """Processes of this machine; each gets specs that share compiled code."""
+    several = [Worker(run_job, quiet=True) for _ in range(workers)]
+    return WorkerPool(several, lambda job: compile_key(Path(job.spec)) if workers > 1 else "")
 
 
 def _row(future: Future[ResultRow], job: Job) -> ResultRow:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessLate
+from diffthrust._support._running.pool import own_worker
+from diffthrust._support._running.process import ProcessDied, ProcessLate, Worker
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
 from diffthrust._support.visible import visible
@@ -22,7 +23,6 @@ from diffthrust.specs._spec import Spec
 
 _DEATHS = 3
 """A task is given up after its process died this many times."""
-_own = threading.local()
 
 
 @dataclass(frozen=True)
@@ -44,33 +44,21 @@ def perform(job: Job) -> ResultRow:
     """
     if job.time_limit is None and threading.current_thread() is threading.main_thread():
         return run_job(job)
-    return helped(own_process(), job)
+    return helped(own_worker(run_job), job)
 
 
-def own_process() -> LineProcess:
-    """The process of this thread, started on first use."""
-    if not hasattr(_own, "process"):
-        _own.process = new_process()
-    return _own.process
-
-
-def new_process() -> LineProcess:
-    """Start a process that does tasks of campaigns."""
-    return LineProcess(f"{__name__}:run_plain", quiet=True)
-
-
-def helped(process: LineProcess, job: Job) -> ResultRow:
-    """Do a task in a process; retry if it dies, kill it at the time limit.
+def helped(worker: Worker, job: Job) -> ResultRow:
+    """Do a task in a worker; retry if it dies, kill it at the time limit.
 
     Raises:
-        CancelledError: the process was stopped meanwhile.
+        CancelledError: the worker was stopped meanwhile.
     """
     started, why = time.perf_counter(), ""
     # The first death may be bad luck: another process took the memory, or an administrator killed
     # it.
     for _ in range(_DEATHS):
         try:
-            return process.ask(vars(job), job.time_limit)
+            return worker.ask(job, limit=job.time_limit)
         except ProcessLate:
             seconds = time.perf_counter() - started
             problem = f"Stopped at the time limit of {job.time_limit:g} s."
@@ -117,11 +105,6 @@ def run_job(job: Job) -> ResultRow:
         )
         problem, mend = reported.problem, reported.mend
     return failed(job, "failed", problem, mend, time.perf_counter() - started, mark)
-
-
-def run_plain(job: Mapping[str, Any]) -> ResultRow:
-    """`run_job` for a job given as plain data."""
-    return run_job(Job(**job))
 
 
 def head(job: Job, status: str) -> ResultRow:
