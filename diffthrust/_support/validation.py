@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -33,6 +34,23 @@ def finite(where: str, value: Any, right: Callable[[float], bool], expected: str
         number = math.nan
     if not math.isfinite(number) or not right(number):
         raise InputError(f"{where}: expected {expected}, found {value!r}.", "Correct it.")
+    return number
+
+
+def whole_number(where: str, value: Any, least: int = 1) -> int:
+    """A whole number that is large enough.
+
+    Raises:
+        InputError: it is not.
+    """
+    try:
+        number = None if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = None
+    if number is None or number < least:
+        raise InputError(
+            f"{where}: expected a whole number of at least {least}, found {value!r}.", "Correct it."
+        )
     return number
 
 

@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 import os
+import time
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
-from diffthrust._support._running.pool import processors
+from diffthrust._support._running.pool import WorkerPool, as_done, own_worker, processors
+from diffthrust._support._running.process import ProcessDied, ProcessNotStarted, Worker
 from diffthrust._support.errors import InputError
-from diffthrust._support.files import ending
-from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
+from diffthrust._support.files import ending, write_whole
+from diffthrust._support.progress import ProgressOption, progressing, reporter
+from diffthrust._support.validation import whole_number
 from diffthrust._support.visible import in_line
-from diffthrust.checks._result import Checked, FitRun
-from diffthrust.checks._run import Task, run_all
+from diffthrust.checks._expected import CheckRow, compared, updated
+from diffthrust.checks._marks import marks_of
+from diffthrust.checks._result import Checked, FitRun, not_run
+from diffthrust.specs._compile_key import compile_key
 from diffthrust.specs._file import NAME
+from diffthrust.specs._scripts import as_input_error
+from diffthrust.specs._spec import load_spec
 
 _FEWEST = 3
 """Fits per process for which starting another process pays off."""
+
+
+class Task(NamedTuple):
+    """A fit to run: its name, its spec file, whether to write its [expected] block, and trust."""
+
+    fit: str
+    file: Path
+    update: bool
+    trust: Sequence[str] = ()
 
 
 @progressing
@@ -58,15 +74,20 @@ def check(
         >>> dft.checks.check(".").ok
         True
     """
-    if jobs is not None and jobs < 1:
-        raise InputError(f"jobs: expected 1 or more, found {jobs}.", "Give how many at a time.")
+    if jobs is not None:
+        whole_number("jobs", jobs)
     if junit is not None:
         ending(Path(junit), ".xml")
     trusted = (trust,) if isinstance(trust, str | Path) else trust
     tasks = tasks_in(Path(directory), update, [os.path.abspath(place) for place in trusted])
-    runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), reporter(progress))
-    _warn(runs)
-    checked = Checked(tuple(runs))
+    jobs = jobs or min(processors(), -(-len(tasks) // _FEWEST))
+    report, outcomes = reporter(progress), dict[int, FitRun]()
+    report(tasks[0].fit, 0.0)
+    for i, run in _run_all(tasks, min(len(tasks), jobs)):
+        outcomes[i] = run
+        report(run.fit, len(outcomes) / len(tasks))
+    checked = Checked(tuple(outcomes[i] for i in range(len(tasks))))
+    _warn(checked.runs)
     if junit is not None:
         from diffthrust.checks._junit import write_junit
 
@@ -114,18 +135,116 @@ def _unreadable(error: OSError) -> NoReturn:
     )
 
 
-def default_jobs(count: int) -> int:
-    return max(1, min(processors(), -(-count // _FEWEST)))
+def _run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
+    """Run fits, in several processes where there is more than one job.
+
+    Yields:
+        The index and outcome of each task, as they finish. A fit whose process dies counts as not
+        run.
+    """
+    if jobs == 1:
+        yield from ((i, run_again(*task)) for i, task in enumerate(tasks))
+        return
+    workers = [Worker(run_again) for _ in range(jobs)]
+    with WorkerPool(workers, key=lambda task: compile_key(task.file)) as pool:
+        for outcome in as_done(pool, _in_process, tasks):
+            if outcome is not None:
+                yield outcome[0], outcome[1].result()
 
 
-def _runs(tasks: Sequence[Task], jobs: int, report: Progress) -> list[FitRun]:
-    """Run all tasks; outcomes are in the order of the tasks."""
-    outcomes: dict[int, FitRun] = {}
-    report(tasks[0].fit, 0.0)
-    for i, run in run_all(tasks, jobs):
-        outcomes[i] = run
-        report(run.fit, len(outcomes) / len(tasks))
-    return [outcomes[i] for i in range(len(tasks))]
+def _in_process(task: Task) -> FitRun:
+    try:
+        return own_worker().ask(*task)
+    except ProcessNotStarted as how:
+        raise InputError(
+            f"A process for the fits cannot be started ({how}).",
+            "See what it printed above; --jobs 1 does without.",
+        ) from None
+    except ProcessDied as how:
+        problem = f"the process that ran it died ({how})."
+        mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
+        return FitRun(task.fit, task.file, (not_run(task.fit, problem, mend),))
+
+
+def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> FitRun:
+    """Rerun a stored fit, and compare it with its [expected] block or update the block.
+
+    Args:
+        fit: its name.
+        file: its spec file.
+        update: write the block if the fit moved or has none.
+        trust: folders whose scripts the spec may run, besides its own.
+
+    Returns:
+        The outcome; a fit that cannot be run, or has no expected values, gives a failed row.
+    """
+    from diffthrust.simulation._step_size import CoarseStepWarning
+
+    begin, new, since = time.perf_counter(), False, ""
+    with warnings.catch_warnings(record=True) as caught:
+        # "always": Python otherwise issues a warning once per line of code, so that the second fit
+        # of a process would have none.
+        warnings.simplefilter("always", CoarseStepWarning)
+        try:
+            rows, new, since = _rows(fit, file, update, trust)
+        except Exception as error:  # a defect, too, must not hide the outcome of other fits
+            if os.environ.get("DIFFTHRUST_DEBUG") and not isinstance(error, InputError):
+                raise
+            told = as_input_error(error, f"diffthrust fit {file}")
+            rows = [not_run(fit, told.problem, told.mend)]
+    coarse = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
+    return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse, since)
+
+
+def _rows(
+    name: str, path: Path, update: bool, trust: Sequence[str]
+) -> tuple[list[CheckRow], bool, str]:
+    spec = load_spec(path, trust=trust)
+    expected = spec.file.expected
+    if expected is None and not update:
+        mend = "Look at it with diffthrust fit, then write the block: diffthrust check --update."
+        return [CheckRow(name, "no [expected] block", None, None, None, False, mend)], False, ""
+    fit = spec.fit()
+    marks = marks_of(spec, fit)
+    if update:
+        text = updated(spec.text, path, expected, fit, marks)
+        if text != spec.text:
+            _write_over(path, spec.text, text)
+            expected = load_spec(path, trust=trust).file.expected
+            assert expected is not None
+            return list(compared(name, expected, fit)), True, ""
+    assert expected is not None
+    rows = list(compared(name, expected, fit))
+    if not rows:
+        mend = "Remove the empty [expected] block and run diffthrust check --update."
+        rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]
+    agrees = all(row.ok for row in rows)
+    return rows, False, marks.data_since(expected) if agrees else marks.since(expected)
+
+
+def _write_over(path: Path, original: str, replacement: str) -> None:
+    """Replace the text of a spec, unless it was edited meanwhile.
+
+    Raises:
+        InputError: the file has changed since it was read.
+    """
+    try:
+        now = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{path}: the file can no longer be read ({error.strerror or error}).",
+            "Put it back, and run diffthrust check --update again.",
+        ) from None
+    # A fit takes minutes, and people edit meanwhile: their text wins.
+    if now != original.encode("utf-8"):
+        beside = path.with_name(f"{path.name}.updated")
+        write_whole(beside, replacement.encode("utf-8"))
+        raise InputError(
+            f"{path}: the file was edited while its fit ran. It was not changed; the new text "
+            f"is in {beside.name}.",
+            f"Remove {beside.name}, and run diffthrust check --update again.",
+        )
+    write_whole(path, replacement.encode("utf-8"))
 
 
 def _warn(runs: Sequence[FitRun]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import finite, whole_number
 from diffthrust.describing._formulas import FORMULAS, check_plain
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._channels import CHANNELS
@@ -114,8 +114,8 @@ def request(
         input=input,
         output=output,
         method=method,
-        harmonics=_whole("harmonics", harmonics, 1),
-        samples=None if samples is None else _whole("samples", samples, 16),
+        harmonics=whole_number(f"{_WHERE}: harmonics", harmonics),
+        samples=None if samples is None else whole_number(f"{_WHERE}: samples", samples, 16),
         bias=_number("bias", bias),
         others=constant,
         states=states,
@@ -190,25 +190,4 @@ def _constants(
 
 
 def _number(what: str, value: Any) -> float:
-    try:
-        number = float("nan") if isinstance(value, bool | str) else float(value)
-    except (TypeError, ValueError):
-        number = float("nan")
-    if not np.isfinite(number):
-        raise InputError(
-            f"{_WHERE}: {what}: expected a finite number, found {value!r}.", f"Write {what}=0.0."
-        )
-    return number
-
-
-def _whole(what: str, value: Any, least: int) -> int:
-    try:
-        count = 0 if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        count = 0
-    if count < least:
-        raise InputError(
-            f"{_WHERE}: {what}: expected a whole number of at least {least}, found {value!r}.",
-            "Correct it.",
-        )
-    return count
+    return finite(f"{_WHERE}: {what}", value, lambda number: True, "a finite number")

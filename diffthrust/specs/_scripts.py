@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, refused
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.models import MODELS
@@ -118,6 +118,25 @@ def error_in_script(error: BaseException) -> InputError | None:
     where = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
     return InputError(
         f"{where}: the script fails with {type(error).__name__}: {error}", "Mend the script."
+    )
+
+
+def as_input_error(error: Exception, command: str) -> InputError:
+    """Any error as a problem with its mend: of the input, a script, the system, or a defect.
+
+    Args:
+        error: what the work on a spec raised.
+        command: with which the user can raise it again.
+    """
+    if isinstance(error, InputError):
+        return error
+    if in_script := error_in_script(error):
+        return in_script
+    if isinstance(error, OSError):
+        return InputError(*refused(error))
+    return InputError(
+        f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}",
+        f"Please report it, with what DIFFTHRUST_DEBUG=1 {command} prints.",
     )
 
 

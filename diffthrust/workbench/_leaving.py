@@ -17,7 +17,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.literals import as_python
 from diffthrust._support.page import image
-from diffthrust.checks._run import run_again
+from diffthrust.checks._check import run_again
 from diffthrust.comparison._page import comparisons_of, write_comparison_page
 from diffthrust.estimation._model_lines import python_lines
 from diffthrust.specs._file import NAME

@@ -306,10 +306,10 @@ def test_a_defect_in_one_fit_does_not_hide_the_others(fits, monkeypatch):
             raise ZeroDivisionError("oh")
         return load_spec(path, **given)
 
-    monkeypatch.setattr("diffthrust.checks._run.load_spec", broken)
+    monkeypatch.setattr("diffthrust.checks._check.load_spec", broken)
     checked = check(fits)
     assert [run.ok for run in checked.runs] == [True, False]
-    assert "a defect of diffthrust" in str(checked.rows[-1].found)
+    assert "A defect of diffthrust" in str(checked.rows[-1].found)
     monkeypatch.setenv("DIFFTHRUST_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
         check(fits)

@@ -7,6 +7,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
+from diffthrust._support.validation import whole_number
 from diffthrust.comparison._compare import compare as compare_one
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._fit import fit as fit_one
@@ -72,7 +73,11 @@ def fit(
 
     lengths = lengths_of(log for group in (*members, *held) for log in group)
     named, triples = _names(names, members), list(zip(models, members, unseen, strict=True))
-    if _processes(processes, devices) == 1:
+    if whole_number("processes", processes) > 1 and devices is not None:
+        raise InputError(
+            "processes: devices belong to one process.", "Leave processes or devices out."
+        )
+    if processes == 1:
         return _fits(triples, named, (lengths, width, None, options), devices, reporter(progress))
     # Two runs at a time: each process has one processor, and one group waits while the other
     # computes.
@@ -209,18 +214,6 @@ def sample(
         devices=devices,
         progress=reporter(progress),
     )
-
-
-def _processes(processes: Any, devices: Any) -> int:
-    if isinstance(processes, bool) or not isinstance(processes, int) or processes < 1:
-        raise InputError(
-            f"processes: expected a whole number from 1 on, found {processes!r}.", "Correct it."
-        )
-    if processes > 1 and devices is not None:
-        raise InputError(
-            "processes: devices belong to one process.", "Leave processes or devices out."
-        )
-    return processes
 
 
 def _records(logs: Any) -> list[Any]:

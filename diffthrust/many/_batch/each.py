@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import os
 import time
 import traceback
@@ -21,6 +20,7 @@ from diffthrust._support._running.process import NotSent, ProcessDied, Worker
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress
+from diffthrust._support.validation import whole_number
 from diffthrust.logs._log import Log
 from diffthrust.many._batch.result import Many, Outcome, gathered
 from diffthrust.simulation._gaps import bridged
@@ -67,7 +67,7 @@ def each(
     if width is None:
         runner = SharedRuns(WIDTH if processor else ACCELERATED, chosen, len(names), runs)
     else:
-        runner = SharedRuns(_checked_width(width), chosen, runs=runs)
+        runner = SharedRuns(whole_number("width", width), chosen, runs=runs)
     started = time.monotonic()
     outcomes: list[Outcome] = [(None, None, 0.0)] * len(names)
 
@@ -164,18 +164,6 @@ def _checked(devices: Any) -> tuple[Any, ...]:
             "Give jax.devices() or a subset.",
         )
     return listed
-
-
-def _checked_width(width: Any) -> int:
-    try:
-        fine = operator.index(width) >= 1
-    except TypeError:
-        fine = False
-    if not fine:
-        raise InputError(
-            f"width: expected a whole number from 1 on, found {width!r}.", "Correct it."
-        )
-    return int(width)
 
 
 PROGRAM = 4_000_000

@@ -18,6 +18,7 @@ from diffthrust._support.files import plain
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
+from diffthrust._support.validation import finite, whole_number
 from diffthrust.many._campaign.executors import outcomes
 from diffthrust.many._campaign.job import Job, check_task, fingerprint
 from diffthrust.many._campaign.specs import PathLike, find_specs, folders
@@ -282,21 +283,12 @@ def _check(executor: Any, jobs: Any, time_limit: Any) -> None:
             f"found {type(executor).__name__}.",
             "A Dask client gives one with client.get_executor().",
         )
-    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
-        raise InputError(
-            f"jobs: expected a whole number of at least 1, found {jobs!r}.", "Correct jobs."
-        )
     if jobs is not None and executor is not None:
         raise InputError(
             "jobs: the executor determines its number of workers.",
             "Leave out jobs or the executor.",
         )
-    if time_limit is not None and (
-        isinstance(time_limit, bool)
-        or not isinstance(time_limit, int | float)
-        or not 0 < time_limit < float("inf")
-    ):
-        raise InputError(
-            f"time_limit: expected seconds above zero, found {time_limit!r}.",
-            "Correct the time limit, or leave it out.",
-        )
+    if jobs is not None:
+        whole_number("jobs", jobs)
+    if time_limit is not None:
+        finite("time_limit", time_limit, lambda seconds: seconds > 0, "seconds above zero")

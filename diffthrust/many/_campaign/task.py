@@ -18,7 +18,7 @@ from diffthrust._support.visible import visible
 from diffthrust.many._campaign.job import SAMPLING, Job, fingerprint
 from diffthrust.many._campaign.store import ResultRow, store
 from diffthrust.many._rows import estimates_of, fit_row
-from diffthrust.specs._scripts import error_in_script
+from diffthrust.specs._scripts import as_input_error
 from diffthrust.specs._spec import Spec
 
 _DEATHS = 3
@@ -94,17 +94,10 @@ def run_job(job: Job) -> ResultRow:
         )
         store(job, row, mark, result.data, result.page if job.report else None)
         return row
-    except InputError as error:
-        problem, mend = error.problem, error.mend
-    except OSError as error:
-        problem, mend = str(error), "Look at the disk, and run the campaign again."
     except Exception as error:
-        reported = error_in_script(error) or InputError(
-            f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}",
-            f"Please report what this prints: DIFFTHRUST_DEBUG=1 diffthrust {job.task} {job.spec}",
-        )
-        problem, mend = reported.problem, reported.mend
-    return failed(job, "failed", problem, mend, time.perf_counter() - started, mark)
+        told = as_input_error(error, f"diffthrust {job.task} {job.spec}")
+    seconds = time.perf_counter() - started
+    return failed(job, "failed", told.problem, told.mend, seconds, mark)
 
 
 def head(job: Job, status: str) -> ResultRow:
