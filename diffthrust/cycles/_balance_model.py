@@ -10,14 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
+from scipy.optimize import root
 
 from diffthrust._support._running.programs import program
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._oscillation import CycleSeries
 from diffthrust.models._base.signals import Relaxing
 from diffthrust.simulation._runge_kutta import plain_rate
-
-_ITERATIONS = 20
 
 
 class ElementEquations(Protocol):
@@ -73,22 +72,18 @@ def balanced_states(
     width = max(9, transfer.den.size)  # one compilation for all loops of usual order
     num, den = (np.concatenate([np.zeros(width - c.size), c]) for c in (transfer.num, transfer.den))
     loop = [jnp.asarray(x) for x in (num, den, transfer.delay, frequency, sizes)]
-    worst, series, w = np.inf, c, frequency
-    for _ in range(_ITERATIONS):
-        r, slopes, series, w = (
-            np.asarray(x)
-            for x in _missed(element, harmonics, element.values, *loop, jnp.asarray(z))
-        )
-        worst = float(np.abs(r).max())
-        if not (np.isfinite(r).all() and np.isfinite(slopes).all()) or worst < 1e-11:
-            break
-        try:
-            step = np.linalg.solve(slopes, -r)
-        except np.linalg.LinAlgError:
-            return None
-        # unknowns are shares of their sizes and the frequency a logarithm: a step beyond 0.3 leaves
-        # the neighbourhood in which the linearization says anything
-        z = z + step * min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
+
+    def missed(z: np.ndarray) -> list[np.ndarray]:
+        results = _missed(element, harmonics, element.values, *loop, jnp.asarray(z))
+        return [np.asarray(x) for x in results]
+
+    if not np.isfinite(missed(z)[0]).all():
+        return None
+    # Unknowns are shares of their sizes and the frequency a logarithm: a first step beyond 0.3
+    # leaves the neighbourhood in which the linearization says anything.
+    z = root(lambda z: missed(z)[:2], z, jac=True, options={"xtol": 1e-12, "factor": 0.3}).x
+    r, _, series, w = missed(z)
+    worst = np.abs(r).max()
     # a balance may converge to another cycle, or to rest, which always solves it: only one near the
     # describing function's counts
     cycle = CycleSeries(float(w), order, series[0], series[-1], series[1:-1])

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
+from scipy.optimize import root
 
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._oscillation import CycleSeries
@@ -19,7 +20,6 @@ from diffthrust.cycles._oscillation import CycleSeries
 # an integral over one piece meets no jump: three Gauss points are exact to the fifth order there
 _PIECES = 180
 _POINTS = np.polynomial.legendre.leggauss(3)
-_ITERATIONS = 25
 _TAIL = 5e-4
 """Share of the fundamental that the last harmonic of the input may have."""
 
@@ -83,30 +83,18 @@ def _solved(
     order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
     amplitude, frequency = float(sine.input[0].real), sine.frequency
     unknowns = _Unknowns(order, amplitude, frequency)
-    z = unknowns.start(guess)
-    r = _residual(transfer, element, unknowns, z)
-    jacobian = None
-    for _ in range(_ITERATIONS):
-        if not np.isfinite(r).all():
-            return None
-        if jacobian is None:
-            jacobian = _slopes(transfer, element, unknowns, z, r)
-        try:
-            step = np.linalg.solve(jacobian, -r)
-        except np.linalg.LinAlgError:
-            return None
-        step *= min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
-        z, r, previous = _shortened(transfer, element, unknowns, z, r, step)
-        now = np.abs(r).max()
-        # the third case is rounding: small already, and no longer falling
-        if np.abs(step).max() < 1e-9 or now < 1e-10 or 1e-7 > now > 0.999 * previous:
-            break
-        # slopes by differences are most of the work: they are kept while a step removes four fifths
-        if now > 0.2 * previous:
-            jacobian = None
-    e, w = unknowns.taken(z)
-    if np.abs(r).max() > 1e-6:
+    found = root(
+        lambda z: _residual(transfer, element, unknowns, z),
+        unknowns.start(guess),
+        # The unknowns are shares of the first amplitude: a first step beyond 0.3 of them leaves the
+        # neighbourhood in which the linearization says anything.
+        options={"eps": 1e-12, "xtol": 1e-11, "maxfev": 100 * order.size, "factor": 0.3},
+    )
+    # Where a switching instant moves, the residual has corners at which the method may report no
+    # further progress: what is missed decides, not its word.
+    if not np.abs(found.fun).max() <= 1e-6:
         return None
+    e, w = unknowns.taken(found.x)
     cycle = CycleSeries(float(w), order, e, output_of(element, order, e))
     return cycle if cycle.near(amplitude, frequency) else None
 
@@ -138,40 +126,8 @@ class _Unknowns:
         imaginary = z[m + count :].copy()
         log_w, imaginary[0] = imaginary[0], 0.0
         e = np.concatenate([z[:m] + 0j, z[m : m + count] + 1j * imaginary])
-        return self.amplitude * e, self.frequency * math.exp(log_w)
-
-
-def _slopes(
-    transfer: Transfer, element: PeriodElement, unknowns: _Unknowns, z: np.ndarray, r: np.ndarray
-) -> np.ndarray:
-    slopes = np.empty((r.size, z.size))
-    for i in range(z.size):
-        moved = z.copy()
-        moved[i] += 1e-6
-        slopes[:, i] = (_residual(transfer, element, unknowns, moved) - r) / 1e-6
-    return slopes
-
-
-def _shortened(
-    transfer: Transfer,
-    element: PeriodElement,
-    unknowns: _Unknowns,
-    z: np.ndarray,
-    r: np.ndarray,
-    step: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """A step as long as it helps."""
-    previous = float(np.abs(r).max())
-    # the last trial is taken even if it is no better: at a switching instant the residual may rise
-    # before it falls, and the tests of convergence decide
-    share, moved, new = 1.0, z + step, r
-    for _ in range(6):
-        moved = z + share * step
-        new = _residual(transfer, element, unknowns, moved)
-        if np.isfinite(new).all() and np.linalg.norm(new) <= np.linalg.norm(r):
-            break
-        share *= 0.5
-    return moved, new, previous
+        # another cycle long before e^5, and no overflow where a search leads nowhere
+        return self.amplitude * e, self.frequency * math.exp(np.clip(log_w, -5.0, 5.0))
 
 
 def _residual(
