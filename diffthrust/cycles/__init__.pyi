@@ -5,8 +5,8 @@ from ._classical import Saturation as Saturation
 from ._element import Nonlinearity as Nonlinearity
 from ._figures_pole import plot_pole_motion as plot_pole_motion
 from ._find import limit_cycles as limit_cycles
-from ._limit_cycle import LimitCycle as LimitCycle
 from ._model_element import ModelElement as ModelElement
+from ._oscillation import LimitCycle as LimitCycle
 from ._result import LimitCycles as LimitCycles
 from ._static_element import StaticNonlinearity as StaticNonlinearity
 from ._thruster_loop import ThrusterLoop as ThrusterLoop

@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
-from diffthrust.cycles._limit_cycle import LimitCycle
+from diffthrust.cycles._oscillation import LimitCycle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

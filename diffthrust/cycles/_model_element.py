@@ -18,9 +18,10 @@ from diffthrust.cycles._balance_model import balanced_states
 from diffthrust.cycles._element import Nonlinearity, NotSimulated
 from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 from diffthrust.cycles._run_model import course_of, simulated_states
+from diffthrust.describing._periodic.harmonic_balance import HarmonicBalance
 from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import Reason, respond, some
-from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
+from diffthrust.describing._periodic.shooting import Shooting
 from diffthrust.effects import CommandDelay
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model

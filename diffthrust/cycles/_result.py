@@ -13,7 +13,7 @@ from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
-from diffthrust.cycles._limit_cycle import LimitCycle
+from diffthrust.cycles._oscillation import LimitCycle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,9 +16,9 @@ from diffthrust._support.results import Result
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._find import limit_cycles
 from diffthrust.cycles._model_element import ModelElement, checked_model
-from diffthrust.cycles._oscillation import LoopCourse
+from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
 from diffthrust.cycles._propelled import PropelledAxis
-from diffthrust.cycles._result import LimitCycle, LimitCycles
+from diffthrust.cycles._result import LimitCycles
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.quadratic_load import QuadraticLoad
 

@@ -11,10 +11,15 @@ from diffthrust._support.progress import Progress, ProgressOption, progressing, 
 from diffthrust._support.words import joined
 from diffthrust.describing._formulas import FORMULAS, quasi_linear
 from diffthrust.describing._map import DescribingMap
-from diffthrust.describing._periodic.continuation import respond_with_neighbours
+from diffthrust.describing._periodic.harmonic_balance import HarmonicBalance
 from diffthrust.describing._periodic.period import Cycle, Lane, remembers
-from diffthrust.describing._periodic.respond import PeriodicResponses, Reason, Solver
-from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
+from diffthrust.describing._periodic.respond import (
+    PeriodicResponses,
+    Reason,
+    Solver,
+    respond_with_neighbours,
+)
+from diffthrust.describing._periodic.shooting import Shooting
 from diffthrust.describing._periodic.truncation import left_out, more_than, too_few
 from diffthrust.describing._request import MapRequest, request
 from diffthrust.estimation._result import Fit

@@ -12,6 +12,7 @@ for Nonlinear Vibration Problems, chapter 2.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -21,6 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 from diffthrust._support._running.programs import program
 from diffthrust.describing._periodic.period import (
+    LANE_BLOCK,
     TINY,
     Cycle,
     Harmonics,
@@ -31,23 +33,36 @@ from diffthrust.describing._periodic.period import (
     held_fast,
     idle,
     in_blocks,
+    remembers,
     start_of,
 )
+from diffthrust.describing._periodic.respond import (
+    LONGEST_SERIES,
+    Reason,
+    SolvedOrbits,
+    front,
+    merged,
+    some,
+)
+from diffthrust.describing._periodic.shooting import COARSEST_SERIES, LANES, starts
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import Key, rates_of
 
-MOST_EVALUATIONS = 80
+_MOST_EVALUATIONS = 80
 """Evaluations that may be spent on one orbit, at one density of instants."""
-ORBIT_BALANCED = 1e-8
+_ORBIT_BALANCED = 1e-8
 """An orbit is found where Newton's next step is so short against the coefficients."""
 _ROUNDING = 1e-13
 """A derivative counts as none below this share of the largest."""
-DENSE_STEPS = 2048
+_DENSE_STEPS = 2048
 """Steps to the period at which a balance is judged: what happens in a moment, as static friction at
 the turn of a slow shaft, would pass unseen between the instants of a few harmonics."""
-SHORTEST_SHARE = 2.0**-10
+_SHORTEST_SHARE = 2.0**-10
 """A step is halved no further than to this share of Newton's."""
+
+_NUMBERS = 2_000_000
+"""Numbers in all Jacobians of one call: it bounds the memory."""
 
 
 class Balance(NamedTuple):
@@ -161,3 +176,107 @@ def _matrices(points: int, harmonics: int) -> tuple[np.ndarray, np.ndarray, np.n
     down = 2.0 / points * up.T
     down[0] *= 0.5
     return up, down, by_phase
+
+
+class HarmonicBalance:
+    """Orbits by harmonic balance."""
+
+    def __init__(self, model: Model, states: int, harmonics: int) -> None:
+        self.key = Key(model)
+        self.harmonics = harmonics
+        unknowns = (states * (2 * harmonics + 1)) ** 2
+        self.capacity = max(LANE_BLOCK, min(LANES, _NUMBERS // unknowns) // LANE_BLOCK * LANE_BLOCK)
+        self.coarsest = max(32, 1 << (4 * harmonics - 1).bit_length())
+        if remembers(model):
+            self.coarsest = max(self.coarsest, COARSEST_SERIES)
+        self.finest, self.growth = max(4096, self.coarsest), 2
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """Constant states, the model's own initial ones, ``(count, n, c)``."""
+        first = np.asarray(starts(self.key, cycle, count, lanes))[:count]
+        x = np.zeros((*first.shape, 2 * self.harmonics + 1))
+        x[:, :, 0] = first
+        return x
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
+        """Newton's method, its step halved where it would lead further away.
+
+        Further in Deuflhard's natural measure: by the length of the step that the Jacobian of the
+        last point would take from the new one. The rest itself will not do, for its parts have
+        the units of different states.
+        """
+        x = np.array(x)
+        point, step = x[:count].copy(), np.zeros_like(x[:count])
+        share, length = np.ones(count), np.full(count, np.inf)
+        reason = np.full(count, Reason.NOT_CLOSED)
+        kept: Balance | None = None
+        active = np.arange(count)
+        for _ in range(_MOST_EVALUATIONS):
+            missed = self._run(cycle, active, lanes, x)
+            keep = np.isfinite(missed.rest).all(axis=(1, 2))
+            if kept is None:
+                reason[~keep] = Reason.DIVERGES
+                kept = merged(None, missed, active, count)
+            else:
+                unit = _size(point[active] + step[active])
+                old = np.asarray(kept.slope)[active]
+                bar = balancing_step(old, missed.rest) / unit[:, :, None]
+                with np.errstate(invalid="ignore"):
+                    keep &= np.abs(bar).max(axis=(1, 2)) <= length[active]
+                # halved ten times without a gain: the step is taken as it is, for a corner may lie
+                # in between
+                keep |= share[active] <= _SHORTEST_SHARE
+            new = active[keep]
+            kept = merged(kept, some(missed, keep), new, count)
+            point[new], share[new] = x[new], np.minimum(1.0, 4.0 * share[new])
+            step[new] = balancing_step(missed.slope[keep], missed.rest[keep])
+            share[active[~keep]] *= 0.5
+            unit = _size(point[active] + step[active])
+            length[active] = (np.abs(step[active]) / unit[:, :, None]).max(axis=(1, 2))
+            closed = keep & (length[active] <= _ORBIT_BALANCED)
+            reason[active[closed]] = Reason.SETTLED
+            broken = ~np.isfinite(length[active])
+            reason[active[broken]] = Reason.DIVERGES
+            active = active[~closed & ~broken]
+            if not active.size:
+                break
+            x[active] = point[active] + share[active][:, None, None] * step[active]
+        assert kept is not None
+        return SolvedOrbits(point, kept.harmonics, reason)
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
+        """The same coefficients on a later clock, those that drift a period further."""
+        every = np.arange(count)
+        now = self._run(cycle, every, lanes, x)
+        drifts = drifting(np.asarray(now.slope)).reshape(now.rest.shape)
+        period = (2.0 * np.pi / lanes.frequency[:count])[:, None, None]
+        x = np.array(x)
+        x[:count] -= np.where(drifts, now.rest * period, 0.0)
+        later = self._run(cycle, every, lanes, x)
+        return SolvedOrbits(x[:count], later.harmonics, np.full(count, Reason.SETTLED))
+
+    def judge(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
+        """One step towards the balance that many more instants than the cycle's ask for.
+
+        The slope is that at the cycle's own instants: a step needs to be right in its first digits.
+        """
+        every, x = np.arange(count), np.array(x)
+        dense = min(max(_DENSE_STEPS, cycle.samples), LONGEST_SERIES // (2 * cycle.periods))
+        many = replace(cycle, samples=dense)
+        slope = self._run(cycle, every, lanes, x).slope
+        x[:count] += balancing_step(slope, self._run(many, every, lanes, x, sloped=False).rest)
+        judged = self._run(many, every, lanes, x, sloped=False).harmonics
+        fine = np.isfinite(x[:count]).all(axis=(1, 2))
+        return SolvedOrbits(x[:count], judged, np.where(fine, Reason.SETTLED, Reason.NOT_CLOSED))
+
+    def _run(
+        self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray, sloped: bool = True
+    ) -> Balance:
+        cycle = replace(cycle, harmonics=self.harmonics)
+        missed = balances(self.key, cycle, sloped, who.size, *front(lanes, x, who))
+        return some(missed, np.arange(who.size))
+
+
+def _size(x: np.ndarray) -> np.ndarray:
+    """The largest coefficient of each state, ``(lanes, n)``."""
+    return np.abs(x).max(axis=2) + TINY

@@ -9,7 +9,7 @@ Effects with memory act on a whole series. They are given several periods, in th
 which the amplitude grows from nothing. The last one counts. Its difference from the one before, and
 from the last after a sudden start, is reported: what has settled has forgotten how it began. A rate
 limit that acts all the time hardly forgets: then the search is for a start from which its series
-repeats (`repeating_start`).
+repeats (`_repeating_start`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from diffthrust.describing._periodic.repeating import STARTS_APART, repeating_start
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._trajectory import driven, read_out, starting_point
@@ -36,6 +35,13 @@ LENIENT = 1e-3
 """What two starts leave between them counts this much less than a change from period to period."""
 TINY = 1e-300
 """Keeps a ratio finite where nothing moves."""
+_HALVINGS = 40
+"""Halvings of the range of starts. A thruster that turns slowly under a fast command feels the
+smallest mean."""
+_STARTS_APART = 0.01
+"""Starts that all repeat may be so far apart, of the swing of the series."""
+_STILL = 1e-8
+"""A series repeats that rises less in a period, of the input's amplitude: the clock is rounded."""
 
 
 @dataclass(frozen=True)
@@ -136,12 +142,12 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> PeriodSeries:
         return PeriodSeries(time, reaching(whole), jnp.asarray(0.0))
     if cycle.sought:
         some = whole[: 2 * dense + 1]
-        begin, repeats = repeating_start(
+        begin, repeats = _repeating_start(
             lambda x: reaching(some.at[0].set(x))[cycle.input], lane.amplitude, dense
         )
         series = reaching(whole.at[0].set(begin))
         last = {name: value[-dense - 1 :] for name, value in series.items()}
-        repeats = repeats & (_change(series, dense, cycle.periods) <= STARTS_APART)
+        repeats = repeats & (_change(series, dense, cycle.periods) <= _STARTS_APART)
         return PeriodSeries(time[-dense - 1 :], last, jnp.where(repeats, 0.0, 1.0))
     # two ways to begin, slowly and at once: only what has forgotten its beginning ends alike in
     # both
@@ -153,6 +159,49 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> PeriodSeries:
         _change(series, dense, cycle.periods), LENIENT * _change(apart, dense, cycle.periods)
     )
     return PeriodSeries(time[-dense - 1 :], last, unsettled)
+
+
+def _repeating_start(
+    reached: Callable[[Array], Float[Array, " n"]], amplitude: Float[Array, ""], period: int
+) -> tuple[Float[Array, ""], Bool[Array, ""]]:
+    """The start of a series that repeats, if it hardly forgets how it began.
+
+    The command that a rate limit lets through is a triangle where the limit always acts. Its mean
+    tends to that of the command, but by a share of 4 rate / (amplitude frequency) in a period only.
+    So the start is sought instead: from one below the right one the series rises from period to
+    period, from one above it falls, for effects with memory keep the order of two series.
+
+    A rate limit that is worked out sample by sample does not feel where between two of them it
+    switches: a range of starts repeats. Its middle is taken, which is the right one for a command
+    that swings evenly; the range shrinks as the steps get finer.
+
+    Args:
+        reached: the series over two periods, from the deviation with which the input begins.
+        amplitude: of the input; no start can be farther from its mean.
+        period: instants of a period.
+
+    Returns:
+        The deviation, and whether the range is narrow: only then there is one answer.
+    """
+
+    def rise(begin: Array) -> Array:
+        series = reached(begin)
+        return jnp.mean(series[-period:] - series[-2 * period : -period]) / amplitude
+
+    def edge(least: Array) -> Array:
+        def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+            low, high = ends
+            middle = 0.5 * (low + high)
+            rises = rise(middle) > least
+            return jnp.where(rises, middle, low), jnp.where(rises, high, middle)
+
+        return jax.lax.fori_loop(0, _HALVINGS, halve, (-amplitude, amplitude))[0]
+
+    # bisection, since the rise is flat over the range of starts that repeat and has no slope to
+    # follow
+    low, high = jax.vmap(edge)(jnp.asarray([_STILL, -_STILL]))
+    begin = 0.5 * (low + high)
+    return begin, high - low <= _STARTS_APART * jnp.ptp(reached(begin)[-period:])
 
 
 def start_of(model: Model, series: PeriodSeries) -> dict[str, Float[Array, ""]]:

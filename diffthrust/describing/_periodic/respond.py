@@ -3,7 +3,8 @@
 Every lane begins with few steps to the period. They are multiplied until its first harmonic stays
 where it is, and an effect with memory goes through stages until its series repeats. Then the orbit
 is run through once more on a later clock: what has settled gives the same again. A lane that fails
-one of these checks is marked with the reason, never passed on as an answer.
+one of these checks is marked with the reason, never passed on as an answer. A failed search is
+retried from the solutions of its neighbours in amplitude and frequency.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
+import jax
 import numpy as np
 
 from diffthrust._support.progress import Progress, reporter
@@ -43,6 +45,8 @@ _LATER = 1e5
 _FAILURES = 3
 """Step lengths at which the search for an orbit may end without one: while the steps are too long
 for the model, there may be none."""
+_SWEEPS = 12
+"""Solutions spread by at most this many points of the map."""
 
 
 class Reason(IntEnum):
@@ -85,8 +89,7 @@ _WORDS = {
 }
 
 
-@dataclass(frozen=True)
-class SolvedOrbits:
+class SolvedOrbits(NamedTuple):
     """What a search at one step length gave, by lane.
 
     Args:
@@ -272,15 +275,7 @@ def over(
     # threads, for XLA computes without the interpreter's lock
     parts = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
     order = np.argsort(np.concatenate(portions), kind="stable")
-    first = parts[0]
-    if isinstance(first, np.ndarray):
-        return np.concatenate(parts)[order]
-    fields = [np.concatenate([d.harmonics[i] for d in parts])[order] for i in range(6)]
-    return SolvedOrbits(
-        np.concatenate([d.x for d in parts])[order],
-        Harmonics(*fields),
-        np.concatenate([d.reason for d in parts])[order],
-    )
+    return jax.tree.map(lambda *values: np.concatenate(values)[order], *parts)
 
 
 def _portions(who: np.ndarray, capacity: int) -> Iterator[np.ndarray]:
@@ -297,19 +292,87 @@ def _padded(values: np.ndarray, size: int) -> np.ndarray:
     return np.concatenate([values, np.repeat(values[-1:], size - values.shape[0], axis=0)])
 
 
-def some(lanes: Lane, who: np.ndarray) -> Lane:
-    """Some of the lanes."""
-    return Lane(
-        lanes.amplitude[who],
-        lanes.frequency[who],
-        {name: value[who] for name, value in lanes.values.items()},
-        lanes.bias[who],
-        {name: value[who] for name, value in lanes.others.items()},
-        lanes.clock[who],
-    )
+def some(of_lanes: Any, who: np.ndarray) -> Any:
+    """Some of the lanes, of a tree of arrays by lane."""
+    return jax.tree.map(lambda values: np.asarray(values)[who], of_lanes)
+
+
+def front(lanes: Lane, x: np.ndarray, who: np.ndarray) -> tuple[Lane, np.ndarray]:
+    """Some lanes moved to the front, the last of them repeated behind."""
+    order = np.concatenate([who, np.full(x.shape[0] - who.size, who[-1])])
+    return some(lanes, order), x[order]
+
+
+def merged(kept: Any, new: Any, who: np.ndarray, count: int) -> Any:
+    """The kept values of all lanes, with those of ``who`` updated; a tree of arrays by lane."""
+    if kept is None:
+        kept = jax.tree.map(lambda a: np.zeros((count, *a.shape[1:])), new)
+    for old, now in zip(jax.tree.leaves(kept), jax.tree.leaves(new), strict=True):
+        old[who] = now
+    return kept
 
 
 @lru_cache(maxsize=1)
 def pool() -> ThreadPoolExecutor:
     """The threads that share the portions."""
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="diffthrust-map")
+
+
+# where Newton's method led astray; other marks are answers of their own
+_LOST = (Reason.NOT_CLOSED, Reason.DIVERGES)
+
+
+def respond_with_neighbours(
+    solver: Solver,
+    cycle: Cycle,
+    lanes: Lane,
+    shape: tuple[int, int, int],
+    *,
+    samples: int | None = None,
+    progress: Progress | None = None,
+) -> PeriodicResponses:
+    """`respond`, and again for lanes that found nothing beside some that did.
+
+    The orbit of the neighbour in amplitude, scaled by the ratio of both, is where such a lane
+    starts; without one, that of the neighbour in frequency.
+
+    Args:
+        solver: how orbits are found.
+        cycle: as for `respond`.
+        lanes: all lanes, of the shape of ``shape`` made flat.
+        shape: draws, amplitudes and frequencies.
+        samples: as for `respond`.
+        progress: as for `respond`.
+    """
+    responses = respond(solver, cycle, lanes, samples=samples, progress=progress)
+    for _ in range(_SWEEPS):
+        lost = np.isin(responses.reason, _LOST)
+        beside = _neighbours((responses.reason == Reason.SETTLED).reshape(shape))
+        retried = np.flatnonzero(lost & (beside >= 0))
+        if not retried.size:
+            break
+        source = beside[retried]
+        ratio = lanes.amplitude[retried] / lanes.amplitude[source]
+        guess = responses.x[source] * ratio.reshape(-1, *([1] * (responses.x.ndim - 1)))
+        more = respond(solver, cycle, some(lanes, retried), samples=samples, guess=guess)
+        better = more.reason == Reason.SETTLED
+        if not better.any():
+            break
+        for field in fields(PeriodicResponses):
+            getattr(responses, field.name)[retried[better]] = getattr(more, field.name)[better]
+    return responses
+
+
+def _neighbours(settled: np.ndarray) -> np.ndarray:
+    """For each lane one beside it that settled, or -1; ``(D * A * F,)``."""
+    index = np.arange(settled.size).reshape(settled.shape)
+    beside = np.full(settled.shape, -1)
+    for axis in (2, 1):  # a neighbour in amplitude overrides one in frequency
+        for shift in (-1, 1):
+            at = np.roll(index, shift, axis)
+            neighbour_settled = np.roll(settled, shift, axis)
+            edge = [slice(None)] * 3
+            edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
+            neighbour_settled[tuple(edge)] = False
+            beside = np.where(neighbour_settled, at, beside)
+    return beside.reshape(-1)

@@ -31,22 +31,32 @@ from diffthrust.describing._periodic.period import (
     held_fast,
     idle,
     in_blocks,
+    remembers,
     start_of,
 )
+from diffthrust.describing._periodic.respond import Reason, SolvedOrbits, front, merged, some
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Relaxing
 from diffthrust.simulation._integrate import integrate
 from diffthrust.simulation._trajectory import Key, rates_of
 
-MOST_PERIODS = 40
+_MOST_PERIODS = 40
 """Periods that may be integrated for one orbit, at one step length."""
-ORBIT_CLOSED = 1e-7
+_ORBIT_CLOSED = 1e-7
 """An orbit is found where Newton's next step is so short against the swing of the states."""
 _FREE = 1e-9
 """A direction in which the period map changes this little of a displacement is not held by the
 model, as the position of a vehicle that nothing pulls back."""
 _UNSTABLE = 1e-6
 """Margin by which a multiplier of the period map may exceed one: rounding, and free directions."""
+
+LANES = 512
+"""Lanes of one call."""
+COARSEST_SERIES = 1024
+"""Steps to the period at first, with an effect that has memory. A rate limit that always acts turns
+its series half a step late on the average: twice as many steps then keep it within 0.1 degree."""
+_FINEST_SERIES = 16384
+"""Steps to the period at last, with such an effect."""
 
 
 class Orbit(NamedTuple):
@@ -181,3 +191,68 @@ def unstable(orbit: Orbit) -> Bool[np.ndarray, " lanes"]:
     grows = np.zeros(slope.shape[0], bool)
     grows[fine] = np.abs(np.linalg.eigvals(slope[fine])).max(axis=1) > 1.0 + _UNSTABLE
     return grows
+
+
+class Shooting:
+    """Orbits by shooting: simulation to the periodic steady state."""
+
+    def __init__(self, model: Model, states: int) -> None:
+        self.key = Key(model)
+        self.capacity = LANES
+        # few different lengths: each is a program to compile, which takes longer than to run it
+        self.coarsest, self.finest, self.growth = (128, 8192, 4) if states else (256, 65536, 4)
+        if remembers(model):
+            self.coarsest, self.finest = COARSEST_SERIES, max(self.finest, _FINEST_SERIES)
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """The model's own initial states, ``(count, n)``."""
+        return np.asarray(starts(self.key, cycle, count, lanes))[:count]
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
+        """Newton's method on the period map; where it leads astray, one more period instead."""
+        x = np.array(x)
+        best = np.full(count, np.inf)  # how far from closed, at the last point that was kept
+        after = x[:count].copy()  # one period after that point
+        reason = np.full(count, Reason.NOT_CLOSED)
+        kept = None
+        active = np.arange(count)
+        for _ in range(_MOST_PERIODS):
+            orbit = self._run(cycle, active, lanes, x)
+            step = closing_step(orbit)
+            far = np.abs(step).max(axis=1, initial=0.0)
+            kept = merged(kept, orbit, active, count)
+            closed = far <= _ORBIT_CLOSED
+            broken = ~np.isfinite(far) & ~np.isfinite(best[active])
+            reason[active[closed]] = Reason.SETTLED
+            reason[active[broken]] = Reason.DIVERGES
+            # a Newton step that leads farther away is dropped; the period after the last good point
+            # takes its place, as waiting for the transient would
+            worse = ~(far < best[active])
+            scale = scale_of(orbit)
+            with np.errstate(invalid="ignore"):
+                onward = np.asarray(orbit.start) + scale * step
+            onward = np.where(worse[:, None], after[active], onward)
+            # after a plain period any Newton step is tried again
+            best[active] = np.where(worse, np.inf, far)
+            after[active] = np.where(worse[:, None], after[active], np.asarray(orbit.end))
+            go = ~closed & ~broken
+            active = active[go]
+            if not active.size:
+                break
+            x[active] = onward[go]
+        assert kept is not None
+        grows = unstable(kept)
+        reason = np.where((reason == Reason.SETTLED) & grows, Reason.UNSTABLE, reason)
+        return SolvedOrbits(kept.start, kept.harmonics, reason)
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
+        """One more period from where the orbits ended."""
+        now = self._run(cycle, np.arange(count), lanes, x)
+        following = np.array(x)
+        following[:count] = now.end
+        orbit = self._run(cycle, np.arange(count), lanes, following)
+        return SolvedOrbits(orbit.start, orbit.harmonics, np.full(count, Reason.SETTLED))
+
+    def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> Orbit:
+        orbits = periods(self.key, cycle, who.size, *front(lanes, x, who))
+        return some(orbits, np.arange(who.size))

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from diffthrust.describing._periodic.harmonic_balance import HarmonicBalance
 from diffthrust.describing._periodic.period import TINY, Cycle, Harmonics, Lane
 from diffthrust.describing._periodic.respond import (
     PeriodicResponses,
@@ -22,7 +23,6 @@ from diffthrust.describing._periodic.respond import (
     over,
     staged,
 )
-from diffthrust.describing._periodic.solvers import HarmonicBalance
 
 GAIN_ERROR, PHASE_ERROR = 1e-3, 0.1
 """Error of the gain (relative) and of the phase [deg] that an answer may have."""
