@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
@@ -137,23 +137,8 @@ def compare(
         >>> held_against.table().shape[0]
         2
     """
-    check_options(compare_one, options)
-    members = [listed(entry) for entry in _records(logs)]
-    fits = _for_each(fit, (Fit, Model), "fit", len(members))
-
-    def compare_member(i: int) -> Any:
-        return compare_one(fits[i], members[i], **options)
-
-    lengths = lengths_of(log for group in members for log in group)
-    named = _names(names, members)
-    return each(
-        compare_member,
-        named,
-        lengths,
-        width=width,
-        devices=devices,
-        progress=reporter(progress),
-    )
+    shared = {"width": width, "devices": devices, "progress": reporter(progress)}
+    return _of_each(compare_one, fit, (Fit, Model), "fit", logs, options, names, shared)
 
 
 @progressing
@@ -197,22 +182,21 @@ def sample(
             "file: one file cannot hold the chains of many posteriors.",
             "Leave it out, or run `diffthrust campaign --task sample`.",
         )
-    check_options(sample_one, options)
+    shared = {"width": width, "devices": devices, "progress": reporter(progress)}
+    return _of_each(sample_one, fits, (), "fits", logs, options, names, shared)
+
+
+def _of_each(
+    call: Callable[..., Any], fits: Any, kinds: Any, what: str, logs: Records,
+    options: Mapping[str, Any], names: Sequence[str] | None, shared: Mapping[str, Any],
+) -> Many:  # fmt: skip
+    """A call with the fit and the logs of each member."""
+    check_options(call, options)
     members = [listed(entry) for entry in _records(logs)]
-    each_fit = _for_each(fits, (), "fits", len(members))
-
-    def sample_member(i: int) -> Any:
-        return sample_one(each_fit[i], members[i], **options)
-
+    given = _for_each(fits, kinds, what, len(members))
     lengths = lengths_of(log for group in members for log in group)
-    named = _names(names, members)
     return each(
-        sample_member,
-        named,
-        lengths,
-        width=width,
-        devices=devices,
-        progress=reporter(progress),
+        lambda i: call(given[i], members[i], **options), _names(names, members), lengths, **shared
     )
 
 

@@ -1,15 +1,82 @@
-"""Estimates of each vehicle's parameters from its fits."""
+"""Estimates of each vehicle's parameters from its fits, and statistics of such estimates."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from diffthrust.many._fleet.axis import Axis
-from diffthrust.many._fleet.entries import Entry
-from diffthrust.many._fleet.statistics import dispersed, weighted_mean
+from diffthrust.many._fleet.entries import Axis, Entry
+
+
+class Mean(NamedTuple):
+    """A weighted mean: its standard error, and Cochran's Q with its degrees of freedom."""
+
+    value: float
+    error: float
+    q: float
+    dof: int
+
+
+def weighted_mean(values: np.ndarray, errors: np.ndarray) -> Mean:
+    """The mean weighted by 1 / error^2 (Cochran 1954).
+
+    Args:
+        values: ``(n,)``.
+        errors: their standard errors, ``(n,)``.
+    """
+    weight = 1.0 / errors**2
+    mean = float(np.sum(weight * values) / np.sum(weight))
+    q = float(np.sum(weight * (values - mean) ** 2))
+    return Mean(mean, float(1.0 / np.sqrt(np.sum(weight))), q, len(values) - 1)
+
+
+def dispersed(mean: Mean) -> float:
+    """Factor by which scatter exceeds the errors, at least one (the Birge ratio, 1932)."""
+    return math.sqrt(max(1.0, mean.q / mean.dof)) if mean.dof else 1.0
+
+
+def between(values: np.ndarray, errors: np.ndarray) -> float:
+    """Standard deviation beyond the errors; zero if they explain the scatter.
+
+    The value at which Q with the weights 1 / (error^2 + sd^2) equals its degrees of freedom (Paule
+    & Mandel 1982).
+    """
+    from scipy.optimize import brentq  # slow to import
+
+    if len(values) < 2:
+        return 0.0
+
+    def excess(variance: float) -> float:
+        mean = weighted_mean(values, np.sqrt(errors**2 + variance))
+        return mean.q - mean.dof
+
+    high = float(np.ptp(values)) ** 2
+    if excess(0.0) <= 0:
+        return 0.0
+    # The range squared nearly always exceeds the variance that is sought; doubling covers the rest.
+    while excess(high) > 0:
+        high *= 2.0
+    root: Any = brentq(excess, 0.0, high, xtol=1e-14 * high)
+    return math.sqrt(root)
+
+
+def holm(p_values: np.ndarray, level: float) -> np.ndarray:
+    """Tests that reject, with the family-wise error rate at most ``level``.
+
+    Source: Holm 1979. NaN never rejects and does not count as a test.
+    """
+    p = np.asarray(p_values, float)
+    out = np.zeros(p.shape, bool)
+    order = np.argsort(np.where(np.isnan(p), np.inf, p), kind="stable")
+    count = int(np.sum(~np.isnan(p)))
+    for rank, i in enumerate(order[:count]):
+        if p[i] > level / (count - rank):
+            break
+        out[i] = True
+    return out
 
 
 class Estimates(Protocol):

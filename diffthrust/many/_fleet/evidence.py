@@ -10,11 +10,9 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.many._fleet.axis import Axis
-from diffthrust.many._fleet.entries import Entry
-from diffthrust.many._fleet.estimates import Estimates
+from diffthrust.many._fleet.entries import Axis, Entry
+from diffthrust.many._fleet.estimates import Estimates, dispersed, weighted_mean
 from diffthrust.many._fleet.exact import Exact, Normals, expand
-from diffthrust.many._fleet.statistics import dispersed, weighted_mean
 
 
 @dataclass(frozen=True)

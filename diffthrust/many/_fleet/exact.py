@@ -13,7 +13,7 @@ import numpy as np
 from diffthrust._support._running.programs import program
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
-from diffthrust.many._fleet.axis import Axis
+from diffthrust.many._fleet.entries import Axis
 from diffthrust.uncertainty._sampling.density import DensityShape
 from diffthrust.uncertainty._sampling.nuts import Box, smooth
 from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of

@@ -10,9 +10,8 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
 from diffthrust._support.words import humanize
-from diffthrust.many._fleet.axis import Axis
-from diffthrust.many._fleet.estimates import Estimates, vehicle_means
-from diffthrust.many._fleet.statistics import between, weighted_mean
+from diffthrust.many._fleet.entries import Axis
+from diffthrust.many._fleet.estimates import Estimates, between, vehicle_means, weighted_mean
 from diffthrust.many._fleet.views import trend
 from diffthrust.uncertainty._prediction.figures import bracketed
 

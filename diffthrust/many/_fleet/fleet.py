@@ -15,8 +15,7 @@ from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
-from diffthrust.many._fleet.axis import Axis, axes_of
-from diffthrust.many._fleet.entries import ERROR, Entry, Labels, entries_of
+from diffthrust.many._fleet.entries import ERROR, Axis, Entry, Labels, axes_of, entries_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -236,7 +235,7 @@ class Fleet(Result):
             >>> pooled.table.shape[0]
             3
         """
-        from diffthrust.many._fleet.pool import pool_vehicles  # slow to import
+        from diffthrust.many._fleet.pooled import pool_vehicles  # slow to import
 
         return pool_vehicles(
             self,

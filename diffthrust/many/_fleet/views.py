@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from diffthrust.many._fleet.estimates import Estimates, vehicle_means
-from diffthrust.many._fleet.statistics import between, holm, weighted_mean
+from diffthrust.many._fleet.estimates import Estimates, between, holm, vehicle_means, weighted_mean
 
 if TYPE_CHECKING:
     import pandas as pd
