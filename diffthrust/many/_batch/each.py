@@ -137,9 +137,15 @@ def divided(
     return gathered(names, outcomes, started)
 
 
+def keyword_defaults(call: Callable[..., Any]) -> dict[str, Any]:
+    """The keyword arguments of a function, with their defaults."""
+    every = signature(call).parameters.values()
+    return {p.name: p.default for p in every if p.kind is Parameter.KEYWORD_ONLY}
+
+
 def check_options(call: Callable[..., Any], options: Iterable[str]) -> None:
     """Raise `InputError` for an unknown option, which would fail for every member."""
-    names = [n for n, p in signature(call).parameters.items() if p.kind is Parameter.KEYWORD_ONLY]
+    names = keyword_defaults(call)
     for name in options:
         if name not in names:
             raise InputError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from inspect import Parameter, signature
 from typing import Any
 
 from diffthrust._support.errors import InputError
@@ -13,15 +12,10 @@ from diffthrust.describing._describe import describing_function as describe_one
 from diffthrust.describing._describe import maps_of
 from diffthrust.describing._request import MapRequest, request
 from diffthrust.estimation._result import Fit
-from diffthrust.many._batch.each import check_options
+from diffthrust.many._batch.each import check_options, keyword_defaults
 from diffthrust.many._batch.result import Many, Outcome, gathered, named_members
 from diffthrust.models._base.model import Model
 
-DEFAULTS = {
-    name: p.default
-    for name, p in signature(describe_one).parameters.items()
-    if p.kind is Parameter.KEYWORD_ONLY and name != "progress"
-}
 _MAPS_AT_A_TIME = 16
 """Models whose maps are computed together: more would only take memory."""
 
@@ -68,7 +62,8 @@ def describing_function(
             "Write [model], or use dft.describing_function for one.",
         )
     check_options(describe_one, options)
-    wanted = {**DEFAULTS, **options}
+    wanted = {**keyword_defaults(describe_one), **options}
+    del wanted["progress"]
     started, count = time.monotonic(), len(models)
     named = named_members(names, models.names if isinstance(models, Many) else range(count))
     outcomes: list[Outcome] = [(None, None, 0.0)] * count

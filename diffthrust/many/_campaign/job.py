@@ -12,6 +12,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.many._batch.each import keyword_defaults
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec
 
@@ -21,15 +22,6 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "sample": ("method", "draws", "warmup", "walkers", "chains", "seed"),
 }
 """The tasks of a campaign, with their options."""
-
-SAMPLING = {
-    "method": "emcee",
-    "draws": 2000,
-    "warmup": 1000,
-    "walkers": None,
-    "chains": 4,
-    "seed": 0,
-}
 
 
 @dataclass(frozen=True)
@@ -76,9 +68,11 @@ def check_task(task: str, options: Mapping[str, Any]) -> None:
                 f"It takes {listing(allowed)}." if allowed else f"Leave {name} out.",
             )
     if task == "sample":
-        from diffthrust.uncertainty._sampling.sample import check_sampling
+        from diffthrust.uncertainty._sampling.sample import check_sampling, sample
 
-        check_sampling(**{**SAMPLING, **options}, file=None)
+        sampling = {**keyword_defaults(sample), **options}
+        del sampling["progress"]
+        check_sampling(**sampling)
     names = options.get("candidates")
     if names is not None and (
         isinstance(names, str) or not names or not all(isinstance(n, str) for n in names)

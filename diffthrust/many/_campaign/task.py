@@ -15,7 +15,7 @@ from diffthrust._support._running.process import ProcessDied, ProcessLate, Worke
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
 from diffthrust._support.visible import visible
-from diffthrust.many._campaign.job import SAMPLING, Job, fingerprint
+from diffthrust.many._campaign.job import Job, fingerprint
 from diffthrust.many._campaign.store import ResultRow, store
 from diffthrust.many._rows import estimates_of, fit_row
 from diffthrust.specs._scripts import as_input_error
@@ -150,8 +150,8 @@ def _sample(spec: Spec, job: Job) -> _Result:
 
     train, unseen = spec.train_logs(), spec.holdout_logs()
     fit = spec.fit(train=train, holdout=unseen)
-    options: dict[str, Any] = {**SAMPLING, **job.options}
-    posterior = sampled(sample(fit, train, **options), fit, train, unseen, seed=options["seed"])
+    drawn = sample(fit, train, **job.options)
+    posterior = sampled(drawn, fit, train, unseen, seed=job.options.get("seed", 0))
 
     def page(path: Path) -> None:
         from diffthrust.uncertainty._sampling.page import write_posterior_page
