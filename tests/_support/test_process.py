@@ -10,7 +10,15 @@ import time
 from concurrent.futures import CancelledError
 
 import pytest
-from processes import NotSent, ProcessDied, ProcessLate, ProcessNotStarted, Worker
+from processes import (
+    NotSent,
+    ProcessDied,
+    ProcessLate,
+    ProcessNotStarted,
+    Worker,
+    WorkerPool,
+    own_worker,
+)
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 OWNER = """
@@ -97,6 +105,15 @@ def test_a_process_that_cannot_start_says_how_it_ended(monkeypatch):
     process = Worker(answer, quiet=True)
     with pytest.raises(ProcessNotStarted, match=r"exit status 1, ModuleNotFoundError.*'nowhere'"):
         process.ask(0)
+
+
+def test_a_pool_whose_processes_the_system_refuses_tells_each_task(monkeypatch):
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    with WorkerPool([Worker(answer), Worker(answer)]) as pool:
+        futures = [pool.submit(lambda: own_worker().ask("echo", 1)) for _ in range(3)]
+        for future in futures:
+            with pytest.raises(OSError, match="/nowhere/python"):
+                future.result(60.0)
 
 
 def test_a_process_ends_with_its_owner():

@@ -7,12 +7,12 @@ import queue
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Hashable, Iterable, Sequence
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import Executor, Future
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from diffthrust._support._running.process import ProcessDied, Worker
+from diffthrust._support._running.process import Worker
 
 _TICK = 1.0
 """Seconds after which the caller regains control although no result has come."""
@@ -122,7 +122,7 @@ class WorkerPool(Executor):
         _own.worker, key = worker, None
         # A task is taken when the worker is ready: by then most are submitted, and the largest
         # group is known. One that does not start is asked all the same, and says why.
-        with suppress(ProcessDied, CancelledError):
+        with suppress(Exception):
             worker.start()
         while taken := self._next(key):
             key, (future, task) = taken
