@@ -12,19 +12,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from diffthrust._support._running.pool import processors
+from diffthrust._support._running.pool import as_done, processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.validation import finite, whole_number
-from diffthrust.many._campaign.executors import outcomes
+from diffthrust.many._campaign.executors import executor_for, row_of
 from diffthrust.many._campaign.job import Job, check_task, fingerprint
 from diffthrust.many._campaign.specs import PathLike, find_specs, folders
 from diffthrust.many._campaign.store import ResultRow, is_whole, stored, sweep
 from diffthrust.many._campaign.tables import TABLE, arrow_table, write_table
-from diffthrust.many._campaign.task import head
+from diffthrust.many._campaign.task import head, perform
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -219,17 +219,18 @@ def _run(
 ) -> None:
     """Do the remaining work, and write the table from time to time."""
     kept, total = len(rows), len(rows) + len(todo)
-    with closing(outcomes(executor, jobs, todo)) as outcome:
+    with executor_for(executor, jobs) as chosen, closing(as_done(chosen, perform, todo)) as each:
         started = saved = time.monotonic()
         cost = 0.0
-        for row in outcome:
-            if row is not None:
+        for done in each:
+            if done is not None:
+                row = row_of(done[1], todo[done[0]])
                 rows[row["name"]] = row
             now = time.monotonic()
             report_progress(_progress_text(rows, kept, total, now - started), len(rows) / total)
             # The whole table is written each time: with thousands of rows that takes seconds, so
             # that the pause grows with its cost.
-            if row is not None and now - saved > max(5.0, cost / _SAVING):
+            if done is not None and now - saved > max(5.0, cost / _SAVING):
                 _save(out, rows)
                 saved = time.monotonic()
                 cost = saved - now

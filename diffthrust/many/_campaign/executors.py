@@ -1,76 +1,70 @@
-"""Run tasks in processes of this machine, on a Dask cluster, or on any executor."""
+"""Where the tasks of a campaign are done: processes of this machine, Dask, or any executor."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from diffthrust._support._running.pool import WorkerPool, as_done
+from diffthrust._support._running.pool import WorkerPool
 from diffthrust._support._running.process import Worker
 from diffthrust._support.errors import InputError
 from diffthrust.many._campaign.job import Job
 from diffthrust.many._campaign.store import ResultRow
-from diffthrust.many._campaign.task import head, perform, run_job
+from diffthrust.many._campaign.task import head, run_job
 from diffthrust.specs._compile_key import compile_key
 
 _CONNECT = 5.0
 """Time within which the scheduler of a cluster must answer [s]."""
 
 
-def outcomes(
-    executor: Executor | str | None, workers: int, jobs: Sequence[Job]
-) -> Generator[ResultRow | None]:
-    """Yield the rows of tasks as they finish, and ``None`` while there is no news.
-
-    A task whose worker died also gives a row: no exception of an executor ends a campaign. Tasks
-    that have not started are cancelled when the generator is closed.
+@contextmanager
+def executor_for(asked: Executor | str | None, workers: int) -> Iterator[Executor]:
+    """An executor as it is, that of a Dask cluster, or processes of this machine.
 
     Args:
-        executor: an executor, the address of a Dask scheduler, or ``None`` for processes of this
-            machine.
-        workers: number of processes.
-        jobs: the tasks.
+        asked: an executor, the address of a Dask scheduler, or ``None``.
+        workers: number of processes of this machine; each gets specs that share compiled code.
 
     Raises:
         InputError: the cluster does not answer, or Dask is not installed.
     """
-    if isinstance(executor, Executor):
-        for done in as_done(executor, perform, jobs):
-            yield done and _row(done[1], jobs[done[0]])
+    if isinstance(asked, Executor):
+        yield asked
+    elif asked is None:
+        several = [Worker(run_job, quiet=True) for _ in range(workers)]
+        key = (lambda job: compile_key(Path(job.spec))) if workers > 1 else lambda job: ""
+        with WorkerPool(several, key) as pool:
+            yield pool
     else:
-        with _local(workers) if executor is None else _cluster(executor) as made:
-            yield from outcomes(made, workers, jobs)
+        with _client(asked) as client:
+            # Dask takes calls with equal arguments for one and returns the earlier result (pure): a
+            # campaign that retries a failed spec must run it again.
+            yield client.get_executor(pure=False)
 
 
-def _local(workers: int) -> Executor:
-    """Processes of this machine; each gets specs that share compiled code."""
-    several = [Worker(run_job, quiet=True) for _ in range(workers)]
-    return WorkerPool(several, lambda job: compile_key(Path(job.spec)) if workers > 1 else "")
+def row_of(future: Future[ResultRow], job: Job) -> ResultRow:
+    """The row of a task that is done; no exception of an executor ends a campaign.
 
-
-def _row(future: Future[ResultRow], job: Job) -> ResultRow:
+    The folder of a lost task is not touched: its worker may have finished it.
+    """
     try:
         return future.result()
     except (Exception, CancelledError) as error:
-        return _lost(job, error)
-
-
-def _lost(job: Job, error: BaseException) -> ResultRow:
-    """The row of a lost task. Its folder is not touched: its worker may have finished it."""
-    broken = isinstance(error, BrokenExecutor | CancelledError)
-    what = "The executor lost its workers" if broken else "No worker could do it"
-    detail = f": {error}" if str(error) else ""
-    return {
-        **head(job, "lost"),
-        "error": f"{what} ({type(error).__name__}{detail}).",
-        "mend": "Run the campaign again: it does the remaining specs.",
-    }
+        broken = isinstance(error, BrokenExecutor | CancelledError)
+        what = "The executor lost its workers" if broken else "No worker could do it"
+        detail = f": {error}" if str(error) else ""
+        return {
+            **head(job, "lost"),
+            "error": f"{what} ({type(error).__name__}{detail}).",
+            "mend": "Run the campaign again: it does the remaining specs.",
+        }
 
 
 @contextmanager
-def _cluster(address: str) -> Iterator[Executor]:
+def _client(address: str) -> Iterator[Any]:
     try:
         from distributed import Client
     except ImportError:
@@ -95,6 +89,4 @@ def _cluster(address: str) -> Iterator[Executor]:
                 f"Start some (dask worker {address}); of a cluster that grows when it has work, "
                 "give client.get_executor() as the executor.",
             ) from None
-        # Dask takes calls with equal arguments for one and returns the earlier result (pure): a
-        # campaign that retries a failed spec must run it again.
-        yield client.get_executor(pure=False)
+        yield client
