@@ -10,8 +10,7 @@ import numpy as np
 from diffthrust._support.figures import showing
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
-from diffthrust.describing._describe import formula_values, notes_of, periodic_values
-from diffthrust.describing._formulas import FORMULAS
+from diffthrust.describing._describe import notes_of, values_of
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._request import request
 from diffthrust.describing._values import BandValues, followed_phase
@@ -136,17 +135,8 @@ def uncertainty(
         harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
     )  # fmt: skip
     draws_by_name = {name: np.asarray(drawn.values[name]) for name in asked.model.parameters}
-    shape = len(drawn), asked.amplitudes.size, asked.frequencies.size
-    notes = list(drawn.notes)
-    if method in FORMULAS:
-        values = formula_values(asked, draws_by_name)
-        reason = np.zeros(shape, int)
-    else:
-        responses, _ = periodic_values(asked, draws_by_name)
-        settled = responses.reason == Reason.SETTLED
-        values = np.where(settled, responses.first, np.nan).reshape(shape)
-        reason = responses.reason.reshape(shape)
-        notes += notes_of(asked, drawn.fit or drawn.model, reason)
+    values, reason, *_ = values_of(asked, draws_by_name)
+    notes = (*drawn.notes, *notes_of(asked, drawn.fit or drawn.model, reason))
     share = np.mean(reason == Reason.SETTLED, axis=0)
     # the phase is unwrapped draw by draw before quantiles: across -180 degrees they would mean
     # nothing
@@ -168,7 +158,7 @@ def uncertainty(
         level=level,
         kind=drawn.kind,
         draws=values,
-        notes=tuple(notes),
+        notes=notes,
         written=drawn.fit.written if drawn.fit else {},
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -112,67 +112,74 @@ def maps_of(
         progress: called with a message and the share done.
     """
     first = asked[0]
-    values = {
+    parameters = {
         name: np.array([query.model.parameters[name].value for query in asked])
         for name in first.model.parameters
     }
-    shape = len(asked), first.amplitudes.size, first.frequencies.size
-    common: list[dict[str, Any]] = [
-        {
-            "model": query.model,
-            "method": query.method,
-            "input": query.input,
-            "output": query.output,
-            "input_unit": query.units[0],
-            "output_unit": query.units[1],
-            "bias": query.bias,
-            "amplitudes": query.amplitudes,
-            "frequencies": query.frequencies,
-            "written": source.written if isinstance(source, Fit) else {},
-        }
-        for query, source in zip(asked, models, strict=True)
-    ]
-    if first.method in FORMULAS:
-        gains = formula_values(first, values).reshape(shape)
-        reason = np.zeros(shape[1:], int)
-        return [
-            DescribingMap(complex=value, reason=reason, **shared)
-            for value, shared in zip(gains, common, strict=True)
-        ]
-    responses, error = periodic_values(first, values, progress)
+    values = values_of(first, parameters, progress)
+    maps = []
+    for i, (query, source) in enumerate(zip(asked, models, strict=True)):
+        mine = {n: None if value is None else value[i] for n, value in values._asdict().items()}
+        maps.append(
+            DescribingMap(
+                model=query.model,
+                method=query.method,
+                input=query.input,
+                output=query.output,
+                input_unit=query.units[0],
+                output_unit=query.units[1],
+                bias=query.bias,
+                amplitudes=query.amplitudes,
+                frequencies=query.frequencies,
+                harmonics=query.harmonics if query.method == "harmonic_balance" else None,
+                notes=notes_of(query, source, values.reason[i]),
+                written=source.written if isinstance(source, Fit) else {},
+                **mine,
+            )
+        )
+    return maps
+
+
+class MapValues(NamedTuple):
+    """Values by draw and point, ``(D, A, F)``; ``None`` where the method does not give them.
+
+    Those of points without an answer are NaN, but for their reason and steps.
+    """
+
+    complex: np.ndarray
+    reason: np.ndarray
+    distortion: np.ndarray | None = None
+    mean: np.ndarray | None = None
+    samples: np.ndarray | None = None
+    left_out: np.ndarray | None = None
+
+
+def values_of(
+    asked: MapRequest, parameters: Mapping[str, np.ndarray], progress: Progress | None = None
+) -> MapValues:
+    """The values of a map for parameters ``(D,)``, by the method that is asked for."""
+    if asked.method in FORMULAS:
+        spread = {name: value[:, None, None] for name, value in parameters.items()}
+        thruster = asked.model.bind(spread).quadratic_load
+        assert thruster is not None  # `check_plain` has refused other models
+        a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
+        values = quasi_linear(thruster, a, w, asked.output, paper=asked.method == "paper")
+        return MapValues(values, np.zeros(values.shape, int))
+    responses, error = periodic_values(asked, parameters, progress)
+    shape = (-1, asked.amplitudes.size, asked.frequencies.size)
     settled = responses.reason == Reason.SETTLED
 
-    def shown(values: np.ndarray) -> np.ndarray:
+    def answers(values: np.ndarray) -> np.ndarray:
         return np.where(settled, values, np.nan).reshape(shape)
 
-    first_harmonic, distortion, mean = map(
-        shown, (responses.first, responses.distortion, responses.mean)
+    return MapValues(
+        complex=answers(responses.first),
+        reason=responses.reason.reshape(shape),
+        distortion=answers(responses.distortion),
+        mean=answers(responses.mean),
+        samples=responses.samples.reshape(shape),
+        left_out=None if error is None else error.reshape(shape),
     )
-    reason, samples = responses.reason.reshape(shape), responses.samples.reshape(shape)
-    error = None if error is None else error.reshape(shape)
-    return [
-        DescribingMap(
-            complex=first_harmonic[i],
-            reason=reason[i],
-            distortion=distortion[i],
-            mean=mean[i],
-            samples=samples[i],
-            harmonics=first.harmonics if first.method == "harmonic_balance" else None,
-            left_out=None if error is None else error[i],
-            notes=notes_of(asked[i], models[i], reason[i]),
-            **common[i],
-        )
-        for i in range(len(asked))
-    ]
-
-
-def formula_values(asked: MapRequest, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The closed form by draw and point, ``(D, A, F)``, of parameters ``(D,)``."""
-    values = {name: value[:, None, None] for name, value in parameters.items()}
-    thruster = asked.model.bind(values).quadratic_load
-    assert thruster is not None  # `check_plain` has refused other models
-    a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
-    return quasi_linear(thruster, a, w, asked.output, paper=asked.method == "paper")
 
 
 def periodic_values(
