@@ -19,6 +19,7 @@ from . import models as models
 from . import papers as papers
 from . import plans as plans
 from . import saved as saved
+from . import sensors as sensors
 from . import simulation as simulation
 from . import soundness as soundness
 from . import specs as specs

@@ -7,8 +7,9 @@ from diffthrust.models._axis_vehicle import PORTS, STATES, along_axis
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._base.signals import Rate, RatesAndOutputs, Signals
 from diffthrust.models._craft.body import Body
+from diffthrust.models._craft.kinematics import Kinematics, kinematics_of
 from diffthrust.models._craft.six import Six
 
 
@@ -45,3 +46,8 @@ class Axis(Body):
         thrust = forces.surge + 0.0 * s.velocity
         port.tell(thrust=thrust)
         return along_axis(s, port, thrust, self.mass, self.drag)
+
+    def kinematics(self, s: Signals, rates: Mapping[str, Rate]) -> Kinematics:
+        """To the north."""
+        named = {"surge": s.velocity, "north": s.position}
+        return kinematics_of(Signals(named), {"surge": rates["velocity"]})

@@ -5,21 +5,21 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from diffthrust.bodies import _attitude
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._craft import attitude
 from diffthrust.models._craft.body import Body
+from diffthrust.models._craft.kinematics import QUATERNION
 from diffthrust.models._craft.six import Six, Triple, cross, lessened, scaled, summed
 
-_QUATERNION = ("qw", "qx", "qy", "qz")
 _VELOCITIES = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
 _STATES = {
     **dict.fromkeys(_VELOCITIES[:3], "m/s"),
     **dict.fromkeys(_VELOCITIES[3:], "rad/s"),
     **dict.fromkeys(("north", "east", "depth"), "m"),
-    **dict.fromkeys(_QUATERNION, ""),
+    **dict.fromkeys(QUATERNION, ""),
 }
 _D = {"bounds": (0, None), "null": 0.0}
 _PLACE = {"unit": "m", "fixed": True, "size": 0.02}
@@ -72,6 +72,7 @@ class SixDegrees(Body):
     angles: ClassVar[tuple[str, ...]] = ("roll", "heading")
     time_scales: ClassVar[tuple[float, float]] = (0.02, 20.0)
     horizon: ClassVar[float | None] = 20.0
+    quaternions: ClassVar[tuple[tuple[str, ...], ...]] = (QUATERNION,)
     start_outputs: ClassVar[tuple[str, ...]] = ("roll", "pitch", "heading")
 
     m11: float = parameter(17.0, "kg", bounds=(0, None), doc="mass in surge")
@@ -108,13 +109,13 @@ class SixDegrees(Body):
         u = port("surge_through_water", s.surge)
         v = port("sway_through_water", s.sway)
         w = port("heave_through_water", s.heave)
-        heading = _attitude.angles(self._attitude(s))[2]
+        heading = attitude.angles(self._attitude(s))[2]
         port.tell(surge_through_water=u, sway_through_water=v, heading=heading)
         return Six(u, v, w, s.roll_rate, s.pitch_rate, s.yaw_rate)
 
     @staticmethod
-    def _attitude(s: Signals) -> _attitude.Quaternion:
-        return _attitude.unit((s.qw, s.qx, s.qy, s.qz))
+    def _attitude(s: Signals) -> attitude.Quaternion:
+        return attitude.unit((s.qw, s.qx, s.qy, s.qz))
 
     def _triple(self, *names: str) -> Triple:
         x, y, z = (getattr(self, name) for name in names)
@@ -137,7 +138,7 @@ class SixDegrees(Body):
         momentum = _each(self._triple("m11", "m22", "m33"), velocity)
         spin = _each(self._triple("i44", "i55", "i66"), omega)
         q = self._attitude(s)
-        down = _attitude.down(q)
+        down = attitude.down(q)
 
         ahead = port("propulsion", forces.surge + 0.0 * s.surge)
         port.tell(propulsion=ahead)
@@ -162,14 +163,14 @@ class SixDegrees(Body):
         turning = _over(moment, self._triple("i44", "i55", "i66"))
         moving = _over(force, self._triple("m11", "m22", "m33"))
         moving = lessened(moving, cross(turning, centre))
-        over_ground = _attitude.to_world(q, (s.surge, s.sway, s.heave))
+        over_ground = attitude.to_world(q, (s.surge, s.sway, s.heave))
         rates: dict[str, Any] = dict(zip(_VELOCITIES, (*moving, *turning), strict=True))
         rates |= zip(("north", "east", "depth"), over_ground, strict=True)
         raw = (s.qw, s.qx, s.qy, s.qz)
-        rates |= zip(_QUATERNION, _attitude.rates(raw, omega), strict=True)
-        roll, pitch, heading = _attitude.angles(q)
-        measured = {name: s[name] for name in self.states if name not in _QUATERNION}
-        measured |= zip(_QUATERNION, q, strict=True)
+        rates |= zip(QUATERNION, attitude.rates(raw, omega), strict=True)
+        roll, pitch, heading = attitude.angles(q)
+        measured = {name: s[name] for name in self.states if name not in QUATERNION}
+        measured |= zip(QUATERNION, q, strict=True)
         return rates, {**measured, "roll": roll, "pitch": pitch, "heading": heading}
 
     def initial(self, s: Signals) -> Mapping[str, float]:
@@ -178,10 +179,12 @@ class SixDegrees(Body):
 
     def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
         """The quaternion of the first angles; those that no sensor reads are zero."""
+        if all(name in first for name in QUATERNION):  # of a sensor, or its own
+            return {name: first[name] for name in QUATERNION}
         if not any(name in first for name in self.start_outputs):
             return {}
-        q = _attitude.from_angles(*(first.get(name, 0.0) for name in self.start_outputs))
-        return dict(zip(_QUATERNION, q, strict=True))
+        q = attitude.from_angles(*(first.get(name, 0.0) for name in self.start_outputs))
+        return dict(zip(QUATERNION, q, strict=True))
 
 
 def _each(a: Triple, b: Triple) -> Triple:

@@ -280,15 +280,28 @@ def _from_fixes(
 ) -> tuple[Mapping[str, Column], Mapping[str, np.ndarray], tuple[str, ...]]:
     """Columns and numbers with ``north`` and ``east`` in metres, and a note if they were angles.
 
+    Those of a sensor, ``gps.north`` and ``gps.east``, as well.
+
     Raises:
         InputError: one of the two is an angle and the other is not, or the angles are no fixes.
     """
-    place = [name for name in ("north", "east") if name in columns]
+    notes: tuple[str, ...] = ()
+    for scope in dict.fromkeys(n.rpartition(".")[0] for n in columns if "." in n) | {"": None}:
+        columns, values, note = _of_receiver(f"{scope}." * bool(scope), columns, values, at)
+        notes += note
+    return columns, values, notes
+
+
+def _of_receiver(
+    scope: str, columns: Mapping[str, Column], values: Mapping[str, np.ndarray], at: PlaceOf
+) -> tuple[Mapping[str, Column], Mapping[str, np.ndarray], tuple[str, ...]]:
+    """The same of the two channels whose names begin with ``scope``."""
+    place = [name for name in (f"{scope}north", f"{scope}east") if name in columns]
     angles = [n for n in place if (u := columns[n].kept_unit) and same_quantity(u, "rad")]
     if not angles:
         return columns, values, ()
     if len(angles) < 2:
-        partner = "east" if angles == ["north"] else "north"
+        partner = f"{scope}east" if angles == [f"{scope}north"] else f"{scope}north"
         raise InputError.at(
             at(angles[0], None),
             f"{angles[0]!r} is an angle, so a latitude or longitude, and {partner!r} is none.",
@@ -298,11 +311,13 @@ def _from_fixes(
     latitude, longitude = (
         convert(written[n], columns[n].unit, "rad", where=at(n, None)) for n in angles
     )
-    metres, scales, note = positions_of_fixes(latitude, longitude, at)
+    fixes = positions_of_fixes(latitude, longitude, lambda n, i: at(scope + n, i))
+    metres, scales = ({scope + n: v for n, v in of.items()} for of in fixes[:2])
     plain = {}
     for name in angles:
         noise, unit = columns[name].noise, columns[name].unit
         if noise is not None:
             noise = scales[name] * convert_scale(noise, unit, "rad", where=at(name, None))
         plain[name] = replace(columns[name], unit="m", scale=1.0, offset=0.0, noise=noise)
+    note = fixes.note.replace("north and east", f"{scope}north and {scope}east")
     return {**columns, **plain}, {**values, **metres}, (note,)

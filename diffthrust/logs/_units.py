@@ -18,7 +18,7 @@ from diffthrust.logs._channels import CHANNELS
 # fmt: off
 _COMMON = (
     "s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "W", "N", "kN", "kgf", "lbf", "N*m",
-    "kN*m", "m", "mm", "cm", "km", "m/s", "km/h", "knot", "rad", "deg", "rad/s", "deg/s",
+    "kN*m", "m", "mm", "cm", "km", "m/s", "m/s^2", "km/h", "knot", "rad", "deg", "rad/s", "deg/s",
     "rpm", "rps", "rev", "rev/s", "rev/min", "kg", "g", "kg*m^2", "Pa", "kPa", "bar", "K",
     "degC", "percent", "dimensionless", "effort",
 )
@@ -27,7 +27,7 @@ _COMMON = (
 # Coherent SI units with special names, to write 'N' and not 'kg*m/s**2'.
 # fmt: off
 _NAMED_SI = (
-    "s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "N", "N*m", "V", "A", "W", "Pa", "K",
+    "s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "m/s^2", "N", "N*m", "V", "A", "W", "Pa", "K",
     "effort",
 )
 # fmt: on

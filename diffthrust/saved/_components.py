@@ -19,6 +19,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
 from diffthrust.models._craft.craft import Craft
+from diffthrust.sensors import SENSORS
 
 _C = TypeVar("_C", bound=Component)
 
@@ -71,7 +72,7 @@ def restore_component(
 
 def _class_of(base: type, plain: dict[str, Any], classes: Sequence[type]) -> Any:
     name, origin = plain["name"], plain["own"]
-    parts = {**BODIES, **ACTUATORS}
+    parts = {**BODIES, **ACTUATORS, **SENSORS}
     by_name: Mapping[str, Any] = (
         {**catalogue(), **MADE_EFFECTS} if base is Effect else {**MODELS, **parts, "craft": Craft}
     )

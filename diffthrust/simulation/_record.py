@@ -179,6 +179,10 @@ def _bound(model: Model, log: Log, compared: bool) -> Record:
     units = {**model.inputs, **model.optional_inputs, **model.states}
     outputs = {name: unit for name, unit in model.outputs.items() if name in log.measured}
     states = {name: unit for name, unit in model.states.items() if name in log.measured}
+    measured = {name: longer.values(name, unit) for name, unit in outputs.items()}
+    measured_states = {name: longer.values(name, unit) for name, unit in states.items()}
+    for names in model.quaternions:
+        measured, measured_states = (_unturned(v, names) for v in (measured, measured_states))
     return Record(
         log=log,
         counted=counted,
@@ -188,13 +192,26 @@ def _bound(model: Model, log: Log, compared: bool) -> Record:
         even=longer.even,
         inputs={name: longer.values(name, units.get(name, "")) for name in log.inputs},
         hold=dict(log.hold),
-        measured={name: longer.values(name, unit) for name, unit in outputs.items()},
-        measured_states={name: longer.values(name, unit) for name, unit in states.items()},
+        measured=measured,
+        measured_states=measured_states,
         recorded={name: log.values(name, unit) for name, unit in {**outputs, **states}.items()},
         noise={name: log.noise_in(name, unit) for name, unit in outputs.items()},
         start=_measured_start(model, log, states, outputs),
         rails=_rails(log, original, model.outputs) if compared else {},
     )
+
+
+def _unturned(series: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Series whose quaternion goes on as it began: a log may turn all its signs at any sample."""
+    parts = [name for name in names if name in series]
+    if not parts:
+        return series
+    rows = np.stack([series[name] for name in parts])
+    valid = np.flatnonzero(np.isfinite(rows).all(axis=0))
+    turned = np.sum(rows[:, valid[1:]] * rows[:, valid[:-1]], axis=0) < 0
+    signs = np.ones(rows.shape[1])
+    signs[valid[1:]] = 1.0 - 2.0 * (np.cumsum(turned) % 2)
+    return {**series, **{name: signs * series[name] for name in parts}}
 
 
 def _inputs_read(model: Model, inputs: Collection[str], where: str) -> tuple[str, ...]:
@@ -298,7 +315,7 @@ def _measured_start(
             if valid.size and valid[0] < max(_EARLY, np.median(np.diff(valid, prepend=-1))):
                 first[name] = float(values[valid[0]])
     measured = {name: value for name, value in first.items() if name in states}
-    return {**model.start_from(first), **measured}
+    return {**measured, **model.start_from(first)}
 
 
 def _rails(log: Log, original: np.ndarray, units: Mapping[str, str]) -> dict[str, RailSamples]:

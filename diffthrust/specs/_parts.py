@@ -69,6 +69,10 @@ def _as_time(value: Any) -> Any:
     return _as_column(value)
 
 
+def _as_sensor(value: Any) -> Any:
+    return {"model": value} if isinstance(value, str) else value
+
+
 def _as_value(value: Any) -> Any:
     return {"value": value} if isinstance(value, int | float | str) else value
 
@@ -266,6 +270,17 @@ class ThrustersPart(_Part):
         return _as_thrusters(value)
 
 
+class SensorPart(_Part):
+    """``[sensors]``: ``gps = "gnss"``, or a table with its place."""
+
+    model: str
+    """What it is: "gnss", "dvl", "imu", "pressure", "attitude"."""
+    at: Annotated[list[float], Field(min_length=3, max_length=3)] = [0.0, 0.0, 0.0]
+    """Where it sits: forward, to starboard, down [m]."""
+    frame: str = ""
+    """The axes of its readings: "FRD" or "FLU", of an attitude "NED" or "ENU"."""
+
+
 class PriorPart(_Part):
     """A Gaussian prior."""
 
@@ -368,6 +383,8 @@ class SpecFile(_Part):
     """Of a craft: the name of its body, as "planar"."""
     thrusters: ThrustersPart | None = None
     """Of a craft: its thrusters and their places."""
+    sensors: dict[str, Annotated[SensorPart, BeforeValidator(_as_sensor)]] = {}
+    """Of a craft: its sensors and their places."""
     logs: LogsPart
     """Which files, and how they are read."""
     channels: Annotated[

@@ -39,6 +39,7 @@ from diffthrust.specs._scripts import (
     model_with,
     script_file,
 )
+from diffthrust.specs._sensors import with_sensor
 from diffthrust.specs._thrusters import channels_of, craft_of
 
 if TYPE_CHECKING:
@@ -365,6 +366,7 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
     try:
         options = dict(file.options)
         if file.model == Craft.name and file.thrusters is not None:
+            loc = ("thrusters",)
             model = craft_of(file.body, file.thrusters)
         else:
             check_place(file.model, path.parent, trust)
@@ -374,6 +376,9 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
             if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
                 options.setdefault("drive", "twin")
             model = model_with(cls, options)
+        for name, part in file.sensors.items():
+            loc = ("sensors", name)
+            model = with_sensor(model, name, part)
         if "command" not in options:
             for name in (name for name in model.commanded if name in file.channels):
                 loc = ("channels", name, "unit")

@@ -31,7 +31,7 @@ from diffthrust._support.results import Brief  # noqa: E402
 
 AREAS = {
     "logs": ("Logs", ("logs", "survey", "soundness", "datasets")),
-    "models": ("Models and parameters", ("models", "bodies", "actuators", "layouts")),
+    "models": ("Models and parameters", ("models", "bodies", "actuators", "sensors", "layouts")),
     "effects": ("Effects", ("effects",)),
     "simulation": ("Simulation", ("simulation",)),
     "estimation": ("Estimation", ("estimation", "saved", "specs")),
@@ -56,6 +56,7 @@ FOLDER_TITLES = {
     "blackbox": "Linear models without physics",
     "bodies": "Bodies of crafts",
     "actuators": "What pushes a craft",
+    "sensors": "What a craft measures with",
     "layouts": "Ready layouts of crafts",
     "experiments": "Tests that separate rivals",
     "plans": "Plans for a rig",

@@ -29,7 +29,12 @@ CRAFTS = {
     + ("port", "command_delay")
     + ("starboard", "inflow_thrust_loss")
     + "quadratic_surge_drag",
-    "six degrees": dft.layouts.BLUEROV2_HEAVY.craft(),
+    "six degrees": dft.layouts.BLUEROV2_HEAVY.craft().with_sensors(
+        gps=dft.sensors.GNSS().at((0.3, 0.1, -0.2)),
+        imu=dft.sensors.IMU(frame="FLU").at((0.1, 0, 0)),
+        ros=dft.sensors.Attitude(frame="ENU"),
+        bar=dft.sensors.Pressure(),
+    ),
 }
 
 

@@ -156,7 +156,43 @@ def simulate(
         for i in range(len(actuator.start)):
             out[f"({k}, {i})"] = states[:, at + i]
         at += len(actuator.start)
+    inputs = [[series[k] for _, series in flat] for k in range(len(time))]
+    slopes = [rates(t, x, u, 1) for t, x, u in zip(time, states, inputs, strict=True)]
+    out |= {f"{name}'": np.array(slopes)[:, k] for k, name in enumerate(AXES)}
     return out
+
+
+# -- sensors, with rotation matrices, from a run ---------------------------------------------------
+
+
+def _moved(run: Mapping[str, Array], place: Sequence[float]) -> tuple[Array, ...]:
+    """Rotation matrix, velocity of the place and angular velocity at each sample."""
+    angles = zip(run["roll"], run["pitch"], run["heading"], strict=True)
+    rotation = np.array([rotation_of(*each) for each in angles])
+    v = np.stack([run[name] for name in AXES], axis=1)
+    return rotation, v[:, :3] + np.cross(v[:, 3:], place), v[:, 3:]
+
+
+def dvl(run: Mapping[str, Array], place: Sequence[float]) -> Array:
+    """The velocity of a place along forward, starboard, down, ``(n, 3)``."""
+    return _moved(run, place)[1]
+
+
+def accelerometer(run: Mapping[str, Array], place: Sequence[float]) -> Array:
+    """The specific force at a place: dv/dt + w x v + dw/dt x r + w x (w x r) - R' g."""
+    rotation, _, w = _moved(run, place)
+    a = np.stack([run[f"{name}'"] for name in AXES], axis=1)
+    v = np.stack([run[name] for name in AXES[:3]], axis=1)
+    inertial = a[:, :3] + np.cross(w, v) + np.cross(a[:, 3:], place)
+    inertial = inertial + np.cross(w, np.cross(w, place))
+    return inertial - np.einsum("nji,j->ni", rotation, [0.0, 0.0, 9.80665])
+
+
+def antenna(run: Mapping[str, Array], place: Sequence[float]) -> tuple[Array, Array]:
+    """Position and velocity of a place to the north, to the east and down, ``(n, 3)`` each."""
+    rotation, v, _ = _moved(run, place)
+    origin = np.stack([run[name] for name in ("north", "east", "depth")], axis=1)
+    return origin + rotation @ np.array(place), np.einsum("nij,nj->ni", rotation, v)
 
 
 def rotation_of(roll: float, pitch: float, heading: float) -> Array:

@@ -67,6 +67,10 @@ class Model(Component):
     start_outputs: tuple[str, ...] = ()
     """Outputs from whose first measurements states follow; see `start_from`."""
 
+    quaternions: tuple[tuple[str, ...], ...] = ()
+    """Outputs that are unit quaternions, by their four names: with all signs turned they mean the
+    same, and logs turn them as they like."""
+
     command: str = ""
     effects: tuple[Effect, ...] = ()
 

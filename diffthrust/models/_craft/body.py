@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Ports
-from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
+from diffthrust.models._base.signals import Rate, RatesAndOutputs, Signal, Signals
+from diffthrust.models._craft.kinematics import Kinematics, kinematics_of
 from diffthrust.models._craft.six import Six
 
 
@@ -47,6 +49,7 @@ class Body(Component):
     time_scales: ClassVar[tuple[float, float]] = (0.05, 40.0)
     horizon: ClassVar[float | None] = None
     start_outputs: ClassVar[tuple[str, ...]] = ()
+    quaternions: ClassVar[tuple[tuple[str, ...], ...]] = ()
 
     def motion(self, s: Signals, port: Ports) -> Six:
         """The velocities through the water, along and about the body's axes.
@@ -76,6 +79,22 @@ class Body(Component):
         """
         raise self._lacks("equations(self, s, port, water, forces): return {...}, {...}")
 
+    def kinematics(self, s: Signals, rates: Mapping[str, Rate]) -> Kinematics:
+        """How it moves over ground, for the sensors on it: by states of the usual names.
+
+        A body whose states have others must define it.
+
+        Args:
+            s: the signals.
+            rates: of its states.
+
+        Example:
+            >>> s = dft.models.Signals({"velocity": 0.5, "position": 2.0})
+            >>> dft.bodies.Axis().kinematics(s, {"velocity": 0.1}).velocity.surge
+            0.5
+        """
+        return kinematics_of(s, rates)
+
     def initial(self, s: Signals) -> Mapping[str, Signal | float]:
         """Initial states where nothing gives them, as `Model.initial`.
 
@@ -88,11 +107,18 @@ class Body(Component):
     def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
         """States at the start that follow from first measurements of outputs; see `Model`.
 
+        Where a sensor on the craft tells the attitude, its quaternion is among them.
+
         Example:
-            >>> dft.bodies.Planar().start_from({"heading": 0.3})
-            {}
+            >>> dft.bodies.Planar().start_from({"qw": 0.0, "qx": 0.0, "qy": 0.0, "qz": -1.0})
+            {'heading': -3.141592653589793}
         """
-        return {}
+        if "qw" not in first or "heading" not in self.states:
+            return {}
+        heading = 2.0 * math.atan2(first["qz"], first["qw"])
+        # one of the headings that are two turns apart, which have this quaternion and not -1 times
+        measured = first.get("heading", heading)
+        return {"heading": measured + 2.0 * math.pi * round((heading - measured) / (2.0 * math.pi))}
 
     def _lacks(self, line: str) -> InputError:
         return InputError(f"Body '{self.name}' has no equations.", f"Define def {line}.")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.body import Body
+from diffthrust.models._craft.sensor import Sensor
 
 
 def groups_of(
@@ -48,17 +50,41 @@ def check_body(body: object) -> None:
     )
 
 
-def check_actuator(name: str, mounted: object, body: Body) -> None:
-    """Raise `InputError` for what is no actuator at its place, or has a name of the body's."""
+def sorted_parts(
+    parts: Mapping[str, Any], body: Body
+) -> tuple[dict[str, Mounted[Model]], dict[str, Mounted[Sensor]]]:
+    """Actuators and sensors at their places, by name; a sensor alone is at the origin.
+
+    Raises:
+        InputError: something else, a name of the body's, or a body whose motion no sensor reads.
+    """
+    mounts = {
+        name: Mounted(part, (0.0, 0.0, 0.0)) if isinstance(part, Sensor) else part
+        for name, part in parts.items()
+    }
+    for name, mounted in mounts.items():
+        _check_part(name, mounted, body)
+    sensors = {n: m for n, m in mounts.items() if isinstance(m.model, Sensor)}
+    usual = {"surge", "sway", "heave"} & {*body.states}
+    if sensors and not usual and type(body).kinematics is Body.kinematics:
+        raise InputError(
+            f"Craft: {listing(sensors)} would read nothing of the body '{body.name}', whose "
+            f"states are {listing(body.states)}; expected surge, sway or heave among them.",
+            "Define def kinematics(self, s, rates): return dft.sensors.Kinematics(...) in it.",
+        )
+    return {n: m for n, m in mounts.items() if n not in sensors}, sensors
+
+
+def _check_part(name: str, mounted: object, body: Body) -> None:
     if not isinstance(mounted, Mounted):
         raise InputError(
-            f"Craft, {name}: expected an actuator at its place, found {mounted!r:.60}.",
-            f"Write {name}=dft.Thruster().at((x, y, z)); numbers of the body are given with the "
-            "body: dft.bodies.Planar(m11=36.0).",
+            f"Craft, {name}: expected an actuator or a sensor at its place, found {mounted!r:.60}.",
+            f"Write {name}=dft.Thruster().at((x, y, z)) or {name}=dft.sensors.GNSS().at((x, y, "
+            "z)); numbers of the body are given with the body: dft.bodies.Planar(m11=36.0).",
         )
     taken = {*body.states, *body.outputs, *body.ports, *body.declared, "body", "share", "command"}
     if name in taken or name.startswith("_"):
         raise InputError(
-            f"Craft: an actuator cannot be called '{name}', which the body has already.",
-            "Call it by its place: port, starboard, bow, t1.",
+            f"Craft: a part cannot be called '{name}', which the body has already.",
+            "Call it by its place: port, starboard, bow, t1; or by what it is: gps, dvl, imu.",
         )

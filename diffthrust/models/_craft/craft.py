@@ -21,10 +21,12 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 from diffthrust.models._craft.body import Body
-from diffthrust.models._craft.checks import check_actuator, check_body, groups_of
+from diffthrust.models._craft.checks import check_body, groups_of, sorted_parts
+from diffthrust.models._craft.kinematics import QUATERNION, Kinematics
 from diffthrust.models._craft.merged import FORCE, merged_channels
 from diffthrust.models._craft.placed import Placed
 from diffthrust.models._craft.scope import PortsUnder, lifted, signals_under
+from diffthrust.models._craft.sensor import Sensor
 from diffthrust.models._craft.six import Six, Triple, cross, dot, lessened, scaled, times
 
 if TYPE_CHECKING:
@@ -44,7 +46,8 @@ class Craft(Model):
     parameters ``port.gain``; its place ``port.x``, ``port.y``, ``port.z`` [m] is held, and may be
     freed. Several that share their numbers have those of the first, and ``strength`` of each, its
     force beside theirs, held at 1. The speed of the water past an actuator is known from the motion
-    of the body: effects that read ``inflow`` need no measurement of it.
+    of the body: effects that read ``inflow`` need no measurement of it. So it is with sensors:
+    ``gps.north`` is a reading of ``gps``, ``gps.x`` its place.
 
     Effects are added to the body (``craft + "wind"``), to one actuator (``craft + ("port",
     "command_delay")``, or ``craft + "port.command_delay"``), or to all that share their numbers
@@ -61,11 +64,12 @@ class Craft(Model):
         body: what moves: one of ``dft.bodies``.
         share: groups of actuators, each with one set of numbers.
         command: the unit of the commands, where all actuators have a choice; as they have it else.
-        **actuators: each a model at its place: ``dft.Thruster().at((-0.3, 0.2, 0))``.
+        **parts: actuators, each a model at its place: ``dft.Thruster().at((-0.3, 0.2, 0))``, and
+            sensors: one of ``dft.sensors``, at the origin or at its place.
 
     Raises:
-        InputError: something else than a body or an actuator at its place, a name that is taken, or
-            a group of different models.
+        InputError: something else than a body, or an actuator or sensor at its place, a name that
+            is taken, or a group of different models.
 
     Example:
         >>> thruster = dft.SpeedLoopThruster()
@@ -86,6 +90,7 @@ class Craft(Model):
 
     body: Body
     actuators: Mapping[str, Mounted[Model]]
+    sensors: Mapping[str, Mounted[Sensor]]
     share: tuple[tuple[str, ...], ...]
     inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
     optional_inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -102,16 +107,15 @@ class Craft(Model):
         *,
         share: Sequence[Sequence[str]] = (),
         command: str = "",
-        **actuators: Mounted[Any],
+        **parts: Mounted[Any] | Sensor,
     ) -> None:
         check_body(body)
-        for name, mounted in actuators.items():
-            check_actuator(name, mounted, body)
+        actuators, sensors = sorted_parts(parts, body)
         bare = {n: replace(m, model=_without_effects(m.model)) for n, m in actuators.items()}
         groups = groups_of(bare, share)
-        self._set(body=body, actuators=bare, share=groups)
-        models = {name: mounted.model for name, mounted in bare.items()}
-        self._set(**merged_channels(body, models), declared=self._declared(), effects=())
+        self._set(body=body, actuators=bare, sensors=sensors, share=groups)
+        models, units = ({n: m.model for n, m in mounts.items()} for mounts in (bare, sensors))
+        self._set(**merged_channels(body, models, units), declared=self._declared(), effects=())
         units = {m.model.command for m in bare.values() if m.model.commands}
         super().__init__(command=command or (*units, "")[0] if self.commands else "")
         effects = [
@@ -136,12 +140,14 @@ class Craft(Model):
                 named[f"{name}.strength"] = Parameter(
                     1.0, bounds=(None, None), fixed=True, size=1.0, doc="force beside its like"
                 )
-            for axis, value in zip(_GEOMETRY, mounted.place, strict=True):
-                named[f"{name}.{axis}"] = Parameter(value, "m", fixed=True, size=0.3, doc="place")
+            named |= _place_of(name, mounted.place)
             if mounted.reaction is not None:
                 named[f"{name}.reaction"] = Parameter(
                     mounted.reaction, "m", fixed=True, size=0.02, doc="torque per thrust"
                 )
+        for name, sensor in self.sensors.items():
+            named |= {f"{name}.{k}": p for k, p in sensor.model._parameters.items()}
+            named |= _place_of(name, sensor.place) if sensor.model.placed else {}
         return named
 
     def _group_of(self, name: str) -> tuple[str, ...]:
@@ -192,6 +198,37 @@ class Craft(Model):
                 "Correct the name.",
             )
 
+    def with_sensors(self, **sensors: Mounted[Any] | Sensor) -> Self:
+        """The craft with more sensors, or with others in the place of those of the same names.
+
+        Args:
+            **sensors: each of ``dft.sensors``, at the origin or at its place.
+
+        Raises:
+            InputError: no sensor, or a name that is taken.
+
+        Example:
+            >>> rov = dft.layouts.BLUEROV2.craft().with_sensors(dvl=dft.sensors.DVL(frame="FLU"))
+            >>> list(rov.outputs)[-3:]
+            ['dvl.surge', 'dvl.sway', 'dvl.heave']
+        """
+        mounts = {**self.sensors, **sensors}
+        for name in sensors:
+            if name in self.actuators:
+                raise InputError(
+                    f"Craft: the sensor '{name}' has the name of an actuator.", "Rename it."
+                )
+        made = type(self)(
+            self.body, share=self.share, command=self.command, **self.actuators, **mounts
+        )
+        present = self._parameters
+        own = {n: p.with_value(getattr(self, n)) for n, p in present.items()}
+        kept = {
+            n: own[n] for n in made._parameters if n in own and n.partition(".")[0] not in sensors
+        }
+        values = {n: p.value for n, p in kept.items()}
+        return made._copy(_parameters={**made._parameters, **kept}, effects=self.effects, **values)
+
     def commanded_in(self, unit: str) -> Self:
         """The craft with all commands in another unit; see `Model.commanded_in`."""
         converted = super().commanded_in(unit)
@@ -236,7 +273,22 @@ class Craft(Model):
             rates |= {f"{name}.{k}": v for k, v in part_rates.items()}
             outputs |= {f"{name}.{k}": v for k, v in part_outputs.items()}
         body_rates, body_outputs = body.equations(s, port, water, forces)
+        if self.sensors:
+            outputs |= self._readings(body.kinematics(s, body_rates))
         return {**body_rates, **rates}, {**body_outputs, **outputs}
+
+    def _readings(self, moving: Kinematics) -> dict[str, Signal]:
+        """What the sensors read while the craft moves so."""
+        readings = {}
+        for name, mounted in self.sensors.items():
+            values = {k: getattr(self, f"{name}.{k}") for k in mounted.model._parameters}
+            at_place = moving
+            if mounted.model.placed:
+                x, y, z = (getattr(self, f"{name}.{axis}") for axis in _GEOMETRY)
+                at_place = moving.at((x, y, z))
+            read = mounted.model._bound(values).read(at_place)
+            readings |= {f"{name}.{k}": v for k, v in read.items()}
+        return readings
 
     def _bound_part(self, name: str) -> Model:
         """The model of an actuator that reads the craft's (possibly traced) values."""
@@ -268,7 +320,15 @@ class Craft(Model):
         return begin
 
     def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
-        """States at the start that follow from measured outputs: as the body says."""
+        """States at the start that follow from measured outputs: as the body says.
+
+        It is told the attitude that the first readings of a sensor give.
+        """
+        for name, mounted in self.sensors.items():
+            prefix = f"{name}."
+            short = {n.removeprefix(prefix): v for n, v in first.items() if n.startswith(prefix)}
+            if (q := mounted.model.attitude_from(short)) is not None:
+                first = {**dict(zip(QUATERNION, q, strict=True)), **first}
         return self.body.start_from(first)
 
     # -- effects -----------------------------------------------------------------------------------
@@ -435,14 +495,16 @@ class Craft(Model):
             (name, m.model.structure, m.pointing, m.reaction is None)
             for name, m in self.actuators.items()
         )
-        return (*super().structure, self.body.structure, tuple(parts), self.share)
+        sensors = ((name, m.model.structure) for name, m in self.sensors.items())
+        shape = (self.body.structure, tuple(parts), tuple(sensors), self.share)
+        return (*super().structure, *shape)
 
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments that it was made with, as data; body and models stand in ``as_plain``."""
         mounts = {
             name: {"place": m.place, "pointing": m.pointing, "reaction": m.reaction}
-            for name, m in self.actuators.items()
+            for name, m in {**self.actuators, **self.sensors}.items()
         }
         return {"share": self.share, "command": self.command, "mounts": mounts}
 
@@ -453,13 +515,14 @@ class Craft(Model):
 
     @property
     def parts(self) -> dict[str, Component]:
-        """Body and actuators by name.
+        """Body, actuators and sensors by name.
 
         Example:
             >>> list(dft.Craft(dft.bodies.Axis(), aft=dft.Thruster().at((-1, 0, 0))).parts)
             ['body', 'aft']
         """
-        return {"body": self.body, **{name: m.model for name, m in self.actuators.items()}}
+        mounts = {**self.actuators, **self.sensors}
+        return {"body": self.body, **{name: m.model for name, m in mounts.items()}}
 
     @classmethod
     def made_of(cls, arguments: Mapping[str, Any], parts: Mapping[str, Any]) -> Self:
@@ -476,13 +539,17 @@ class Craft(Model):
             more = "" if m.pointing == (1.0, 0.0, 0.0) else f", pointing={m.pointing}"
             more += "" if m.reaction is None else f", reaction={m.reaction}"
             lines.append(f"{name}={written(m.model)}.at({m.place}{more})")
+        for name, m in self.sensors.items():
+            place = f".at({m.place})" if any(m.place) else ""
+            lines.append(f"{name}={written(m.model)}{place}")
         if self.share:
             lines.append(f"share={[*self.share]}")
         inner = "".join(f"\n    {line}," for line in lines)
         return f"{'' if self.own else 'dft.'}{type(self).__name__}({inner}\n)"
 
     def __repr__(self) -> str:
-        parts = ", ".join(f"{n}={type(m.model).__name__}" for n, m in self.actuators.items())
+        mounts = {**self.actuators, **self.sensors}
+        parts = ", ".join(f"{n}={type(m.model).__name__}" for n, m in mounts.items())
         described = f"Craft({type(self.body).__name__}" + (f", {parts})" if parts else ")")
         return " + ".join([described, *(repr(effect) for effect in self.effects)])
 
@@ -490,6 +557,14 @@ class Craft(Model):
 def _signals(model: Model) -> frozenset[str]:
     """Names that belong to an actuator: its channels, states and ports."""
     return frozenset({*model.channel_units, *model.states, *model.ports, "force", *TOLD})
+
+
+def _place_of(name: str, place: Triple) -> dict[str, Parameter]:
+    """The place of a part, held."""
+    return {
+        f"{name}.{axis}": Parameter(value, "m", fixed=True, size=0.3, doc="place")
+        for axis, value in zip(_GEOMETRY, place, strict=True)
+    }
 
 
 def _past(s: Signals, velocity: Triple, pointing: Triple) -> Signals:

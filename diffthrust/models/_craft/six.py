@@ -107,6 +107,21 @@ def scaled(factor: Any, a: Triple) -> Triple:
     return x, y, z
 
 
+def in_frame(frame: str, a: Triple) -> Triple:
+    """A vector along forward, starboard, down in the axes of a sensor.
+
+    Args:
+        frame: "FRD", or "FLU" for forward, port, up.
+        a: the vector.
+
+    Example:
+        >>> in_frame("FLU", (1.0, 2.0, 3.0))
+        (1.0, -2.0, -3.0)
+    """
+    x, y, z = a
+    return (x, -y, -z) if frame == "FLU" else a
+
+
 # Python's own numbers only: a traced zero is not known to be one. XLA keeps x * 0.0, which is NaN
 # for an infinite x, so these products would cost in every step of a simulation.
 def _is_zero(value: Any) -> bool:

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 import diffthrust as dft
 from diffthrust.bodies import Axis, FourDegrees, Heave, Planar, Six, SixDegrees
-from diffthrust.bodies import _attitude as attitude  # private: the frames alone
 from diffthrust.models import Ports, Signals
+from diffthrust.models._craft import attitude  # private: the frames alone
 
 BODIES = (Axis, Heave, Planar, FourDegrees, SixDegrees)
 VELOCITIES = {

@@ -28,6 +28,24 @@ def from_angles(roll: float, pitch: float, heading: float) -> tuple[float, float
     )
 
 
+def product(p: Quaternion, q: Quaternion) -> Quaternion:
+    """The turn by the second, then by the first; Fossen 2021, section 2.2."""
+    a, (b, c, d) = p[0], p[1:]
+    w, (x, y, z) = q[0], q[1:]
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )
+
+
+def inverse(q: Quaternion) -> Quaternion:
+    """The turn back, of a unit quaternion."""
+    w, x, y, z = q
+    return w, -x, -y, -z
+
+
 def unit(q: Quaternion) -> Quaternion:
     """The same attitude with a quaternion of length one."""
     w, x, y, z = q

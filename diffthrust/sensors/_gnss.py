@@ -1,0 +1,44 @@
+"""Positions and velocities of an antenna over ground."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.signals import Signal
+from diffthrust.models._craft.kinematics import Kinematics
+from diffthrust.models._craft.sensor import Sensor
+
+
+@registered
+class GNSS(Sensor):
+    """A receiver of satellites, or what else fixes a place of the craft: a beacon, a camera.
+
+    ``north``, ``east`` and ``down`` [m] are where its antenna is, ``velocity_north``,
+    ``velocity_east`` and ``velocity_down`` [m/s] how it moves, and ``speed`` [m/s] is its speed
+    over ground without direction. A latitude named ``gps.north`` and a longitude named
+    ``gps.east``, in deg, become metres from the first fix of the log. The place of the antenna is
+    held; logs that turn tell it: ``craft.free("gps.x", "gps.y")``.
+    Source: Fossen 2021, section 13.1 (sensors), 2.2 (a vector of the body in axes of the world).
+
+    Example:
+        >>> boat = dft.Craft(dft.bodies.Planar(), gps=dft.sensors.GNSS().at((0.4, 0, -1)))
+        >>> out = dft.simulate(boat, dft.Log(np.array([0.0, 0.1]), {}), initial={"yaw_rate": 0.5})
+        >>> round(float(out["gps.north"][0]), 3), round(float(out["gps.velocity_east"][0]), 3)
+        (0.4, 0.2)
+    """
+
+    name = "gnss"
+    outputs: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("north", "east", "down"), "m"),
+        **dict.fromkeys(("velocity_north", "velocity_east", "velocity_down", "speed"), "m/s"),
+    }
+
+    def read(self, moving: Kinematics) -> Mapping[str, Signal]:
+        """Place and motion of the antenna."""
+        velocity = moving.to_world(moving.velocity.linear)
+        north, east, _ = velocity
+        # the root has no derivative at rest: a micrometre per second stands in for it
+        speed = jnp.sqrt(north * north + east * east + 1e-12)
+        return dict(zip(self.outputs, (*moving.position, *velocity, speed), strict=True))
