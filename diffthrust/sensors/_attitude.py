@@ -1,7 +1,9 @@
 """Attitude as a quaternion, or as angles."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.signals import Signal
@@ -63,7 +65,15 @@ class Attitude(Sensor):
         angles = zip(("roll", "pitch", "yaw"), attitude.angles(q), strict=True)
         return dict(zip(QUATERNION, q, strict=True)) | dict(angles)
 
-    def attitude_from(self, first: Mapping[str, float]) -> Quaternion | None:
+    def as_of_body(self, readings: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Roll, pitch and heading."""
+        q = self.attitude_from(readings)
+        if q is None:
+            return {}
+        angles = zip(("roll", "pitch", "heading"), attitude.angles(attitude.unit(q)), strict=True)
+        return {name: np.asarray(angle) for name, angle in angles}
+
+    def attitude_from(self, first: Mapping[str, Any]) -> Quaternion | None:
         """By the quaternion, or by the angles that are read; others are zero."""
         if all(name in first for name in QUATERNION):
             w, x, y, z = (first[name] for name in QUATERNION)

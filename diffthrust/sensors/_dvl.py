@@ -1,7 +1,7 @@
 """Velocities over ground at a place of the craft."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.signals import Signal
@@ -30,3 +30,8 @@ class DVL(Sensor):
     def read(self, moving: Kinematics) -> Mapping[str, Signal]:
         """The velocity of its place."""
         return dict(zip(self.outputs, in_frame(self.frame, moving.velocity.linear), strict=True))
+
+    def as_of_body(self, readings: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Forward, to starboard, down."""
+        signs = zip(self.outputs, in_frame(self.frame, (1.0, 1.0, 1.0)), strict=True)
+        return {name: sign * readings[name] for name, sign in signs if name in readings}

@@ -1,7 +1,7 @@
 """Positions and velocities of an antenna over ground."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
@@ -9,6 +9,7 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.signals import Signal
 from diffthrust.models._craft.kinematics import Kinematics
 from diffthrust.models._craft.sensor import Sensor
+from diffthrust.models._craft.six import dot, minus, times
 
 
 @registered
@@ -37,8 +38,15 @@ class GNSS(Sensor):
 
     def read(self, moving: Kinematics) -> Mapping[str, Signal]:
         """Place and motion of the antenna."""
-        velocity = moving.to_world(moving.velocity.linear)
-        north, east, _ = velocity
-        # the root has no derivative at rest: a micrometre per second stands in for it
-        speed = jnp.sqrt(north * north + east * east + 1e-12)
-        return dict(zip(self.outputs, (*moving.position, *velocity, speed), strict=True))
+        velocity = moving.velocity.linear
+        # not by north and east: a speed would seem to tell the heading, which no error then moves.
+        # The root has no derivative at rest: a micrometre per second stands in for it.
+        diving = dot(moving.down, velocity)
+        speed = jnp.sqrt(minus(dot(velocity, velocity), times(diving, diving)) + 1e-12)
+        readings = (*moving.position, *moving.to_world(velocity), speed)
+        return dict(zip(self.outputs, readings, strict=True))
+
+    def as_of_body(self, readings: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The position."""
+        names = {"north": "north", "east": "east", "down": "depth"}
+        return {names[name]: readings[name] for name in names if name in readings}

@@ -1,7 +1,7 @@
 """Rates of turn and specific force at a place of the craft."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.signals import Signal
@@ -42,3 +42,8 @@ class IMU(Sensor):
         both = (moving.velocity.angular, moving.specific_force)
         readings = (each for triple in both for each in in_frame(self.frame, triple))
         return dict(zip(self.outputs, readings, strict=True))
+
+    def as_of_body(self, readings: Mapping[str, Any]) -> Mapping[str, Any]:
+        """About and along forward, starboard, down."""
+        signs = zip(self.outputs, 2 * in_frame(self.frame, (1.0, 1.0, 1.0)), strict=True)
+        return {name: sign * readings[name] for name, sign in signs if name in readings}

@@ -1,7 +1,7 @@
 """Depth by the pressure of the water."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.parameter import parameter
@@ -36,3 +36,9 @@ class Pressure(Sensor):
         """Hydrostatic."""
         down = moving.position[2]
         return {"pressure": self.tare + self.density * GRAVITY * down, "depth": down}
+
+    def as_of_body(self, readings: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The depth."""
+        if "pressure" in readings:
+            return {"depth": (readings["pressure"] - self.tare) / (self.density * GRAVITY)}
+        return {"depth": readings["depth"]} if "depth" in readings else {}

@@ -11,6 +11,7 @@ from diffthrust.logs._log import Log
 DOUBT_KINDS = (
     "sign",
     "exchanged",
+    "frame",
     "unit",
     "time_base",
     "lag",

@@ -11,6 +11,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.soundness._clock import misclocked
 from diffthrust.soundness._companions import unlike
 from diffthrust.soundness._doubt import Doubt, Reading
+from diffthrust.soundness._frames import misframed
 from diffthrust.soundness._lag import lagging
 from diffthrust.soundness._load import misloaded
 from diffthrust.soundness._merged import Found, merged
@@ -56,7 +57,7 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         suspected, r = [*misclocked(log, model), *jumping(log)], record(log)
         coded = [doubt.channel for doubt in suspected if doubt.kind == "sentinel"]
         suspected += [doubt for doubt in repeating(log) if doubt.channel not in coded]
-        suspected += missized(log, r)
+        suspected += [*missized(log, r), *misframed(log, model)]
         findings += [(place, doubt) for doubt in suspected]
         if r is not None and not coded:  # codes among the values would speak of everything else
             places.append(place)

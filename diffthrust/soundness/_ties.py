@@ -66,21 +66,21 @@ def _geometry(r: Record) -> Iterator[Tie]:
     v, half = r.values, max(1, r.size // 100)
     for channel, position in (("yaw_rate", "heading"), ("velocity", "position")):
         if r.has(position, channel):
-            due = _rate(v[position], half, r.step)
+            due = rate_over(v[position], half, r.step)
             powers = {channel: 1, position: -1, "time": 1}
             words = f"the rate of the {position}"
-            yield _tie(channel, (position,), words, powers, _mean(v[channel], half), due, True)
+            yield _tie(channel, (position,), words, powers, mean_over(v[channel], half), due, True)
     if not r.has("north", "east", "heading", "surge"):
         return
-    north, east = (_rate(v[name], half, r.step) for name in ("north", "east"))
-    heading = _mean(v["heading"], half)
+    north, east = (rate_over(v[name], half, r.step) for name in ("north", "east"))
+    heading = mean_over(v["heading"], half)
     cos, sin = np.cos(heading), np.sin(heading)
     for channel, due in (("surge", north * cos + east * sin), ("sway", east * cos - north * sin)):
         if r.has(channel):
             sources = ("north", "east", "heading")
             powers = {channel: 1, "north": -1, "east": -1, "time": 1}
             words = "the track, turned by the heading"
-            measured = _mean(v[channel], half)
+            measured = mean_over(v[channel], half)
             # sway depends on where along the hull it is taken: its size proves nothing
             yield _tie(channel, sources, words, powers, measured, due, channel == "surge")
 
@@ -143,13 +143,13 @@ def swept_speed(r: Record) -> np.ndarray | None:
     return speed**2 * np.sign(r.values["command"]) if r.has("command") else None
 
 
-def _mean(values: np.ndarray, half: int) -> np.ndarray:
+def mean_over(values: np.ndarray, half: int) -> np.ndarray:
     """Mean over windows of ``2 half`` steps (trapezoid), ``(n - 2 half,)``."""
     sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
     return (sums[2 * half :] - sums[: -2 * half]) / (2 * half)
 
 
-def _rate(values: np.ndarray, half: int, step: float) -> np.ndarray:
+def rate_over(values: np.ndarray, half: int, step: float) -> np.ndarray:
     """Rate of change over the same windows."""
     return (values[2 * half :] - values[: -2 * half]) / (2 * half * step)
 

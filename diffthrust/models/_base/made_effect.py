@@ -77,7 +77,9 @@ class MadeEffect(Effect):
         return named
 
     def _check_word(self, what: str, value: object) -> None:
-        if not (isinstance(value, str) and value.isascii() and value.isidentifier()):
+        # a port may be that of a part of a craft: "imu.yaw_rate"
+        parts = value.split(".") if isinstance(value, str) and what == "port" else [value]
+        if not all(isinstance(p, str) and p.isascii() and p.isidentifier() for p in parts):
             raise InputError(
                 f"{type(self).name}: expected a {what} made of letters, digits and underscores, "
                 f"found {value!r:.60}.",

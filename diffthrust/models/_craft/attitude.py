@@ -1,24 +1,24 @@
 """Attitudes as quaternions, and as the angles of ships."""
 
-import math
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
-from diffthrust.models._craft.six import Triple
+from diffthrust.models._craft.six import Triple, minus, plus, times
 
 Quaternion = tuple[Any, Any, Any, Any]
 
 
-def from_angles(roll: float, pitch: float, heading: float) -> tuple[float, float, float, float]:
+def from_angles(roll: Any, pitch: Any, heading: Any) -> Quaternion:
     """The unit quaternion (scalar first) of the angles [rad]; Fossen 2021, equation 2.78.
 
     Example:
-        >>> [round(q, 3) for q in from_angles(0.0, 0.0, math.pi / 2)]
+        >>> [round(float(q), 3) for q in from_angles(0.0, 0.0, np.pi / 2)]
         [0.707, 0.0, 0.0, 0.707]
     """
     (cr, sr), (cp, sp), (ch, sh) = (
-        (math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, heading)
+        (np.cos(0.5 * a), np.sin(0.5 * a)) for a in (roll, pitch, heading)
     )
     return (
         cr * cp * ch + sr * sp * sh,
@@ -64,9 +64,13 @@ def angles(q: Quaternion) -> Triple:
 
 
 def down(q: Quaternion) -> Triple:
-    """The direction of the centre of the earth in the body's axes."""
+    """The direction of the centre of the earth in the body's axes; plain numbers if level."""
     w, x, y, z = q
-    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    return (
+        times(2.0, minus(times(x, z), times(w, y))),
+        times(2.0, plus(times(y, z), times(w, x))),
+        minus(1.0, times(2.0, plus(times(x, x), times(y, y)))),
+    )
 
 
 def to_world(q: Quaternion, body: Triple) -> Triple:

@@ -55,6 +55,11 @@ class Kinematics(NamedTuple):
         return attitude.to_world(self.attitude, body)
 
     @property
+    def down(self) -> Triple:
+        """The direction of the centre of the earth in the body's axes."""
+        return attitude.down(self.attitude)
+
+    @property
     def specific_force(self) -> Triple:
         """What an accelerometer feels [m/s^2]: dv/dt + omega x v - R' g.
 
@@ -62,7 +67,7 @@ class Kinematics(NamedTuple):
         """
         turning = cross(self.velocity.angular, self.velocity.linear)
         moving = summed(self.acceleration.linear, turning)
-        return lessened(moving, scaled(GRAVITY, attitude.down(self.attitude)))
+        return lessened(moving, scaled(GRAVITY, self.down))
 
 
 def kinematics_of(s: Signals, rates: Mapping[str, Rate]) -> Kinematics:

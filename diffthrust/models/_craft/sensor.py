@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearby
@@ -93,6 +93,21 @@ class Sensor(Component):
             f"Sensor '{self.name}' has no readings.",
             "Define def read(self, moving): return {name: moving.velocity.surge}.",
         )
+
+    def as_of_body(self, readings: Mapping[str, Any]) -> Mapping[str, Any]:
+        """What readings say of the body's own channels, at this place; nothing by default.
+
+        So logs can be held against the axes that are declared.
+
+        Args:
+            readings: those that a log has, by their short names, ``(n,)`` each.
+
+        Example:
+            >>> backwards = dft.sensors.DVL(frame="FLU").as_of_body({"sway": np.array([0.5])})
+            >>> backwards["sway"]
+            array([-0.5])
+        """
+        return {}
 
     def attitude_from(self, first: Mapping[str, float]) -> Quaternion | None:
         """The attitude of the craft by first readings, from its axes to north, east, down.

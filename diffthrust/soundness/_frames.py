@@ -1,0 +1,202 @@
+"""Axes of sensors that the logs contradict: forward, port, up, and declared as starboard and down.
+
+The readings of all sensors of a craft are brought to the channels of its body, by the axes that are
+declared, and held together by kinematics. Where that fails, other axes are tried for each sensor
+and for several at once (whoever takes a log of ROS for one of an autopilot turns all of them), and
+those named with which most holds together.
+
+A sensor away from the centre reads what the turning adds, and its place may not be known: of
+velocities that counts which the rates of turn do not explain. So a boat whose sway is its turning
+says nothing of the axes of its sway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust._support.words import joined
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._craft.craft import Craft
+from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._record import Record, record
+from diffthrust.soundness._ties import mean_over, rate_over
+
+_LOW, _HOLDS = 0.5, 0.8
+"""Correlation below which a channel does not follow what it must, and from which on it does; as of
+ties between channels, see `_together`."""
+_OPPOSED = -0.6
+"""Correlation up to which it opposes it, likewise."""
+_UPRIGHT = 5.0
+"""Mean force per mass along z [m/s^2] from which on it is gravity: a vehicle that lies on its side
+for half of a log has less."""
+_ANGLES = ("roll", "pitch", "heading")
+_RATES = ("roll_rate", "pitch_rate", "yaw_rate")
+
+Frames = Mapping[str, str]
+"""The axes of each sensor that has a choice."""
+
+
+class _Relation(NamedTuple):
+    """Something that the readings must obey.
+
+    Args:
+        words: what is wrong where they do not.
+        number: by which that is seen.
+        together: 1 where they obey, -1 where they do the opposite.
+    """
+
+    words: str
+    number: str
+    together: float
+
+    @property
+    def score(self) -> int:
+        """What it counts for the axes under which it is so."""
+        return int(self.together > _HOLDS) - 2 * int(self.together < _OPPOSED)
+
+
+def misframed(log: Log, model: Model | None) -> Iterator[Doubt]:
+    """A doubt on the axes of a craft's sensors, where others fit the log."""
+    if not isinstance(model, Craft):
+        return
+    units = {n: m.model for n, m in model.sensors.items() if len(m.model.frames) > 1}
+    units = {n: unit for n, unit in units.items() if any(c.startswith(f"{n}.") for c in log.units)}
+    declared = {n: unit.frame for n, unit in units.items()}
+    present = _relations(log, model, declared)
+    if not any(each.together < _LOW for each in present.values()):
+        return
+    choices = {
+        words: _relations(log, model, dict(zip(units, words, strict=True)))
+        for words in product(*(unit.frames for unit in units.values()))
+    }
+
+    def rank(words: tuple[str, ...]) -> tuple[int, int]:
+        changes = sum(a != b for a, b in zip(words, declared.values(), strict=True))
+        return -sum(each.score for each in choices[words].values()), changes
+
+    best = min(choices, key=rank)
+    mended = [
+        key
+        for key, each in present.items()
+        if each.together < _LOW and choices[best][key].together > _HOLDS
+    ]
+    if not mended or rank(best)[0] >= -sum(each.score for each in present.values()):
+        return
+    evidence = "; ".join(
+        f"{present[key].words} ({present[key].number}; as below {choices[best][key].number})"
+        for key in mended
+    )
+    likely = [words for words in choices if rank(words) == rank(best)]
+    turned = [
+        {n: w for n, w in zip(units, words, strict=True) if w != declared[n]} for words in likely
+    ]
+    mend = " Or: ".join(_line(frames, model) for frames in turned)
+    yield Doubt(next(iter(turned[0])), "frame", f"{log.name}: {evidence}.", mend)
+
+
+def _line(turned: Frames, model: Craft) -> str:
+    kinds = {n: type(model.sensors[n].model).__name__ for n in turned}
+    python = joined([f'{n}=dft.sensors.{kinds[n]}(frame="{f}")' for n, f in turned.items()])
+    spec = joined([f'frame = "{f}" below [sensors.{n}]' for n, f in turned.items()])
+    return f"{python}; in a spec file {spec}."
+
+
+def _relations(log: Log, model: Craft, frames: Frames) -> dict[str, _Relation]:
+    """What holds together, and what does not, where sensors have these axes."""
+    values, names = _of_body(log, model, frames)
+    r = record(Log(log.time, {}, values, name=log.name)) if values else None
+    if r is None:
+        return {}
+    half = max(1, r.size // 100)
+    smooth = {name: mean_over(v, half) for name, v in r.values.items()}
+    relations = {}
+    for channel, words, seen, due in (*_turning(r, half, smooth), *_moving(r, half, smooth)):
+        turns = [] if channel in _RATES else [smooth[n] for n in _RATES if n in smooth]
+        together = _together(seen, due, turns)
+        if np.isfinite(together):
+            verb = "opposes" if together < 0 else "does not follow"
+            words = f"{names[channel]} {verb} {words}"
+            relations[channel] = _Relation(words, f"correlation {together:+.2f}", together)
+    if "z_force" in values:
+        mean = float(np.nanmean(values["z_force"]))
+        words = f"{names['z_force']} is that of a vehicle upside down"
+        upright = float(np.clip(-mean / _UPRIGHT, -1.0, 1.0))
+        relations["z_force"] = _Relation(words, f"mean {mean:+.3g} m/s^2", upright)
+    return relations
+
+
+_Pairs = Iterator[tuple[str, str, np.ndarray, np.ndarray]]
+"""A channel, what it must follow in words, and both."""
+
+
+def _turning(r: Record, half: int, smooth: Mapping[str, np.ndarray]) -> _Pairs:
+    """Rates of turn beside the rates of the angles; Fossen 2021, equation 2.39."""
+    if "heading" not in r.values:
+        return
+    level = np.zeros_like(smooth["heading"])
+    roll, pitch, _ = (smooth.get(name, level) for name in _ANGLES)
+    rolling, pitching, yawing = (
+        rate_over(r.values[name], half, r.step) if name in r.values else level for name in _ANGLES
+    )
+    due = (
+        rolling - yawing * np.sin(pitch),
+        pitching * np.cos(roll) + yawing * np.cos(pitch) * np.sin(roll),
+        yawing * np.cos(pitch) * np.cos(roll) - pitching * np.sin(roll),
+    )
+    for channel, each in zip(_RATES, due, strict=True):
+        if channel in smooth:
+            yield channel, "the rates of the angles", smooth[channel], each
+
+
+def _moving(r: Record, half: int, smooth: Mapping[str, np.ndarray]) -> _Pairs:
+    """Velocities beside the rates of the position."""
+    level = np.zeros(r.size - 2 * half)
+    track = {
+        n: rate_over(r.values[n], half, r.step) for n in ("north", "east", "depth") if n in r.values
+    }
+    if {"north", "east"} <= {*track} and "heading" in smooth:
+        cos, sin = np.cos(smooth["heading"]), np.sin(smooth["heading"])
+        words = "the track, turned by the heading"
+        ahead = track["north"] * cos + track["east"] * sin
+        aside = track["east"] * cos - track["north"] * sin
+        for channel, due in (("surge", ahead), ("sway", aside)):
+            if channel in smooth:
+                yield channel, words, smooth[channel], due
+    if "depth" in track and "heave" in smooth:
+        roll, pitch = (smooth.get(name, level) for name in ("roll", "pitch"))
+        surge, sway = (smooth.get(name, level) for name in ("surge", "sway"))
+        down = smooth["heave"] * np.cos(pitch) * np.cos(roll)
+        down = down + sway * np.cos(pitch) * np.sin(roll) - surge * np.sin(pitch)
+        yield "heave", "the rate of the depth", down, track["depth"]
+
+
+def _together(seen: np.ndarray, due: np.ndarray, turns: list[np.ndarray]) -> float:
+    """Correlation of two series, of what rates of turn leave of both."""
+    columns = np.stack([np.ones_like(seen), *turns], axis=1)
+    x, y = (v - columns @ np.linalg.lstsq(columns, v, rcond=None)[0] for v in (seen, due))
+    power = float(x @ x) * float(y @ y)
+    # what remains of a channel that stands still is rounding
+    moves = np.ptp(seen) > 0 and np.ptp(due) > 0 and power > 0
+    return float(x @ y) / power**0.5 if moves else np.nan
+
+
+def _of_body(
+    log: Log, model: Craft, frames: Frames
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """What a log measures as channels of the body, and what is said of each."""
+    values = {n: v for n, v in log.measured.items() if "." not in n and n in model.outputs}
+    names = {n: n for n in values}
+    for name, mounted in model.sensors.items():
+        sensor, prefix = mounted.model, f"{name}."
+        if name in frames and frames[name] != sensor.frame:
+            sensor = type(sensor)(frame=frames[name])
+        read = {n.removeprefix(prefix): v for n, v in log.measured.items() if n.startswith(prefix)}
+        for channel, series in sensor.as_of_body(read).items():
+            if channel not in values:
+                values[channel], names[channel] = np.asarray(series), f"{channel} of {name}"
+    return values, names
