@@ -113,14 +113,16 @@ class VesselLoop(VesselAssembly):
             if records and not all(abs(value) < RUN_AWAY for value in measured.values()):
                 records.append(dict.fromkeys(records[0], math.nan))
                 break
+            # of a craft's outputs those that the controller's model has as states: no thrust
+            seen = {n: value for n, value in measured.items() if n in mpc.model.all_states}
             late = 0.0 if plan is None else float(plan.late)
             ahead = wanted_at(path, now - late + mpc.ahead)
             if plan is None:  # this call compiles, so no timed one does; its plan is dropped
-                plan, begin_time = mpc.start(measured, inputs), perf_counter()
-                jax.block_until_ready(mpc.step(plan, measured, ahead))
+                plan, begin_time = mpc.start(seen, inputs), perf_counter()
+                jax.block_until_ready(mpc.step(plan, seen, ahead))
                 compiling = perf_counter() - begin_time
             begin_time = perf_counter()
-            plan = jax.block_until_ready(mpc.step(plan, measured, ahead))
+            plan = jax.block_until_ready(mpc.step(plan, seen, ahead))
             solving = perf_counter() - begin_time
             inputs = {name: float(value) for name, value in plan.inputs.items()}
             if not records:  # a log that is simulated again begins settled at its first inputs

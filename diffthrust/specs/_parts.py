@@ -281,6 +281,20 @@ class SensorPart(_Part):
     """The axes of its readings: "FRD" or "FLU", of an attitude "NED" or "ENU"."""
 
 
+_Sensors = dict[str, Annotated[SensorPart, BeforeValidator(_as_sensor)]]
+
+
+class CraftPart(_Part):
+    """What describes a craft alone."""
+
+    body: str = ""
+    """The name of its body."""
+    thrusters: ThrustersPart
+    """Its thrusters and their places."""
+    sensors: _Sensors = {}
+    """Its sensors and theirs."""
+
+
 class PriorPart(_Part):
     """A Gaussian prior."""
 
@@ -383,7 +397,7 @@ class SpecFile(_Part):
     """Of a craft: the name of its body, as "planar"."""
     thrusters: ThrustersPart | None = None
     """Of a craft: its thrusters and their places."""
-    sensors: dict[str, Annotated[SensorPart, BeforeValidator(_as_sensor)]] = {}
+    sensors: _Sensors = {}
     """Of a craft: its sensors and their places."""
     logs: LogsPart
     """Which files, and how they are read."""

@@ -17,7 +17,14 @@ from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.craft import Craft
 from diffthrust.specs._file import parse_toml, read_spec_text
 from diffthrust.specs._lines import line_of
-from diffthrust.specs._parts import ChannelPart, SpecFile, ThrusterPart, ThrustersPart
+from diffthrust.specs._parts import (
+    ChannelPart,
+    CraftPart,
+    SpecFile,
+    ThrusterPart,
+    ThrustersPart,
+)
+from diffthrust.specs._sensors import with_sensor
 
 STEERED = {cls.name: cls for cls in (Azimuth, RudderPropeller)}
 """Actuators around the model of a thruster, which spec files give as ``on``."""
@@ -83,7 +90,7 @@ def channels_of(file: SpecFile) -> dict[str, ChannelPart]:
 
 
 def craft_from(path: Path | str) -> Craft:
-    """The craft of a spec file, or of a file of a layout alone: ``body`` and ``[thrusters]``.
+    """The craft of a spec file, or of a file with its tables alone: thrusters, sensors, and body.
 
     Raises:
         InputError: the file cannot be read, or describes no craft.
@@ -106,12 +113,17 @@ def craft_from(path: Path | str) -> Craft:
             'Write [thrusters] with frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
         )
     try:
-        part = ThrustersPart.model_validate(described)
+        part = CraftPart.model_validate(
+            {n: tables[n] for n in CraftPart.model_fields if n in tables}
+        )
     except ValidationError as error:
         problem = error.errors()[0]
-        where = line_of(text, path, ("thrusters", *problem["loc"]))
+        where = line_of(text, path, problem["loc"])
         raise InputError(f"{where}: {problem['msg']}.", "Correct the key.") from None
-    return craft_of(str(tables.get("body", "")), part, f"{path}: ")
+    craft = craft_of(part.body, part.thrusters, f"{path}: ")
+    for name, sensor in part.sensors.items():
+        craft = with_sensor(craft, name, sensor)
+    return craft
 
 
 def _mounts(thrusters: ThrustersPart, where: str) -> dict[str, Mounted[Model]]:

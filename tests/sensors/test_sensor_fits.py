@@ -6,8 +6,8 @@ from lines_to_copy import python_lines
 
 import diffthrust as dft
 from diffthrust.actuators import StaticThruster
-from diffthrust.bodies import Planar
-from diffthrust.sensors import DVL, GNSS, IMU, Attitude
+from diffthrust.bodies import Heave, Planar
+from diffthrust.sensors import DVL, GNSS, IMU, Attitude, Pressure
 
 LAW = StaticThruster(gain=30.0, exponent=1.5)
 NOISE = {
@@ -86,6 +86,27 @@ def test_a_craft_is_recovered_from_velocities_at_their_places_and_a_speed_over_g
     fit = dft.fit(boat(), [recorded(truth, seed, names) for seed in (4, 5)], starts=1)
     assert fit.status is dft.Status.CONVERGED
     assert max(distances(fit, truth).values()) < 4
+
+
+def test_density_and_tare_of_a_gauge_are_recovered_beside_a_measured_depth():
+    lift = StaticThruster(gain=30.0, exponent=1.5).at((0, 0, 0), (0, 0, 1))
+    model = dft.Craft(Heave(), lift=lift, bar=Pressure().at((0, 0, 0.2))).fix("m33", "lift.gain")
+    model = model.fix("lift.exponent", "lift.reverse", "d33")
+    truth = model.replace({"bar.density": 1027.0, "bar.tare": 100_400.0})
+    rng = np.random.default_rng(7)
+    time = 0.1 * np.arange(300)
+    command = {"lift.command": np.repeat(rng.uniform(-0.2, 0.8, 15), 20)}
+    units = {"lift.command": "effort", "depth": "m", "bar.pressure": "mbar"}
+    out = dft.simulate(truth, dft.Log(time, command, units={"lift.command": "effort"}), substeps=4)
+    measured = {
+        "depth": out["depth"] + rng.normal(0, 0.02, 300),
+        "bar.pressure": 0.01 * (out["bar.pressure"] + rng.normal(0, 30.0, 300)),
+    }
+    log = dft.Log(time, command, measured, units=units)
+    fit = dft.fit(model.free("bar.density", "bar.tare"), log, starts=1)
+    assert fit.status is dft.Status.CONVERGED
+    assert max(distances(fit, truth).values()) < 4
+    assert "mbar" in str(fit.report())
 
 
 def test_a_saved_fit_and_its_lines_have_the_sensors(found, tmp_path):

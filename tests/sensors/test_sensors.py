@@ -8,6 +8,7 @@ import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.actuators import StaticThruster
 from diffthrust.bodies import Axis, Body, FourDegrees, Heave, Planar, Six, SixDegrees
+from diffthrust.models._craft import attitude  # private: a quaternion of angles
 from diffthrust.sensors import DVL, GNSS, IMU, Attitude, Pressure
 
 TIME = 0.1 * np.arange(61)
@@ -202,6 +203,29 @@ def test_mistakes_are_named_with_their_mend():
         dft.Craft(Planar(), heading=GNSS())
     with pytest.raises(InputError, match=r"dvl: expected an actuator or a sensor"):
         dft.Craft(Planar(), dvl="dvl")
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [DVL(), DVL(frame="FLU"), IMU(), IMU(frame="FLU"), Attitude(), Attitude(frame="ENU"), GNSS(),
+     Pressure(density=1025.0, tare=99_000.0)],
+    ids=lambda sensor: f"{sensor.name} {sensor.frame}",
+)  # fmt: skip
+def test_readings_lead_back_to_the_motion(sensor):
+    moving = dft.sensors.Kinematics(
+        Six(0.5, -0.2, 0.1, 0.3, -0.4, 0.6),
+        Six(0.1, 0.2, 0.3, 0.0, 0.0, 0.0),
+        (3.0, -2.0, 5.0),
+        attitude.from_angles(0.2, -0.3, -2.5),
+    )
+    motion = dict(zip(("surge", "sway", "heave", *craft.AXES[3:]), moving.velocity, strict=True))
+    motion |= {"north": 3.0, "east": -2.0, "depth": 5.0}
+    motion |= {"roll": 0.2, "pitch": -0.3, "heading": -2.5}
+    motion |= zip(("x_force", "y_force", "z_force"), moving.specific_force, strict=True)
+    back = sensor.as_of_body(sensor.read(moving))
+    assert back
+    for name, value in back.items():
+        assert value == pytest.approx(motion[name], abs=1e-12), name
 
 
 def test_a_body_of_other_states_says_how_it_moves():

@@ -154,6 +154,11 @@ class Craft(Model):
         """The actuators with the numbers of one."""
         return next((group for group in self.share if name in group), (name,))
 
+    def _place(self, name: str) -> Triple:
+        """Where a part is."""
+        x, y, z = (getattr(self, f"{name}.{axis}") for axis in _GEOMETRY)
+        return x, y, z
+
     def _owner(self, name: str) -> str:
         """The actuator after which the numbers of one are called."""
         return self._group_of(name)[0]
@@ -256,10 +261,10 @@ class Craft(Model):
         rates: dict[str, Any] = {}
         outputs: dict[str, Any] = {}
         for name, mounted in self.actuators.items():
-            x, y, z = (getattr(self, f"{name}.{axis}") for axis in _GEOMETRY)
+            place = self._place(name)
             of_part = signals_under(s, name)
             if mounted.model.feels or port.hears(name):
-                of_part = _past(of_part, water.at((x, y, z)), mounted.pointing)
+                of_part = _past(of_part, water.at(place), mounted.pointing)
                 port.tell(**{f"{name}.{k}": of_part[k] for k in TOLD})
             part_rates, part_outputs = self._bound_part(name).equations(
                 of_part, PortsUnder(port, name)
@@ -269,7 +274,7 @@ class Craft(Model):
                 thrust = getattr(self, f"{name}.strength") * thrust
             thrust = port(f"{name}.force", thrust)
             force, moment = self._wrench(name, thrust, part_outputs)
-            forces = forces.pushed(force, (x, y, z), moment)
+            forces = forces.pushed(force, place, moment)
             rates |= {f"{name}.{k}": v for k, v in part_rates.items()}
             outputs |= {f"{name}.{k}": v for k, v in part_outputs.items()}
         body_rates, body_outputs = body.equations(s, port, water, forces)
@@ -282,10 +287,7 @@ class Craft(Model):
         readings = {}
         for name, mounted in self.sensors.items():
             values = {k: getattr(self, f"{name}.{k}") for k in mounted.model._parameters}
-            at_place = moving
-            if mounted.model.placed:
-                x, y, z = (getattr(self, f"{name}.{axis}") for axis in _GEOMETRY)
-                at_place = moving.at((x, y, z))
+            at_place = moving.at(self._place(name)) if mounted.model.placed else moving
             read = mounted.model._bound(values).read(at_place)
             readings |= {f"{name}.{k}": v for k, v in read.items()}
         return readings
@@ -455,20 +457,17 @@ class Craft(Model):
         from diffthrust.models._craft.figures import Drawn, craft_figure
 
         drawn = [
-            Drawn(
-                name,
-                (*(getattr(self, f"{name}.{axis}") for axis in _GEOMETRY),),
-                mounted.pointing,
-                "side_thrust" in mounted.model.outputs,
-            )
+            Drawn(name, self._place(name), mounted.pointing, "side_thrust" in mounted.model.outputs)
             for name, mounted in self.actuators.items()
         ]
+        sensors = (name for name, mounted in self.sensors.items() if mounted.model.placed)
+        drawn += [Drawn(name, self._place(name), None) for name in sensors]
         body = self.body._parameters
         centre = tuple(getattr(self, n) if n in body else 0.0 for n in ("x_g", "y_g", "z_g"))
         return craft_figure(str(self), drawn, centre)
 
     def layout_report(self) -> Report:
-        """The actuators with their places and directions, as a table.
+        """Actuators with their places and directions, and sensors with theirs, as a table.
 
         Example:
             >>> report = dft.layouts.OTTER.craft().layout_report()
@@ -477,12 +476,16 @@ class Craft(Model):
         """
         rows = []
         for name, mounted in self.actuators.items():
-            place = (number(getattr(self, f"{name}.{axis}"), 3) for axis in _GEOMETRY)
+            place = (number(each, 3) for each in self._place(name))
             pointing = ", ".join(f"{each:.3g}" for each in mounted.pointing)
             owner = self._owner(name)
             like = "" if owner == name else f"like {owner}"
             rows.append((name, str(mounted.model), *place, pointing, like))
-        headings = ("Thruster", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "")
+        for name, mounted in self.sensors.items():
+            sensor = mounted.model
+            place = map(number, self._place(name), (3, 3, 3)) if sensor.placed else ("", "", "")
+            rows.append((name, sensor.name, *place, "", sensor.frame))
+        headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "")
         title = f"Craft of the body '{self.body.name}'"
         return Report(Section("", title, Rows.of(headings, rows, numbers=(2, 3, 4))))
 

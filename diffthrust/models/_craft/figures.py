@@ -19,31 +19,31 @@ _SIDEWAYS = 0.15
 
 
 class Drawn(NamedTuple):
-    """One actuator: its name, place [m] and direction, and whether it can turn."""
+    """A part: its name, place [m] and direction, and whether it can turn; a sensor has none."""
 
     name: str
     place: tuple[float, float, float]
-    pointing: tuple[float, float, float]
-    turns: bool
+    pointing: tuple[float, float, float] | None
+    turns: bool = False
 
 
-def craft_figure(title: str, actuators: list[Drawn], centre: tuple[float, ...] | None) -> Figure:
+def craft_figure(title: str, parts: list[Drawn], centre: tuple[float, ...] | None) -> Figure:
     """The craft from above, bow up, and from starboard, bow to the right.
 
     Arrows show where a positive thrust pushes the craft; a dot comes towards the reader, a cross
-    goes away. ``centre`` is the centre of mass.
+    goes away. Squares are sensors. ``centre`` is the centre of mass.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.4, 4.4), layout="constrained")
     above, side = figure.subplots(1, 2)
     # from above: starboard to the right, the bow up; the reader sees what goes down go away
-    _view(above, actuators, centre, axes=(1, 0), towards=(2, -1.0))
+    _view(above, parts, centre, axes=(1, 0), towards=(2, -1.0))
     above.set_xlabel("to starboard [m]", fontsize=9)
     above.set_ylabel("ahead [m]", fontsize=9)
     above.set_title("From above", loc="left", fontsize=9)
     # from starboard: the bow to the right, down is down; the reader sees starboard come
-    _view(side, actuators, centre, axes=(0, 2), towards=(1, 1.0))
+    _view(side, parts, centre, axes=(0, 2), towards=(1, 1.0))
     side.invert_yaxis()
     side.set_xlabel("ahead [m]", fontsize=9)
     side.set_ylabel("down [m]", fontsize=9)
@@ -54,19 +54,25 @@ def craft_figure(title: str, actuators: list[Drawn], centre: tuple[float, ...] |
 
 def _view(
     panel: Axes,
-    actuators: list[Drawn],
+    parts: list[Drawn],
     centre: tuple[float, ...] | None,
     axes: tuple[int, int],
     towards: tuple[int, float],
 ) -> None:
     across, up = axes
-    points = np.array([a.place for a in actuators] + [centre or (0.0, 0.0, 0.0)])
+    points = np.array([a.place for a in parts] + [centre or (0.0, 0.0, 0.0)])
     span = max(np.ptp(points[:, 0]), np.ptp(points[:, 1]), np.ptp(points[:, 2]), 0.2)
     length = _ARROW * span
     groups: dict[tuple[float, float], list[str]] = {}
     behind: dict[tuple[float, float], tuple[float, float]] = {}
-    for a in actuators:
+    for a in parts:
         x, y = a.place[across], a.place[up]
+        at, flipped = (round(x, 3), round(y, 3)), -1.0 if up == 2 else 1.0
+        groups.setdefault(at, []).append(a.name)
+        if a.pointing is None:
+            panel.plot(x, y, "s", color=GREY, markersize=5)
+            behind.setdefault(at, (0.0, 1.0))
+            continue
         dx, dy = a.pointing[across], a.pointing[up]
         if np.hypot(dx, dy) > _SIDEWAYS:
             style = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.6, "mutation_scale": 12}
@@ -81,8 +87,6 @@ def _view(
             panel.plot(x + 0.6 * length * np.cos(ring), y + 0.6 * length * np.sin(ring), ":",
                        color=BLUE, linewidth=0.9)  # fmt: skip
         panel.plot(x, y, "o", color=BLUE, markersize=3)
-        at, flipped = (round(x, 3), round(y, 3)), -1.0 if up == 2 else 1.0
-        groups.setdefault(at, []).append(a.name)
         # on the side from which the arrow leaves; above what comes or goes
         flat = np.hypot(dx, dy) > _SIDEWAYS
         behind.setdefault(at, (-dx, -dy * flipped) if flat else (0.0, 1.0))
