@@ -14,10 +14,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
+from diffthrust.control._plant import driven
 from diffthrust.effects import CommandDelay, CommandRateLimit
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
+from diffthrust.models._craft.placed import Placed
 
 
 def delayed_sample(line: Array, value: Array, first: Array, samples: Array) -> tuple[Array, Array]:
@@ -39,7 +41,7 @@ def delayed_sample(line: Array, value: Array, first: Array, samples: Array) -> t
 
 
 class CommandPath:
-    """The effects on the channel ``command`` of a thruster, as they act within a loop.
+    """The effects on the command of a thruster, as they act within a loop.
 
     Args:
         thruster: the thruster with its effects.
@@ -51,17 +53,19 @@ class CommandPath:
     """
 
     def __init__(self, thruster: Model, step: float) -> None:
+        self.channel = driven(thruster)
         self.lengths: dict[str, int] = {}
-        for effect in thruster.effects:
-            at = [port for port in effect.ports if port in thruster.inputs]
+        for placed in thruster.effects:
+            effect = _itself(placed)
+            at = [port for port in placed.ports if port in thruster.inputs]
             if not at or not effect.memory:
                 continue
             if isinstance(effect, CommandDelay):
                 samples = math.ceil(float(effect.delay) / step + 1e-6) + 1
                 # powers of two: another delay seldom needs another compilation
-                self.lengths[effect.name] = 2 ** max(1, math.ceil(math.log2(samples)))
+                self.lengths[placed.name] = 2 ** max(1, math.ceil(math.log2(samples)))
             elif isinstance(effect, CommandRateLimit):
-                self.lengths[effect.name] = 0
+                self.lengths[placed.name] = 0
             else:
                 raise InputError(
                     f"The effect '{effect.name}' acts on whole records of '{at[0]}' and reads "
@@ -91,20 +95,27 @@ class CommandPath:
 
         Args:
             effects: those of the thruster, with their present parameters.
-            signals: the inputs at this sample, ``command`` and ``time`` among them.
+            signals: the inputs at this sample, the command and ``time`` among them.
             kept: what was remembered.
             first: whether this is the first sample.
             step: time since the last one [s].
         """
-        value, after = signals["command"], {}
-        for effect in effects:
+        value, after = signals[self.channel], {}
+        for placed in effects:
+            effect, name = _itself(placed), placed.name
             if isinstance(effect, CommandDelay):
-                line = kept[effect.name]
-                value, after[effect.name] = delayed_sample(line, value, first, effect.delay / step)
+                line = kept[name]
+                value, after[name] = delayed_sample(line, value, first, effect.delay / step)
             elif isinstance(effect, CommandRateLimit):
-                last, reach = kept[effect.name], effect.rate * step
+                last, reach = kept[name], effect.rate * step
                 value = jnp.where(first, value, jnp.clip(value, last - reach, last + reach))
-                after[effect.name] = value
+                after[name] = value
             else:
-                value = Ports((effect,), Signals({**signals, "command": value}))("command", value)
+                arriving = Signals({**signals, self.channel: value})
+                value = Ports((placed,), arriving)(self.channel, value)
         return value, after
+
+
+def _itself(effect: Effect) -> Effect:
+    """The effect that acts on the thruster of a craft."""
+    return effect.inner if isinstance(effect, Placed) else effect

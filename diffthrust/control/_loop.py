@@ -29,7 +29,8 @@ class Loop(LoopAssembly):
     command arrives ``delay`` seconds after the sample it was worked out from.
 
     Args:
-        thruster: any model with the input ``command``, with its effects.
+        thruster: any model with the input ``command``, with its effects; or a craft of one
+            thruster, whose body and sensors are then in the loop.
         controller: a `Controller`; one that gives a thrust goes through the compensator.
         vehicle: any model with the input ``thrust``, or ``None`` for a loop around the thruster.
         compensator: a `Compensator`; without one the steady thrust of ``thruster`` is relied on.

@@ -12,6 +12,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust.control._assembly import LoopAssembly
+from diffthrust.control._plant import driven
 from diffthrust.control._recorded import RunSignals, bounded
 from diffthrust.logs._log import Log
 
@@ -77,7 +78,7 @@ class LoopRun(RunSignals):
         noise, of thruster and vehicle. Everything that reads a log reads this one.
         """
         thruster = self.loop.thruster
-        inputs = {"command": self["command"]}
+        inputs = {driven(thruster): self["command"]}
         inputs |= {n: np.full(self.time.size, float(v)) for n, v in self.loop.given.items()}
         if "velocity" in self.signals and "inflow" in thruster.optional_inputs:
             inputs["inflow"] = self["velocity"]
@@ -169,7 +170,7 @@ def _units(loop: LoopAssembly, signals: Mapping[str, np.ndarray]) -> dict[str, s
     models = [model for model in (loop.thruster, loop.vehicle) if model is not None]
     units = {n: u for m in models for n, u in {**m.all_states, **m.outputs}.items()}
     units |= dict.fromkeys(("reference", "error"), units.get(loop.controller.of, ""))
-    command = loop.thruster.inputs["command"]
+    command = loop.thruster.inputs[driven(loop.thruster)]
     units |= {"command": command, "motor_command": command, "wanted_thrust": "N"}
     for name, block in (("controller", loop.controller), ("compensator", loop.compensator)):
         units |= {f"{name}.{n}": u for n, u in (block.states if block else {}).items()}

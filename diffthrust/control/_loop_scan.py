@@ -135,7 +135,7 @@ def loop_signals(
         # effects
         taken = faults.command(command, previous["taken"], now)
         inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
-        inputs = {**inflow, **signals, "time": now, "command": taken}
+        inputs = {**inflow, **signals, "time": now, parts.path.channel: taken}
         motor, path = parts.path(plant.thruster.effects, inputs, previous["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
         sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, previous)

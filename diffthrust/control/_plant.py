@@ -16,6 +16,12 @@ from diffthrust.models._base.signals import Signals, expect
 from diffthrust.simulation._trajectory import equations_of, starting_point
 
 
+def driven(thruster: Model) -> str:
+    """The input that a loop gives: ``command``, or that of the one thruster of a craft."""
+    commands = [n for n in thruster.inputs if n.rpartition(".")[2] == "command"]
+    return commands[0] if len(commands) == 1 else ""
+
+
 @dataclass(frozen=True)
 class Plant:
     """A thruster with its vehicle, or alone.
@@ -25,7 +31,7 @@ class Plant:
     propeller as fast as the vehicle moves through it.
 
     Args:
-        thruster: a model with the input ``command``.
+        thruster: a model with the input ``command``, or a craft of one thruster.
         vehicle: a model with the input ``thrust``, or ``None``.
         given: other inputs of the thruster, constant.
     """
@@ -36,9 +42,10 @@ class Plant:
 
     def check(self) -> None:
         """Raise `InputError` where the two cannot be joined."""
-        if not isinstance(self.thruster, Model) or "command" not in self.thruster.inputs:
+        if not isinstance(self.thruster, Model) or not driven(self.thruster):
             raise InputError(
-                f"Loop: expected a thruster with the input 'command', found {self.thruster!s}.",
+                "Loop: expected a thruster with the input 'command', or a craft of one thruster, "
+                f"found {self.thruster!s}.",
                 "Give a model such as dft.Thruster().",
             )
         if self.vehicle is not None:
@@ -89,7 +96,7 @@ class Plant:
         """Inputs of the thruster that the loop itself gives."""
         states = ("speed",) if "speed" in self.thruster.states else ()
         moving = self.vehicle is not None and "velocity" in self.vehicle.outputs
-        return ("command", *states, *(("inflow",) if moving else ()))
+        return (driven(self.thruster), *states, *(("inflow",) if moving else ()))
 
     @property
     def channels(self) -> dict[str, str]:
@@ -117,7 +124,7 @@ class Plant:
         Effects with states of their own begin settled at ``command``, as in `simulate`.
         """
         zero = jnp.zeros(())
-        first = {"command": jnp.asarray(command, float), "time": zero, **self.given}
+        first = {driven(self.thruster): jnp.asarray(command, float), "time": zero, **self.given}
         if "inflow" in self._own:
             first["inflow"] = initial.get("velocity", zero)
         states = starting_point(self.thruster, Signals(first), initial)
@@ -134,10 +141,11 @@ class Plant:
         Elementwise: with numbers inside the integration, with whole arrays for a record. Effects
         with memory on an output are left to `sensed`.
         """
-        signals: dict[str, Array] = {"command": command, "time": time, **self.given}
+        channel = driven(self.thruster)
+        signals: dict[str, Array] = {channel: command, "time": time, **self.given}
         if "inflow" in self._own:
             signals["inflow"] = state["velocity"]
-        rates, outputs, reported = _side(self.thruster, state, signals, "command")
+        rates, outputs, reported = _side(self.thruster, state, signals, channel)
         if self.vehicle is not None:
             moved = _side(self.vehicle, state, {"thrust": outputs["thrust"], "time": time}, "")
             rates, outputs, reported = (
