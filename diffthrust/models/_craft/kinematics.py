@@ -51,12 +51,23 @@ class Kinematics(NamedTuple):
         )
 
     def to_world(self, body: Triple) -> Triple:
-        """A vector of the body's axes in those of north, east and down."""
+        """A vector of the body's axes in those of north, east and down.
+
+        Example:
+            >>> to_east = dft.sensors.Kinematics(attitude=(0.5**0.5, 0.0, 0.0, 0.5**0.5))
+            >>> round(to_east.to_world((1.0, 0.0, 0.0))[1], 6)
+            1.0
+        """
         return attitude.to_world(self.attitude, body)
 
     @property
     def down(self) -> Triple:
-        """The direction of the centre of the earth in the body's axes."""
+        """The direction of the centre of the earth in the body's axes.
+
+        Example:
+            >>> dft.sensors.Kinematics().down
+            (0.0, 0.0, 1.0)
+        """
         return attitude.down(self.attitude)
 
     @property
