@@ -234,7 +234,7 @@ def test_the_lines_to_copy_make_the_same_craft():
     ("make", "message"),
     [
         (lambda: dft.Craft(Planar, a=THRUSTER.at((0, 0, 0))), "found the class Planar"),
-        (lambda: dft.Craft(Planar(), a=THRUSTER), "expected an actuator at its place"),
+        (lambda: dft.Craft(Planar(), a=THRUSTER), "expected an actuator or a sensor at its place"),
         (lambda: dft.Craft(Planar(), surge=THRUSTER.at((0, 0, 0))), "cannot be called 'surge'"),
         (lambda: dft.Craft(Planar(), m11=40.0), "numbers of the body are given with the body"),
         (lambda: boat().placed("actuator_lag", "stern"), "no actuator 'stern'"),
