@@ -62,8 +62,7 @@ class Attitude(Sensor):
         q = moving.attitude
         if self.frame != self.frames[0]:
             q = attitude.product(attitude.product(_TO_WORLD[self.frame], q), _TO_BODY[self.frame])
-        angles = zip(("roll", "pitch", "yaw"), attitude.angles(q), strict=True)
-        return dict(zip(QUATERNION, q, strict=True)) | dict(angles)
+        return dict(zip(self.outputs, (*q, *attitude.angles(q)), strict=True))
 
     def as_of_body(self, readings: Mapping[str, Any]) -> Mapping[str, Any]:
         """Roll, pitch and heading."""

@@ -58,7 +58,7 @@ def sorted_parts(
     Raises:
         InputError: something else, a name of the body's, or a body whose motion no sensor reads.
     """
-    mounts = {
+    mounts: dict[str, Any] = {
         name: Mounted(part, (0.0, 0.0, 0.0)) if isinstance(part, Sensor) else part
         for name, part in parts.items()
     }

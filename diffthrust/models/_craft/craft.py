@@ -114,8 +114,9 @@ class Craft(Model):
         bare = {n: replace(m, model=_without_effects(m.model)) for n, m in actuators.items()}
         groups = groups_of(bare, share)
         self._set(body=body, actuators=bare, sensors=sensors, share=groups)
-        models, units = ({n: m.model for n, m in mounts.items()} for mounts in (bare, sensors))
-        self._set(**merged_channels(body, models, units), declared=self._declared(), effects=())
+        models = {name: mounted.model for name, mounted in bare.items()}
+        carried = {name: mounted.model for name, mounted in sensors.items()}
+        self._set(**merged_channels(body, models, carried), declared=self._declared(), effects=())
         units = {m.model.command for m in bare.values() if m.model.commands}
         super().__init__(command=command or (*units, "")[0] if self.commands else "")
         effects = [
