@@ -312,7 +312,8 @@ def _of_receiver(
         convert(written[n], columns[n].unit, "rad", where=at(n, None)) for n in angles
     )
     fixes = positions_of_fixes(latitude, longitude, lambda n, i: at(scope + n, i))
-    metres, scales = ({scope + n: v for n, v in of.items()} for of in fixes[:2])
+    metres = {scope + n: series for n, series in fixes.metres.items()}
+    scales = {scope + n: scale for n, scale in fixes.scales.items()}
     plain = {}
     for name in angles:
         noise, unit = columns[name].noise, columns[name].unit
