@@ -90,7 +90,9 @@ def integrate(
 
         if isinstance(substeps, int) and substeps == 1:
             return further(0, state)
-        return jax.lax.fori_loop(0, jnp.asarray(substeps, int), further, state)
+        # a loop whose length is known beforehand can be differentiated backwards, too
+        parts = substeps if isinstance(substeps, int) else jnp.asarray(substeps, int)
+        return jax.lax.fori_loop(0, parts, further, state)
 
     def kept(state: dict[str, Any], x: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         after = body(state, x)
