@@ -72,7 +72,7 @@ def write_comparison_page(
     checked = fit is not None and fit.status is not Status.SIMULATION_FAILED
     figures = (
         Section(
-            name,
+            name[0].upper() + name[1:],
             Picture(
                 c.plot,
                 f"Measured and modelled channels with residuals, {name}.",

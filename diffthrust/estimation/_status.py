@@ -275,7 +275,7 @@ def judge(
     if local.at_bound:
         return Status.AT_BOUND, _of_bounds(local)
     single = " A single start says nothing of other optima." if starts == 1 else ""
-    return Status.CONVERGED, f"Converged: {agreeing} of {starts} starts agree.{single}"
+    return Status.CONVERGED, f"{agreeing} of {starts} starts agree.{single}"
 
 
 def failed_over(failures: Sequence[str], message: str, begun: bool) -> tuple[Status, str]:

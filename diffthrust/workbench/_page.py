@@ -76,7 +76,7 @@ class Page:
             self.fails,
             self.results.layout,
             sizing_mode="stretch_width",
-            styles={"min-width": "430px", "flex": "1 1 430px"},
+            styles={"min-width": "min(430px, 100%)", "flex": "1 1 430px"},
         )
         document.title = f"{session.source.name}: diffthrust"
         document.js_on_event(DocumentReady, once_ready(self.plots.figures))
@@ -93,7 +93,7 @@ class Page:
                 middle,
                 self.controls.layout,
                 sizing_mode="stretch_width",
-                styles={"flex-wrap": "wrap", "gap": "6px"},
+                styles={"flex-wrap": "wrap", "gap": "6px", "max-width": "100vw"},
             )
         )
 

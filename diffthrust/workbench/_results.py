@@ -65,7 +65,13 @@ class Results:
         self.selected = np.zeros(0, bool)
         self._signals: dict[str, tuple[np.ndarray, str]] = {}
         beside = column(
-            row(text("residual of"), self.channel, text("against"), self.signal),
+            row(
+                text("residual of"),
+                self.channel,
+                text("against"),
+                self.signal,
+                styles={"flex-wrap": "wrap"},
+            ),
             self.scatter,
             sizing_mode="stretch_width",
             styles={"flex": "1 1 290px", "min-width": "0"},
@@ -84,6 +90,7 @@ class Results:
                 TabPanel(title="Next experiment", child=self.experiment),
             ],
             sizing_mode="stretch_width",
+            stylesheets=[".bk-headers-wrapper { flex-wrap: wrap; }"],
         )
         self.show_stretch(None, "")
         self.show_diagnosis(None)

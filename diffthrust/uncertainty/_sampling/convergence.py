@@ -156,7 +156,7 @@ def _judged(
         )
     divergent = f" ({lost} of them diverged)" if lost else ""
     return Mixing.CONVERGED, (
-        f"Converged: {total} draws{divergent} are worth at least {least:.0f} independent ones of "
+        f"{total} draws{divergent} are worth at least {least:.0f} independent ones of "
         f"every parameter, and the chains agree (R-hat at most {max(r_hat[worst], 1.0):.3f})."
     )
 
