@@ -34,6 +34,8 @@ from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task
 from diffthrust.workbench._tools import Tools
 
+_FITTING = "fitting"
+
 
 class Page:
     """A session in a document of Bokeh.
@@ -56,6 +58,7 @@ class Page:
         self.shown = 0
         self.sliding: dict[str, float] = {}
         self.doing = ""
+        self.after_fit: Callable[[], None] | None = None
         self.regimes: tuple[Regime, ...] = ()
         self.stretch: tuple[float, float] | None = None
         self.plots = Plots(comparison.runs, self.select)
@@ -128,7 +131,8 @@ class Page:
         self.logs.on_change("active", lambda attr, old, new: self._show_log(new))
         wide: dict[str, Any] = {"width": LEFT - 20}
         half: dict[str, Any] = {"width": LEFT // 2 - 14}
-        self.diagnosing = button("Diagnose: what is missing?", self._diagnose, "primary", **wide)
+        diagnose = partial(self._once_fitted, self._diagnose)
+        self.diagnosing = button("Diagnose: what is missing?", diagnose, "primary", **wide)
         self.adding = button("Add what was found", self._add_found, "success", **wide)
         self.fitting = button("Fit", self._fit, **half)
         self.stopping = button("Stop", self._stop, **half)
@@ -166,7 +170,7 @@ class Page:
     def _compare(self) -> None:
         """Hold the present model against all logs, in the background."""
         task, like = self.session.task, self._like(self.session.setup)
-        self.quick.ask(lambda _: task.compare(like), partial(self._compared, task), self._failed)
+        self.quick.ask(lambda _: task.compare(like), partial(self._compared, task), self._complain)
 
     def _like(self, setup: Setup) -> Comparison | None:
         """The last comparison, if it has the same effects and logs."""
@@ -189,16 +193,27 @@ class Page:
             self.select(start, stop)
         self._found_regimes(())  # those of the earlier model, until its own are there
         self._show_state()
-        self.quick.ask(lambda _: comparison.regimes, self._found_regimes, self._failed)
+        self.quick.ask(lambda _: comparison.regimes, self._found_regimes, self._complain)
 
     def _fit(self) -> None:
         """Fit the present model in the background; what is being fitted already is stopped."""
         task = self.session.task
-        self._ask(task.fit, partial(self._fitted, task), "fitting")
+        self._ask(task.fit, partial(self._fitted, task), _FITTING)
 
     def _fitted(self, task: Task, result: Fit) -> None:
         self.session.accept(task, result)
         self._refresh()
+        begin, self.after_fit = self.after_fit, None
+        if begin:
+            begin()
+
+    def _once_fitted(self, begin: Callable[[], None]) -> None:
+        """Begin a diagnosis, where something is being fitted after that: it would be lost."""
+        if self.doing == _FITTING:
+            self.after_fit = begin
+            self._show_progress(_FITTING, 0.0)
+        else:
+            begin()
 
     def _diagnose(self) -> None:
         task, start = self.session.task, self.session.fit if self.session.fitted else None
@@ -215,7 +230,10 @@ class Page:
         if self.stretch is None:
             self._say("Select a stretch first.", "bad")
             return
-        stretch, task = Stretch(self.log_shown, *self.stretch), self.session.task
+        self._once_fitted(partial(self._diagnose_stretch, Stretch(self.log_shown, *self.stretch)))
+
+    def _diagnose_stretch(self, stretch: Stretch) -> None:
+        task = self.session.task
         where = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
         show = partial(self.results.show_stretch, where=where)
         self._ask(partial(task.diagnose_stretch, stretch), show, f"looking at {where}")
@@ -248,6 +266,7 @@ class Page:
         self, work: Callable[[Progress], Any], then: Callable[[Any], None], doing: str
     ) -> None:
         def done(result: Any) -> None:
+            self.doing = ""
             self._show_progress("", -1.0)
             then(result)
 
@@ -259,18 +278,22 @@ class Page:
     def _stop(self) -> None:
         """Stop what is fitted or diagnosed; a program that is being compiled is finished first."""
         self.long.stop()
-        self.doing = ""
+        self.doing, self.after_fit = "", None
         self._say("stopping at the next step")
 
     def _failed(self, error: Exception) -> None:
         if isinstance(error, Stopped) and self.doing:
             self._show_progress(self.doing, 0.0)  # begins now
             return
+        self.doing, self.after_fit = "", None
         self._show_progress("", -1.0)
         if isinstance(error, Stopped):
             self._say("stopped")
         else:
-            self._say(_words_of(error), "bad")
+            self._complain(error)
+
+    def _complain(self, error: Exception) -> None:
+        self._say(_words_of(error), "bad")
 
     def attempt(self, change: Callable[[], None]) -> bool:
         """Make a change of the session, and say what is wrong where it is refused."""
@@ -309,7 +332,7 @@ class Page:
         task, like, index = Task(self.session.source, moved), self._like(setup), self.shown
         if like is not None:
             answer = partial(self._followed, moved, index)
-            self.quick.ask(lambda _: task.follow(like, index), answer, self._failed)
+            self.quick.ask(lambda _: task.follow(like, index), answer, self._complain)
 
     def _followed(self, setup: Setup, index: int, run: Run) -> None:
         if setup.fitted_by == self.session.setup.fitted_by and index == self.shown:
@@ -381,7 +404,8 @@ class Page:
         working = (share >= 0.0 and self.long.busy) or bool(message)
         self.stopping.disabled = not working
         bar = f'<div class="bar"><div style="width:{100 * max(share, 0.02):.0f}%"></div></div>'
-        self.progress.text = f"<p>{escape(message)}</p>{bar}" if working else ""
+        after = '<p class="quiet">Diagnosed once it is fitted.</p>' if self.after_fit else ""
+        self.progress.text = f"<p>{escape(message)}</p>{bar}{after}" if working else ""
 
     def _say(self, words: str, kind: str = "quiet") -> None:
         self.progress.text = paragraphs(words, kind)

@@ -87,9 +87,14 @@ class Task:
     setup: Setup
 
     @cached_property
+    def _opened(self) -> Model:
+        """The model as it was opened, its command in the unit of the logs, as fits have it."""
+        return adopted(self.source.model, self.source.train)
+
+    @cached_property
     def model(self) -> Model:
         """The model with the effects and values of the setup."""
-        model, effects = self.source.model, self.setup.effects
+        model, effects = self._opened, self.setup.effects
         for effect in model.effects:
             if effect.name not in effects:
                 model = model - effect.name
@@ -136,18 +141,17 @@ class Task:
             like: one with the same effects and logs, whose integrator steps and initial states are
                 taken.
         """
-        model = adopted(self.model, self.train)
         if like is None:
-            return compare(model, self.logs)
+            return compare(self.model, self.logs)
         starts = [_estimated(run) for run in like.runs]
         steps = max(run.substeps for run in like.runs)
-        return compare(model, self.logs, initial=starts, substeps=steps)
+        return compare(self.model, self.logs, initial=starts, substeps=steps)
 
     def follow(self, like: Comparison, index: int) -> Run:
         """The model along one of the logs, as `compare`: a slider asks for thirty a second."""
-        run, model = like.runs[index], adopted(self.model, self.train)
-        log, start = self.logs[index], [_estimated(run)]
-        return compare(model, log, initial=start, substeps=run.substeps).runs[0]
+        run, log = like.runs[index], self.logs[index]
+        start = [_estimated(run)]
+        return compare(self.model, log, initial=start, substeps=run.substeps).runs[0]
 
     def diagnose(self, start: Fit | None = None, progress: ProgressOption = None) -> Diagnosis:
         """What the model lacks, beginning from a fit of it where there is one."""
@@ -159,19 +163,17 @@ class Task:
         """What the model lacks on one stretch of one log alone."""
         log = next(log for log in self.logs if log.name == stretch.log)
         inside = log.slice(stretch.start, stretch.stop)
-        model = adopted(self.model, self.train)
-        return diagnose(model, inside, experiment=False, progress=progress)
+        return diagnose(self.model, inside, experiment=False, progress=progress)
 
     @cached_property
     def addable(self) -> tuple[tuple[Effect, ...], Mapping[str, str]]:
         """The effects that may be added, and those that these logs cannot test, with the reason."""
-        model = adopted(self.source.model, self.source.train)
-        bare = model
-        for effect in model.effects:
+        bare = self._opened
+        for effect in self._opened.effects:
             bare = bare - effect.name
         tried, untestable = candidates_of(bare, bind(bare, self.logs))
         catalogued = {effect.name for effect in tried}
-        own = tuple(effect for effect in model.effects if effect.name not in catalogued)
+        own = tuple(effect for effect in self._opened.effects if effect.name not in catalogued)
         return (*own, *tried), untestable
 
 

@@ -1,4 +1,4 @@
-"""A workbench in a process of its own, and Chromium that looks at it."""
+"""A workbench, in this process or in one of its own, and Chromium that looks at it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,30 @@ from pathlib import Path
 from typing import Any
 
 import chromium
+import example_names
+
+import diffthrust as dft
+
+
+def lacking_folder(folder: Path) -> Path:
+    """A folder with a spec of two logs of a thruster that ignores small commands."""
+    for log, name in zip(example_names.lacking(), ("run1.csv", "run2.csv"), strict=True):
+        rows = zip(log.time, *log.inputs.values(), *log.measured.values(), strict=True)
+        lines = [",".join(f"{number:.6f}" for number in row) for row in rows]
+        (folder / name).write_text("\n".join(["time,command,speed,thrust", *lines, ""]))
+    (folder / "fit.toml").write_text(f"# by hand\n{example_names.SPEC}")
+    return folder
+
+
+@contextmanager
+def explored(what: Any, *logs: dft.Log) -> Iterator[str]:
+    """The address of a workbench in this process, which has its programs compiled already."""
+    bench = dft.explore(what, logs, browser=False, wait=False)
+    try:
+        yield bench.address
+    finally:
+        bench.close()
+        bench.wait()
 
 
 @contextmanager

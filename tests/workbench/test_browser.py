@@ -8,11 +8,12 @@ from contextlib import closing
 from pathlib import Path
 
 import command_line
+import example_names
 import pytest
 from chromium import NEEDED
 
 from diffthrust.cli._demo_logs import hidden_folder  # private: the demo's command writes by it
-from tests.workbench.page import looked_at, served
+from tests.workbench.page import explored, lacking_folder, looked_at, served
 
 pytestmark = NEEDED
 
@@ -20,6 +21,11 @@ pytestmark = NEEDED
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory) -> Path:
     return hidden_folder(tmp_path_factory.mktemp("demo") / "hidden")
+
+
+@pytest.fixture
+def lacking(tmp_path) -> Path:
+    return lacking_folder(tmp_path)
 
 
 FOCUSED = """() => {
@@ -40,6 +46,32 @@ def errors_shown(page) -> list[float]:
 
 
 @pytest.mark.thorough
+def test_the_clicks_from_the_error_to_what_is_saved(lacking, monkeypatch):
+    """All clicks of the whole loop; the diagnosis is one of the same logs that is there already."""
+    diag = example_names.diag()
+    monkeypatch.setattr("diffthrust.workbench._session.diagnose", lambda *a, **k: diag)
+    with explored(lacking) as address, looked_at(address) as page:
+        page.get_by_text("fit: converged").wait_for()
+        before = errors_shown(page)
+        page.get_by_role("button", name="Diagnose: what is missing?").click()
+        page.get_by_text("Found: commands within").wait_for()
+        page.get_by_text("command dead band: removes").first.click()
+        page.get_by_text("thruster + command deadband").wait_for()
+        page.get_by_text("fit: converged").wait_for()
+        page.get_by_role("button", name="Undo").click()
+        page.get_by_text("thruster", exact=True).wait_for()
+        page.get_by_role("button", name="Add what was found").click()
+        page.get_by_text("thruster + command deadband").wait_for()
+        page.get_by_text(re.compile(r"unseen\) 0\.01")).wait_for()
+        after = errors_shown(page)
+        assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
+        page.get_by_role("button", name="Save", exact=True).click()
+        page.get_by_text(re.compile("Saved in .*explored")).wait_for()
+    assert 'effects = ["command_deadband"]' in (lacking / "explored" / "fit.toml").read_text()
+    command_line.run("check", lacking / "explored")
+
+
+@pytest.mark.slow  # a diagnosis with all candidates
 def test_the_whole_loop_load_diagnose_tick_save(demo):
     """See the error, diagnose, add, the error falls, save, and `check` accepts it."""
     with served(demo) as (address, process), looked_at(address) as page:
@@ -76,9 +108,12 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
 @pytest.mark.thorough
 def test_by_keyboard_alone_in_a_narrow_window(demo):
     with served(demo) as (address, _), looked_at(address, width=700) as page:
+def test_by_keyboard_alone_in_a_narrow_window(lacking):
+    with explored(lacking) as address, looked_at(address, width=900) as page:
         page.get_by_text("fit: converged").wait_for()
-        wide = page.evaluate("() => document.documentElement.scrollWidth")
-        assert wide <= 700
+        for width in (900, 780, 390):
+            page.set_viewport_size({"width": width, "height": 720})
+            page.wait_for_function(f"() => document.documentElement.scrollWidth <= {width}")
         page.get_by_role("button", name="Diagnose: what is missing?").focus()
         reached = set()
         for _ in range(60):
@@ -113,6 +148,8 @@ def test_all_plots_are_in_sight(demo):
 @pytest.mark.thorough
 def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(demo):
     with served(demo) as (address, _), looked_at(address) as page:
+def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(lacking):
+    with explored(lacking) as address, looked_at(address) as page:
         page.get_by_text("fit: converged").wait_for()
         box = page.locator("canvas").nth(1).bounding_box()
         page.locator("[title='Select a stretch']").first.click()
@@ -122,7 +159,7 @@ def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(demo):
         page.mouse.up()
         start, stop = (page.locator(".bk-Spinner input").nth(k) for k in (0, 1))
         page.wait_for_function("element => element.value != '0'", arg=stop.element_handle())
-        assert 0 < float(start.input_value()) < float(stop.input_value()) < 60
+        assert 0 < float(start.input_value()) < float(stop.input_value()) < 12
         assert page.evaluate(LIT) > 20  # the same samples in the scatter
         note = page.get_by_placeholder("weed in the propeller")
         note.fill("<b onclick=alert()>weed</b> $$x$$")
@@ -150,6 +187,8 @@ LIT = """() => [...Bokeh.documents[0]._all_models.values()]
 @pytest.mark.thorough
 def test_without_its_token_there_is_no_page_and_no_connection(demo):
     with served(demo) as (address, _):
+def test_without_its_token_there_is_no_page_and_no_connection():
+    with explored(example_names.fit()) as address:
         bare, _, token = address.partition("?")
         port = int(bare.rstrip("/").rpartition(":")[2])
         assert status_of(port, f"/?{token}") == 200

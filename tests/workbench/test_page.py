@@ -20,9 +20,11 @@ from diffthrust._support.plots import plot  # private: a figure of the page
 from diffthrust.comparison._regime_search import SignalRange  # private: what is shaded
 from diffthrust.comparison._regimes import Regime  # private: likewise
 from diffthrust.logs import PWM, Written
+from diffthrust.logs._written import ShownUnits  # private: what the page takes from runs
+from diffthrust.workbench._controls import Controls  # private: a part of the page
 from diffthrust.workbench._page import Page  # private: what `explore` shows
 from diffthrust.workbench._results import Results  # private: a part of it
-from diffthrust.workbench._session import Session, Step  # private: what the page shows
+from diffthrust.workbench._session import Session, Step, Task  # private: what the page shows
 from diffthrust.workbench._source import opened  # private: `explore` opens by it
 
 
@@ -161,6 +163,28 @@ def test_what_waits_for_stopped_work_says_so_and_what_is_stopped_ends(page):
     assert not ended
 
 
+def test_a_diagnosis_waits_for_the_fit_that_is_made_and_says_so(page, monkeypatch):
+    begun, end, asked = threading.Event(), threading.Event(), []
+    fit = page.session.fit
+    page._diagnosed = lambda task, diagnosis: asked.append(diagnosis)
+
+    def fitting(task, progress):
+        begun.set()
+        assert end.wait(120)
+        progress("on", 0.5)  # raises where it was stopped
+        return fit
+
+    monkeypatch.setattr(Task, "fit", fitting)
+    monkeypatch.setattr(Task, "diagnose", lambda task, start, progress: start)
+    page._fit()
+    assert begun.wait(120)
+    page._once_fitted(page._diagnose)
+    assert "Diagnosed once it is fitted" in page.progress.text
+    end.set()
+    page.document.run_until(lambda: bool(asked))
+    assert asked == [fit]  # it begins with what was fitted
+
+
 def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
     begun, end, ended = threading.Event(), threading.Event(), []
 
@@ -241,6 +265,36 @@ def test_a_page_has_the_colours_and_words_of_the_pictures(page):
     assert lines["residual0"] == drawn["measured - modelled"]
     words = [item.label.value for f in figures for legend in f.legend for item in legend.items]
     assert words == ["measured", "modelled"]
+
+
+def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own():
+    time = np.linspace(0.0, 4.0, 81)
+    units = {"command": "effort", "speed": "rad/s"}
+    ways = {"command": Written("us", "pwm", PWM(1500.0, 1900.0)), "speed": Written("rpm", "rpm")}
+    log = dft.Log(
+        time, {"command": np.sin(time)}, {"speed": 90 * np.sin(time)}, units=units, written=ways
+    )
+    model = dft.Thruster() + "command_deadband" + "speed_sensor_offset"  # commanded in V
+    model, moved = Session(opened(model, log)).task.model, []
+    controls = Controls(
+        model,
+        (),
+        ShownUnits([log.written]),
+        on_tick=lambda name, added: None,
+        on_slide=lambda name, value: moved.append((name, value)),
+        on_release=lambda: None,
+    )
+    controls.show_parameters(model, awake=True)
+    width, offset = (
+        controls._sliders[name][0]
+        for name in ("command_deadband.half_width", "speed_sensor_offset.offset")
+    )
+    assert (width.title, width.start, width.value) == (
+        "command deadband, half width [us]", 0.0, pytest.approx(20.0)
+    )  # fmt: skip
+    assert offset.title == "speed sensor offset, offset [rpm]"
+    width.value = 30.0
+    assert moved == [("command_deadband.half_width", pytest.approx(0.075))]
 
 
 def test_low_plots_have_three_ticks():

@@ -14,18 +14,12 @@ import diffthrust as dft
 from diffthrust.workbench._leaving import save, script, spec_text  # private: the page's buttons
 from diffthrust.workbench._session import Session, Stretch  # private: what the page shows
 from diffthrust.workbench._source import Source, opened  # private: `explore` opens by it
+from tests.workbench.page import lacking_folder
 
 
 @pytest.fixture(scope="module")
 def lacking(tmp_path_factory) -> Path:
-    """A folder with a spec of two logs of a thruster that ignores small commands."""
-    folder = tmp_path_factory.mktemp("lacking")
-    for log, name in zip(example_names.lacking(), ("run1.csv", "run2.csv"), strict=True):
-        rows = zip(log.time, *log.inputs.values(), *log.measured.values(), strict=True)
-        lines = [",".join(f"{number:.6f}" for number in row) for row in rows]
-        (folder / name).write_text("\n".join(["time,command,speed,thrust", *lines, ""]))
-    (folder / "fit.toml").write_text(f"# by hand\n{example_names.SPEC}")
-    return folder
+    return lacking_folder(tmp_path_factory.mktemp("lacking"))
 
 
 @pytest.fixture
