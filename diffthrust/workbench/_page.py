@@ -102,7 +102,7 @@ class Page:
 
     def _begin(self) -> None:
         """Once the page is there, also where it is loaded again."""
-        self._compare()
+        self._ask_regimes()
         if not self.long.busy:
             self._fit_if_needed()
 
@@ -193,6 +193,10 @@ class Page:
             self.select(start, stop)
         self._found_regimes(())  # those of the earlier model, until its own are there
         self._show_state()
+        self._ask_regimes()
+
+    def _ask_regimes(self) -> None:
+        comparison = self.comparison
         self.quick.ask(lambda _: comparison.regimes, self._found_regimes, self._complain)
 
     def _fit(self) -> None:

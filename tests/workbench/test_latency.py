@@ -73,6 +73,16 @@ PREPARE = """() => {
 """Ways to move a slider and to pan, each of which ends when all plots of the model are painted."""
 
 
+def settle() -> None:
+    """Wait until this process has nothing more to work out."""
+    spent, least = time.process_time(), 0.05
+    while True:
+        time.sleep(0.5)
+        spent, before = time.process_time(), spent
+        if spent - before < least:
+            return
+
+
 def long_log(samples: int) -> dft.Log:
     """A thruster under steps of the command, of so many samples at 20 Hz."""
     rng = np.random.default_rng(5)
@@ -119,6 +129,7 @@ def opened_with(samples: int) -> Iterator[tuple[Any, str, str]]:
 def test_a_slider_from_event_to_drawn(samples):
     with opened_with(samples) as (page, *_):
         low, high = page.evaluate(PREPARE)
+        settle()
         page.evaluate("value => moved(value)", 0.5 * (low + high))  # compiles
         clock = Clock(page)
         values = np.linspace(0.3 * high, 0.6 * high, MOVES)
@@ -132,6 +143,7 @@ def test_a_slider_from_event_to_drawn(samples):
 def test_a_million_samples_open_and_pan():
     with opened_with(1_000_000) as (page, clock_time, processor):
         page.evaluate(PREPARE)
+        settle()
         width = 2_500.0  # a twentieth of the log
         page.evaluate("width => panned(0, width)", width)
         clock = Clock(page)
