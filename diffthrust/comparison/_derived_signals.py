@@ -35,6 +35,14 @@ def units_of(run: Run) -> dict[str, str]:
     return {name: run.shown.unit(name, unit) for name, unit in run.units.items()}
 
 
+def derived_of(
+    model: Model, run: Run, *, tabular: bool = False
+) -> dict[str, tuple[np.ndarray, str]]:
+    """The `derived_signals` of a run, which has no rates where it is a table."""
+    time = None if tabular else run.time
+    return derived_signals(time, signals_of(model, run), units_of(run), model.angles)
+
+
 def derived_signals(
     time: np.ndarray | None,
     signals: Mapping[str, np.ndarray],

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, styled, thinned
-from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
+from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.comparison._regimes import Regime
 from diffthrust.comparison._residual_tests import ResidualTests
 from diffthrust.models._base.model import Model
@@ -47,7 +47,7 @@ def residual_figure(
     from matplotlib.figure import Figure
 
     tabular = are_tables(run.record for run in runs)
-    derived = [(run, _signals(model, run, tabular)) for run in runs]
+    derived = [(run, derived_of(model, run, tabular=tabular)) for run in runs]
     across = 2 if tabular else 4
     figure = Figure(figsize=(4.4 * across, 0.9 + 3.5 * len(channels)), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # pyright: ignore
@@ -72,11 +72,6 @@ def residual_figure(
     return figure
 
 
-def _signals(model: Model, run: Run, tabular: bool) -> Mapping[str, tuple[np.ndarray, str]]:
-    time = None if tabular else run.time
-    return derived_signals(time, signals_of(model, run), units_of(run), model.angles)
-
-
 def _in_time(
     axes: Axes, having: Sequence[_Derived], name: str, regime: Regime | None, tabular: bool
 ) -> None:
@@ -84,8 +79,7 @@ def _in_time(
     run, derived = max(measured, key=lambda pair: pair[0].errors.channels[name].rmse)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     if regime is not None:
-        inside = [interval.holds(derived[interval.signal][0]) for interval in regime.where]
-        _shade(axes, run.time, np.logical_and.reduce(inside))
+        _shade(axes, run.time, regime.holds(derived))
     residual = run.shown_channels[name].residual
     style = "." if is_sparse(residual) else "-"
     axes.plot(*thinned(run.time, residual), style, color=BLUE, linewidth=0.9)

@@ -60,6 +60,11 @@ class Regime:
         """Unit of the first signal."""
         return self.where[0].unit
 
+    def holds(self, derived: Mapping[str, tuple[np.ndarray, str]]) -> np.ndarray:
+        """Which samples of a run are in it, by its `derived_of`."""
+        ranges = [interval.holds(derived[interval.signal][0]) for interval in self.where]
+        return np.logical_and.reduce(ranges)
+
     @property
     def sentence(self) -> str:
         """The regime in plain words, with units."""

@@ -324,7 +324,10 @@ class Fit(Result):
             linear=tuple(name for name, hold in self.hold.items() if hold == "linear"),
             substeps=self.substeps,
             errors=errors,
-            provenance=(f"Fit: {self.status}. {self.message}", *(self.origin.sentences if self.origin else ())),
+            provenance=(
+                f"Fit: {self.status}. {self.message}",
+                *(self.origin.sentences if self.origin else ()),
+            ),
             version=__version__,
             units=ShownUnits((self.written,)),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 from diffthrust._support.progress import Progress
@@ -102,12 +103,7 @@ class Lane:
 
     def _do(self, request: _Request) -> None:
         try:
-            result = request.work(self._report)
-        except Stopped as stopped:
-            error: Exception = stopped
-            self._deliver(lambda: request.failed(error))
-        except Exception as reason:  # whatever it is, the page says so and goes on
-            problem = reason
-            self._deliver(lambda: request.failed(problem))
-        else:
-            self._deliver(lambda: request.then(result))
+            answer = partial(request.then, request.work(self._report))
+        except Exception as error:  # whatever it is, the page says so and goes on
+            answer = partial(request.failed, error)
+        self._deliver(answer)

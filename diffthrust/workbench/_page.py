@@ -19,7 +19,7 @@ from bokeh.models import RadioGroup
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
 from diffthrust.comparison._compare import Comparison
-from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
+from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.comparison._regimes import Regime
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
@@ -420,14 +420,13 @@ class Page:
 
     def _show_regimes(self) -> None:
         """Shade where each channel fails, and say it, with a button that zooms there."""
-        model, run = self.comparison.model, self.run
-        signals = derived_signals(run.time, signals_of(model, run), units_of(run), model.angles)
+        derived = derived_of(self.comparison.model, self.run)
         failing: dict[str, Any] = {}
         lines = []
         for regime in self.regimes:
-            ranges = [r for r in regime.where if r.signal in signals]
-            inside = np.all([r.holds(signals[r.signal][0]) for r in ranges], axis=0)
-            marked = self.plots.marked(inside & np.ones(run.time.size, bool))
+            if not {interval.signal for interval in regime.where} <= derived.keys():
+                continue  # this log lacks one
+            marked = self.plots.marked(regime.holds(derived))
             failing[regime.channel] = [*failing.get(regime.channel, ()), *marked]
             if marked:
                 widest = max(marked, key=lambda pair: pair[1] - pair[0])

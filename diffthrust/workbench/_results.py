@@ -25,7 +25,7 @@ from diffthrust._support.figures import BLUE, VERMILLION
 from diffthrust._support.page import image
 from diffthrust._support.plots import Staircase, plot, with_unit
 from diffthrust._support.words import humanize
-from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
+from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
@@ -142,9 +142,7 @@ class Results:
         if self.selected.size != run.time.size:
             self.selected = np.zeros(run.time.size, bool)
         self.run = run
-        self._signals = derived_signals(
-            run.time, signals_of(model, run), units_of(run), plain=model.angles
-        )
+        self._signals = derived_of(model, run)
         for name in run.record.inputs:
             if name in self._signals:  # as in its plot: pulses of 1 100 us, not 400 below the stop
                 values = run.shown.values(name, run.signals[name], run.units[name])
