@@ -116,7 +116,7 @@ def explore(
     session = Session(opened(what, logs, holdout, trusted))
     comparison = session.task.compare()
     notebook = "ipykernel" in sys.modules
-    _ = session.task.addable  # before the page asks for it
+    _ = session.addable  # before the page asks for it
     pages: list[Page] = []
     server = PageServer(
         lambda document: pages.append(Page(document, session, comparison)),

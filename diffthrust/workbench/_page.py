@@ -65,7 +65,7 @@ class Page:
         self.results = Results(self.plots.light_up)
         self.controls = Controls(
             session.task.model,
-            session.task.addable[0],
+            session.addable[0],
             shown_of(comparison.runs),
             on_tick=self._tick,
             on_slide=self._slide,

@@ -87,14 +87,9 @@ class Task:
     setup: Setup
 
     @cached_property
-    def _opened(self) -> Model:
-        """The model as it was opened, its command in the unit of the logs, as fits have it."""
-        return adopted(self.source.model, self.source.train)
-
-    @cached_property
     def model(self) -> Model:
-        """The model with the effects and values of the setup."""
-        model, effects = self._opened, self.setup.effects
+        """The model with the effects and values of the setup, commanded as the logs are."""
+        model, effects = adopted(self.source.model, self.source.train), self.setup.effects
         for effect in model.effects:
             if effect.name not in effects:
                 model = model - effect.name
@@ -165,17 +160,6 @@ class Task:
         inside = log.slice(stretch.start, stretch.stop)
         return diagnose(self.model, inside, experiment=False, progress=progress)
 
-    @cached_property
-    def addable(self) -> tuple[tuple[Effect, ...], Mapping[str, str]]:
-        """The effects that may be added, and those that these logs cannot test, with the reason."""
-        bare = self._opened
-        for effect in self._opened.effects:
-            bare = bare - effect.name
-        tried, untestable = candidates_of(bare, bind(bare, self.logs))
-        catalogued = {effect.name for effect in tried}
-        own = tuple(effect for effect in self._opened.effects if effect.name not in catalogued)
-        return (*own, *tried), untestable
-
 
 class Session:
     """A workbench: a source, the present setup, its history, and the fits made so far.
@@ -214,6 +198,21 @@ class Session:
             self._task = Task(self.source, self.setup)
         return self._task
 
+    @cached_property
+    def addable(self) -> tuple[tuple[Effect, ...], Mapping[str, str]]:
+        """The effects that may be added, and those that these logs cannot test, with the reason.
+
+        Of the logs as they were opened: it takes a second.
+        """
+        source = self.source
+        bare = model = adopted(source.model, source.train)
+        for effect in model.effects:
+            bare = bare - effect.name
+        tried, untestable = candidates_of(bare, bind(bare, (*source.train, *source.unseen)))
+        catalogued = {effect.name for effect in tried}
+        own = tuple(effect for effect in model.effects if effect.name not in catalogued)
+        return (*own, *tried), untestable
+
     @property
     def fit(self) -> Fit | None:
         """The fit of the present model to the present logs, if it was made."""
@@ -250,8 +249,8 @@ class Session:
         """
         if name in self.setup.effects:
             return
-        if name not in [effect.name for effect in self.task.addable[0]]:
-            why = self.task.addable[1].get(name, "the model has no port for it")
+        if name not in [effect.name for effect in self.addable[0]]:
+            why = self.addable[1].get(name, "the model has no port for it")
             raise InputError(f"The effect {name!r} cannot be added: {why}.", "Choose another.")
         self._change(replace(self.setup, effects=(*self.setup.effects, name)), replace_values=True)
 
@@ -341,7 +340,7 @@ class Session:
     def accept_diagnosis(self, task: Task, diagnosis: Diagnosis) -> None:
         """Keep a diagnosis, and the fits of its stages, which are steps of the staircase."""
         self.diagnosis = diagnosis
-        testable = {effect.name for effect in task.addable[0]}
+        testable = {effect.name for effect in self.addable[0]}
         for stage in diagnosis.stages:
             effects = (*task.setup.effects, *stage.effects)
             if set(stage.effects) <= testable:
