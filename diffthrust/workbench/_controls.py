@@ -24,7 +24,7 @@ _TITLE = 42
 """Display: characters beside the value of a slider."""
 _STEPS = 400
 """Display: positions of a slider, more than the pixels that it has."""
-FOUND = "found or added"
+FOUND = "Found or added"
 
 
 def slider_range(parameter: Parameter) -> tuple[float, float]:
@@ -72,7 +72,7 @@ class Controls:
         self.path = PathFigure(signal_path(model), list(ports), self._choose)
         self.port = Select(
             title="Effects to add or take away",
-            options=[FOUND, *((port, f"at {port}") for port in ports)],
+            options=[FOUND, *((port, f"At {port}") for port in ports)],
             value=FOUND,
             width=RIGHT - 20,
         )
@@ -122,7 +122,7 @@ class Controls:
         lines = [f"<b>{escape(humanize(n))}</b>: {escape(self._about(n))}" for n in names]
         if not lines:
             lines = [
-                "None yet. Diagnose ranks them; or tap a box for all that may be missing there."
+                "No effect yet. Diagnose ranks them; or tap a box for what may be missing there."
             ]
         self.about.text = "".join(f'<p class="quiet">{line}</p>' for line in lines)
         added: dict[str, int] = {}

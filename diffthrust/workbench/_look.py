@@ -8,6 +8,8 @@ from typing import Any
 from bokeh.events import SelectionGeometry
 from bokeh.models import Button, Div
 
+from diffthrust._support.errors import InputError
+
 SELECTED, FAILING, LEFT_OUT = "#56B4E9", "#E69F00", "#999999"
 LEFT, RIGHT = 260, 340
 """Widths of the columns [px]: at 1 280 the plots get over half of the page."""
@@ -23,7 +25,6 @@ p.bad { color: #b00020; font-weight: 600; }
 table { border-collapse: collapse; width: 100%; }
 td, th { text-align: left; padding: 1px 6px 1px 0; font-weight: normal; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; }
-tr.shown td { font-weight: 600; }
 pre { white-space: pre-wrap; font-size: 12px; background: #f4f4f4; padding: 6px; margin: 2px 0; }
 img { max-width: 100%; }
 .bar { height: 6px; background: #e4e4e4; border-radius: 3px; overflow: hidden; margin-top: 3px; }
@@ -51,16 +52,21 @@ def paragraphs(words: str, kind: str = "") -> str:
     return "".join(f'<p class="{kind}">{escape(line)}</p>' for line in lines)
 
 
-def table(rows: list[tuple[str, ...]], shown: int | None = None) -> str:
-    """A table of texts, escaped; one row may be the one that is shown."""
+def words_of(error: Exception) -> str:
+    """What to say of an error."""
+    return str(error) if isinstance(error, InputError) else repr(error)
+
+
+def table(rows: list[tuple[str, ...]]) -> str:
+    """A table of texts, escaped."""
     lines = []
-    for index, row in enumerate(rows):
+    for row in rows:
         cells = "".join(
             f'<td class="{"number" if cell[:1].isdigit() or cell[:1] == "-" else ""}">'
             f"{escape(cell)}</td>"
             for cell in row
         )
-        lines.append(f'<tr class="{"shown" if index == shown else ""}">{cells}</tr>')
+        lines.append(f"<tr>{cells}</tr>")
     return f"<table>{''.join(lines)}</table>"
 
 

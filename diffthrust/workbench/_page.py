@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,8 +25,7 @@ from diffthrust.simulation._runs import Run, shown_of
 from diffthrust.workbench._browser import once_ready
 from diffthrust.workbench._controls import Controls
 from diffthrust.workbench._lane import Lane, Stopped
-from diffthrust.workbench._leaving import save, script
-from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text
+from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text, words_of
 from diffthrust.workbench._plots import Plots
 from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task
@@ -41,7 +38,7 @@ class Page:
     """A session in a document of Bokeh.
 
     All methods run in the thread of the document, except the work given to the two lanes: ``quick``
-    follows sliders, ``long`` fits, diagnoses and saves.
+    follows sliders, ``long`` fits and diagnoses.
 
     Args:
         document: an empty one.
@@ -53,7 +50,6 @@ class Page:
         self.document, self.session, self.comparison = document, session, comparison
         self.quick = Lane(document.add_next_tick_callback)
         self.long = Lane(document.add_next_tick_callback, self._show_progress)
-        self.saving = Lane(document.add_next_tick_callback)
         self.opened = self._error(comparison)
         self.shown = 0
         self.sliding: dict[str, float] = {}
@@ -71,7 +67,7 @@ class Page:
             on_slide=self._slide,
             on_release=self._release,
         )
-        self.tools = Tools(self)
+        self.tools = Tools(self, Lane(document.add_next_tick_callback))
         self._left()
         self.fails = column(sizing_mode="stretch_width")
         middle = column(
@@ -118,7 +114,7 @@ class Page:
 
     def close(self) -> None:
         """End the threads."""
-        for lane in (self.quick, self.long, self.saving):
+        for lane in (self.quick, self.long, self.tools.saving):
             lane.close()
 
     # -- the left-hand side ----------------------------------------------------------------------
@@ -242,30 +238,6 @@ class Page:
         show = partial(self.results.show_stretch, where=where)
         self._ask(partial(task.diagnose_stretch, stretch), show, f"looking at {where}")
 
-    def save(self, folder: str) -> None:
-        """Write spec, fit, report and script into a folder, in the background.
-
-        In a lane of its own: in that of fits it stopped a diagnosis of minutes, and a tick before
-        its turn took its place.
-        """
-        session = copy.copy(self.session)
-
-        def show(paths: tuple[Path, ...]) -> None:
-            names = ", ".join(path.name for path in paths)
-            folder, here = paths[0].parent, Path.cwd()
-            shown = folder.relative_to(here) if folder.is_relative_to(here) else folder
-            self.tools.say(f"Saved in {shown}: {names}.")
-
-        self.tools.say("saving")
-        self.saving.ask(lambda _: save(session, Path(folder)), show, self._not_saved)
-
-    def _not_saved(self, error: Exception) -> None:
-        self.tools.say(_words_of(error), "bad")
-
-    def script(self) -> str:
-        """The lines of Python that do what was done."""
-        return script(self.session)
-
     def _ask(
         self, work: Callable[[Progress], Any], then: Callable[[Any], None], doing: str
     ) -> None:
@@ -297,7 +269,7 @@ class Page:
             self._complain(error)
 
     def _complain(self, error: Exception) -> None:
-        self._say(_words_of(error), "bad")
+        self._say(words_of(error), "bad")
 
     def attempt(self, change: Callable[[], None]) -> bool:
         """Make a change of the session, and say what is wrong where it is refused."""
@@ -436,7 +408,3 @@ class Page:
                 lines.append(row(words, closer, sizing_mode="stretch_width"))
         self.plots.shade(failing)
         self.fails.children = lines
-
-
-def _words_of(error: Exception) -> str:
-    return str(error) if isinstance(error, InputError) else repr(error)

@@ -11,7 +11,7 @@ from bokeh.plotting import figure
 
 from diffthrust._support.figures import BLUE
 from diffthrust.workbench._look import RIGHT
-from diffthrust.workbench._signal_path import Node, SignalPath
+from diffthrust.workbench._signal_path import SignalPath
 
 _FILL = {"input": "#e8f5f0", "port": "#ffffff", "state": "#f0f0f0", "output": "#f0f0f0"}
 _CHOSEN, _WITH = "#cfe6f5", "#ffe7c2"
@@ -30,7 +30,7 @@ class PathFigure:
         self, path: SignalPath, choices: list[str], on_choose: Callable[[str], None]
     ) -> None:
         self.nodes, self.choices, self.on_choose = path.nodes, set(choices), on_choose
-        places = {node.name: _place(node) for node in self.nodes}
+        places = {node.name: (node.column, -node.row) for node in self.nodes}
         columns = max(node.column for node in self.nodes)
         rows = max(node.row for node in self.nodes)
         self.source: Any = ColumnDataSource(
@@ -109,10 +109,6 @@ class PathFigure:
             self.source.selected.indices = []
             if name in self.choices:
                 self.on_choose(name)
-
-
-def _place(node: Node) -> tuple[float, float]:
-    return node.column, -node.row
 
 
 def _arrow(begin: tuple[float, float], end: tuple[float, float]) -> Arrow:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from functools import partial
 from html import escape
+from pathlib import Path
 from typing import Any, Protocol
 
 from bokeh.layouts import column, row
 from bokeh.models import CheckboxGroup, CustomJS, Spinner, TextInput, UIElement
 
-from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text
+from diffthrust.workbench._lane import Lane
+from diffthrust.workbench._leaving import save, script
+from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text, words_of
 from diffthrust.workbench._session import Session, Setup, Stretch
 
 
@@ -36,37 +40,31 @@ class Desk(Protocol):
         """Diagnose the stretch alone."""
         ...
 
-    def save(self, folder: str) -> None:
-        """Write all into a folder."""
-        ...
-
-    def script(self) -> str:
-        """The lines of Python that do what was done."""
-        ...
-
 
 class Tools:
     """The lower part of the left-hand side.
 
     Args:
         page: whose session is changed.
+        saving: a lane of its own: in that of fits a save stopped a diagnosis of minutes, and a
+            tick before its turn took its place.
     """
 
-    def __init__(self, page: Desk) -> None:
-        self.page = page
+    def __init__(self, page: Desk, saving: Lane) -> None:
+        self.page, self.saving = page, saving
         wide: dict[str, Any] = {"width": LEFT - 20}
         half: dict[str, Any] = {"width": LEFT // 2 - 14}
-        self.start = Spinner(title="from [s]", low=0.0, step=0.5, value=0.0, **half)
-        self.stop = Spinner(title="to [s]", low=0.0, step=0.5, value=0.0, **half)
+        self.start = Spinner(title="From [s]", low=0.0, step=0.5, value=0.0, **half)
+        self.stop = Spinner(title="To [s]", low=0.0, step=0.5, value=0.0, **half)
         for spinner in (self.start, self.stop):
             spinner.on_change("value", lambda attr, old, new: self._typed())
-        self.note = TextInput(title="because", placeholder="weed in the propeller", **wide)
+        self.note = TextInput(title="Because", placeholder="weed in the propeller", **wide)
         self.left_out = column(**wide)
         channels = list(dict.fromkeys(n for log in page.session.task.logs for n in log.units))
         channels = [name for name in channels if name != "time"]
         self.names = channels
         self.channels = CheckboxGroup(labels=channels, active=[], inline=True, **wide)
-        self.seconds = Spinner(title="by [s]", step=0.01, value=0.0, **half)
+        self.seconds = Spinner(title="By [s]", step=0.01, value=0.0, **half)
         self.shifts = text()
         source = page.session.source
         beside = source.spec.path.parent if source.spec and not source.drafted else None
@@ -79,7 +77,7 @@ class Tools:
             heading("Save"),
             self.folder,
             row(
-                button("Save", self._save, "primary", **half),
+                button("Save", self.save, "primary", **half),
                 button("Copy as Python", self._copy, **half),
             ),
             self.said,
@@ -121,8 +119,22 @@ class Tools:
             rows.append(row(text(paragraphs(f"Left out: {words}"), width=LEFT - 100), again))
         return rows
 
-    def say(self, words: str, kind: str = "") -> None:
-        """Say what was saved, or why it was not."""
+    def save(self) -> None:
+        """Write spec, fit, report and script into the folder, in the background."""
+        session, folder = copy.copy(self.page.session), Path(self.folder.value)
+        self._say("saving")
+        self.saving.ask(lambda _: save(session, folder), self._saved, self._not_saved)
+
+    def _saved(self, paths: tuple[Path, ...]) -> None:
+        names = ", ".join(path.name for path in paths)
+        folder, here = paths[0].parent, Path.cwd()
+        shown = folder.relative_to(here) if folder.is_relative_to(here) else folder
+        self._say(f"Saved in {shown}: {names}.")
+
+    def _not_saved(self, error: Exception) -> None:
+        self._say(words_of(error), "bad")
+
+    def _say(self, words: str, kind: str = "") -> None:
         self.said.text = paragraphs(words, kind)
 
     @property
@@ -143,9 +155,6 @@ class Tools:
         session, channels = self.page.session, [self.names[i] for i in self.channels.active]
         self.page.edit(partial(session.shift, float(self.seconds.value or 0.0), *channels))
 
-    def _save(self) -> None:
-        self.page.save(self.folder.value)
-
     def _copy(self) -> None:
-        self.said.text = f"<pre>{escape(self.page.script())}</pre>"
-        self.copied.tags = [self.page.script()]
+        lines = script(self.page.session)
+        self.said.text, self.copied.tags = f"<pre>{escape(lines)}</pre>", [lines]

@@ -195,7 +195,8 @@ def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
 
     page._ask(diagnosing, ended.append, "looking")
     assert begun.wait(120)
-    page.save(str(tmp_path / "explored"))
+    page.tools.folder.value = str(tmp_path / "explored")
+    page.tools.save()
     page.long.ask(lambda _: None, ended.append, page._failed)  # what waits gives way to it
     page.document.run_until(lambda: "Saved in" in page.tools.said.text)
     assert (tmp_path / "explored" / "fit.json").is_file()
@@ -203,7 +204,8 @@ def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
     end.set()
     page.document.run_until(lambda: len(ended) == 2)
     (tmp_path / "file").touch()
-    page.save(str(tmp_path / "file" / "explored"))
+    page.tools.folder.value = str(tmp_path / "file" / "explored")
+    page.tools.save()
     page.document.run_until(lambda: "cannot be made" in page.tools.said.text)
 
 
