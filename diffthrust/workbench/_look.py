@@ -22,8 +22,8 @@ p { margin: 2px 0; overflow-wrap: anywhere; }
 p.quiet, td.quiet { color: #666; }
 p.shaded { font-size: 12px; border-left: 12px solid #E69F0055; padding-left: 6px; }
 p.bad { color: #b00020; font-weight: 600; }
-table { border-collapse: collapse; width: 100%; }
-td, th { text-align: left; padding: 1px 6px 1px 0; font-weight: normal; }
+table { border-collapse: collapse; }
+td, th { text-align: left; padding: 1px 16px 1px 0; font-weight: normal; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; }
 pre { white-space: pre-wrap; font-size: 12px; background: #f4f4f4; padding: 6px; margin: 2px 0; }
 img { max-width: 100%; }

@@ -77,6 +77,7 @@ def learned() -> None:
 def take(page: Any, name: str) -> None:
     """A picture of the page, once two of them are the same."""
     page.mouse.move(640, 845)
+    page.evaluate("() => scrollTo(0, 0)")
     picture, last = page.screenshot(), b""
     while picture != last:
         time.sleep(3)  # what is drawn comes after what is said

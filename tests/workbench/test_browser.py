@@ -62,7 +62,7 @@ def test_the_clicks_from_the_error_to_what_is_saved(lacking, monkeypatch):
         page.get_by_text("thruster", exact=True).wait_for()
         page.get_by_role("button", name="Add what was found").click()
         page.get_by_text("thruster + command deadband").wait_for()
-        page.get_by_text(re.compile(r"unseen\) 0\.01")).wait_for()
+        page.get_by_text(re.compile(r"unseen\) 0\.0")).wait_for()
         after = errors_shown(page)
         assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
         page.get_by_role("button", name="Save", exact=True).click()

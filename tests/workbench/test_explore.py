@@ -33,7 +33,7 @@ def test_a_page_that_nobody_comes_back_to_ends_the_server():
     server = PageServer(lambda document: None, left.set, patience=200)
     assert not server.ended.wait(1.0)  # nobody has come yet
     urllib.request.urlopen(server.address).close()
-    assert server.ended.wait(30.0)
+    assert server.ended.wait(120.0)
     assert left.is_set()
 
 
@@ -43,7 +43,7 @@ def test_a_port_in_use_is_said():
     with pytest.raises(dft.InputError, match=f"port {port}: the workbench cannot listen there"):
         PageServer(lambda document: None, port=port)
     first.close()
-    assert first.ended.wait(30.0)
+    assert first.ended.wait(120.0)
 
 
 def test_without_bokeh_the_extra_is_named(monkeypatch):

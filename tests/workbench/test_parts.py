@@ -29,17 +29,17 @@ def test_of_what_waits_only_the_newest_is_done(delivered):
 
     def slow(_):
         begun.set()
-        release.wait(10)
+        release.wait(120)
         return "first"
 
     lane.ask(slow, done.append, done.append)
-    assert begun.wait(10)
+    assert begun.wait(120)
     for value in range(50):
         lane.ask(lambda _, value=value: value, done.append, done.append)
     assert lane.busy
     release.set()
     for _ in range(2):
-        page.get(timeout=10)()
+        page.get(timeout=120)()
     assert done == ["first", 49]
     assert page.empty()
 
@@ -50,18 +50,18 @@ def test_work_is_stopped_where_it_reports_and_the_next_goes_on(delivered):
 
     def endless(report):
         begun.set()
-        reported.wait(10)
+        reported.wait(120)
         report("still", 0.5)
         return "never"
 
     lane.ask(endless, done.append, done.append)
-    assert begun.wait(10)
+    assert begun.wait(120)
     lane.stop()
     reported.set()
-    page.get(timeout=10)()
+    page.get(timeout=120)()
     assert isinstance(done[0], Stopped)
     lane.ask(lambda _: "next", done.append, done.append)
-    page.get(timeout=10)()
+    page.get(timeout=120)()
     assert done[1:] == ["next"]
 
 
@@ -69,7 +69,7 @@ def test_an_error_is_handed_on(delivered):
     page, lane = delivered
     done = []
     lane.ask(lambda _: 1 / 0, done.append, done.append)
-    page.get(timeout=10)()
+    page.get(timeout=120)()
     assert isinstance(done[0], ZeroDivisionError)
 
 
