@@ -134,7 +134,7 @@ class Page:
         self.stopping = button("Stop", self._stop, **half)
         self.undoing = button("Undo", partial(self.edit, session.undo), **half)
         self.redoing = button("Redo", partial(self.edit, session.redo), **half)
-        self.adding.visible = False
+        self.adding.visible, self.stopping.disabled = False, True
         self.left = column(
             self.title,
             heading("Logs, with the error of the model"),

@@ -217,7 +217,7 @@ class Results:
         learned = "Diagnose first: what no known effect explains is learned as a curve."
         experiment = "Diagnose first: it proposes the command that would decide."
         if diagnosis is not None:
-            learned = "Nothing was left to learn."
+            learned = "No law was learned: the verdict on the left says why."
             experiment = "No experiment is needed to tell effects apart."
         self.learned.text, self.experiment.text = (
             f'<p class="quiet">{escape(words)}</p>' for words in (learned, experiment)

@@ -239,7 +239,7 @@ def test_the_learned_law_and_the_next_experiment_are_drawn():
 @pytest.mark.thorough
 def test_a_stretch_is_ranked_effect_by_effect():
     results = Results(lambda samples: None)
-    results.show_stretch(example_names.diag(), "run1.csv, 2 to 5 s")
+    results.show_stretch(made_diagnosis.found(), "run1.csv, 2 to 5 s")
     assert "command dead band" in results.stretch.text
     assert results.layout.active == 1
 
