@@ -45,7 +45,6 @@ def errors_shown(page) -> list[float]:
     return [float(re.search(r"\) (\S+)$", label.strip())[1]) for label in labels]
 
 
-@pytest.mark.thorough
 def test_the_clicks_from_the_error_to_what_is_saved(lacking, monkeypatch):
     """All clicks of the whole loop; the diagnosis is one of the same logs that is there already."""
     diag = example_names.diag()
@@ -105,9 +104,6 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
     command_line.run("check", saved)
 
 
-@pytest.mark.thorough
-def test_by_keyboard_alone_in_a_narrow_window(demo):
-    with served(demo) as (address, _), looked_at(address, width=700) as page:
 def test_by_keyboard_alone_in_a_narrow_window(lacking):
     with explored(lacking) as address, looked_at(address, width=900) as page:
         page.get_by_text("fit: converged").wait_for()
@@ -136,7 +132,6 @@ def test_by_keyboard_alone_in_a_narrow_window(lacking):
         )
 
 
-@pytest.mark.thorough
 def test_all_plots_are_in_sight(demo):
     with served(demo) as (address, _), looked_at(address) as page:
         page.get_by_role("button", name="Zoom in").first.wait_for()
@@ -145,9 +140,6 @@ def test_all_plots_are_in_sight(demo):
         assert max(box["y"] + box["height"] for box in boxes if box) <= 720
 
 
-@pytest.mark.thorough
-def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(demo):
-    with served(demo) as (address, _), looked_at(address) as page:
 def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(lacking):
     with explored(lacking) as address, looked_at(address) as page:
         page.get_by_text("fit: converged").wait_for()
@@ -184,9 +176,6 @@ LIT = """() => [...Bokeh.documents[0]._all_models.values()]
 """
 
 
-@pytest.mark.thorough
-def test_without_its_token_there_is_no_page_and_no_connection(demo):
-    with served(demo) as (address, _):
 def test_without_its_token_there_is_no_page_and_no_connection():
     with explored(example_names.fit()) as address:
         bare, _, token = address.partition("?")
