@@ -119,7 +119,9 @@ def maps_of(
     values = values_of(first, parameters, progress)
     maps = []
     for i, (query, source) in enumerate(zip(asked, models, strict=True)):
-        mine = {n: None if value is None else value[i] for n, value in values._asdict().items()}
+        mine: dict[str, Any] = {
+            n: None if value is None else value[i] for n, value in values._asdict().items()
+        }
         maps.append(
             DescribingMap(
                 model=query.model,

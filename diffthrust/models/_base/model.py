@@ -197,7 +197,7 @@ class Model(Component):
 
         Example:
             >>> rov = dft.Craft(dft.bodies.SixDegrees())
-            >>> round(rov.start_from({"heading": 3.1415926535})["qz"], 6)
+            >>> round(float(rov.start_from({"heading": 3.1415926535})["qz"]), 6)
             1.0
         """
         return {}
