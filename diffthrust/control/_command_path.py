@@ -53,7 +53,7 @@ class CommandPath:
     """
 
     def __init__(self, thruster: Model, step: float) -> None:
-        self.channel = driven(thruster)
+        self.channel: str = driven(thruster)
         self.lengths: dict[str, int] = {}
         for placed in thruster.effects:
             effect = _itself(placed)
