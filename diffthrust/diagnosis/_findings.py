@@ -203,7 +203,8 @@ class Assessment(Brief):
         before: the model as given, held against the logs (unseen ones, if any): where it fails.
         after: the last stage, held against the same.
         trained: the model as given and the last stage, held against the training logs.
-        one_step: standard deviation of the last stage's one-step errors, by channel.
+        one_step: scale of the last stage's one-step errors, by channel, of which a few that are
+            large count no more than others: most lie within.
         remaining: structure that none of the effects tried explains.
         odd_logs: logs that disagree with the others.
         apart: where something is open and odd logs carry much of the error, the last stage without

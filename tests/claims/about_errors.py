@@ -303,7 +303,7 @@ def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"verdict {diag.verdict}"
 
 
-@claim(rf"From one sample to the next the (?P<channel>[a-zA-Z ]+?) is predicted to within "
+@claim(rf"From one sample to the next the (?P<channel>[a-zA-Z ]+?) is mostly predicted to within "
        rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of the training logs"
        rf"(?P<learned>, with what was learned,)? to (?P<run>{NUMBER}) ?[^:]*?: (?P<why>"
        r"missing physics adds up, and a disturbance may, too|no signal of these logs surely "

@@ -420,8 +420,14 @@ def _more(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- what is wrong with the logs, and with what was given ------------------------------------------
 
 
-@claim(rf"First mend the logs: with (?P<what>.+?) the (?:unseen|training) error falls by "
-       rf"(?P<falls>{NUMBER}) %\.")  # fmt: skip
+@claim(r"What follows is true of the logs as they are\.")
+def _as_they_are(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if not diag.helpful_mends:
+        yield "nothing mends them"
+
+
+@claim(rf"First mend the logs, then diagnose again: with (?P<what>.+?) the "
+       rf"(?:unseen|training) error falls by (?P<falls>{NUMBER}) %\.")  # fmt: skip
 def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     mend = next((x for x in diag.helpful_mends if x.reading.words == m["what"]), None)
     if mend is None:

@@ -151,8 +151,10 @@ def test_any_combination_of_findings_is_told_within_the_budget(made_up):
 def test_the_mend_of_a_log_leads_and_is_what_is_copied():
     lines = with_a_mend(made.found()).summary.splitlines()
     assert lines[0] == (
-        "First mend the logs: with thrust and speed exchanged the unseen error falls by 60 %."
+        "First mend the logs, then diagnose again: with thrust and speed exchanged the unseen "
+        "error falls by 60 %."
     )
+    assert lines[1] == "What follows is true of the logs as they are."
     assert lines[-1] == 'Copy: [channels.thrust] column = "speed"' or "More below." in lines[-1]
 
 

@@ -217,6 +217,9 @@ def test_exchanged_channels_are_found_and_those_that_are_not_stay():
     assert fit.status is dft.Status.AT_BOUND, fit.message
     assert fit.parameters["swapped_thrusters.share"].value == pytest.approx(1.0, abs=1e-6)
     assert fit.parameters["i33"].value == pytest.approx(vessel.SIRAMDASU["i33"], rel=1e-3)
+    assert not EFFECTS["swapped_thrusters"](share=0.95).consequence(fit.model)
+    half = EFFECTS["swapped_thrusters"](share=0.53).consequence(fit.model)
+    assert half == "the two thrusters steer with -6 % of the logged moment"
     right = fitted(EFFECTS["swapped_thrusters"](share=0.3), log_of("twin"), "twin")
     assert right.status is dft.Status.CONVERGED, right.message
     assert right.parameters["swapped_thrusters.share"].value == pytest.approx(0.0, abs=5e-3)

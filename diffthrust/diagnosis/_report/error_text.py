@@ -172,7 +172,7 @@ def growth_words(diag: Findings) -> list[str]:
         return []
     size, unit = errors.channels[name].shown
     words = (
-        f"From one sample to the next the {humanize(name)} is predicted to within "
+        f"From one sample to the next the {humanize(name)} is mostly predicted to within "
         f"{with_unit(size / growth[name], unit)}, over whole runs of the training logs{learned} to "
         f"{with_unit(size, unit)}"
     )

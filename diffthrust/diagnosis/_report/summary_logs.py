@@ -38,6 +38,7 @@ def doubtful(diag: Findings) -> list[Part]:
         _bounds(diag),
         _vanished(diag),
         _held(diag),
+        _as_they_are(diag),
     ]
 
 
@@ -62,7 +63,8 @@ def _logs(diag: Findings) -> Part:
         falls = percent(1.0 - first.after.nrmse / first.before.nrmse)
         runs = "unseen" if first.unseen else "training"
         mend = f"with {first.reading.words}"
-        words = f"First mend the logs: {mend} the {runs} error falls by {falls}"
+        error = f"{mend} the {runs} error falls by {falls}"
+        words = f"First mend the logs, then diagnose again: {error}"
         return as_part((10, words), (13, f"First: {mend}"))
     suspects = [
         _SUSPECT[doubt.kind].format(humanize(doubt.channel))
@@ -75,6 +77,18 @@ def _logs(diag: Findings) -> Part:
     if diag.before.hints:
         return as_part((11, "Check the logs: a channel may not mean what its name says"))
     return ()
+
+
+def _as_they_are(diag: Findings) -> Part:
+    """That what follows was found before the mend, of which it may be the other face.
+
+    On the BlueBoat an exchange of the thrusters stood below a turned yaw rate, which is the same
+    mistake told twice: who mends both has the error back.
+    """
+    found = diag.best or diag.held or diag.laws
+    if not (diag.helpful_mends and found):
+        return ()
+    return as_part((10, "What follows is true of the logs as they are"))
 
 
 def _odd_logs(diag: Findings) -> Part:
