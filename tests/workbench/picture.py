@@ -69,7 +69,8 @@ def learned() -> None:
     for cell in re.findall(r"```{code-cell} ipython3\n(.*?)```", tutorial, re.DOTALL):
         if "diagnosis" not in names:
             exec(cell, names)
-    with explored(names["diagnosis"]) as address, looked_at(address, 1280, 1010) as page:
+    with explored(names["diagnosis"]) as address, looked_at(address, 1280, 860) as page:
+        page.set_viewport_size({"width": 1280, "height": 1030})  # later: its plots would grow
         page.get_by_text("Learned law", exact=True).click()
         take(page, "workbench_learned")
 
