@@ -11,6 +11,14 @@ from diffthrust.specs import load_spec
 
 README = ROOT / "README.md"
 PAGES = [README, *docs_pages()]
+LONG = {
+    *("craft", "effects", "choose_a_model", "uncertainty", "plan_experiment", "per_log"),
+    *("write_a_noise", "write_a_model", "read_a_status"),
+}
+"""Pages whose code takes over four seconds."""
+RUN = [
+    pytest.param(page, marks=pytest.mark.thorough if page.stem in LONG else ()) for page in PAGES
+]
 TEXT = README.read_text(encoding="utf-8")
 
 
@@ -28,7 +36,7 @@ def checkout(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
 def test_python_runs(page, checkout, capsys):
     code = "\n".join(blocks("python", page))
     exec(compile(code, page.name, "exec"), {"__name__": "readme"})

@@ -33,6 +33,7 @@ def test_a_second_script_compiles_nothing(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir() if path.name.endswith("-cache")} == first
 
 
+@pytest.mark.thorough
 def test_a_folder_that_a_script_has_chosen_stays(tmp_path: Path) -> None:
     chosen = f"import jax\njax.config.update('jax_compilation_cache_dir', {str(tmp_path)!r})\n"
     check = f"\nassert jax.config.jax_compilation_cache_dir == {str(tmp_path)!r}\n"

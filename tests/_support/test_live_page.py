@@ -103,6 +103,7 @@ def report(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.thorough
 @NEEDED
 def test_stages_are_switched_and_the_error_falls(report):
     fits, unseen = [stage.fit for stage in made.diagnosis().stages], made.logs()[1]
@@ -117,6 +118,7 @@ def test_stages_are_switched_and_the_error_falls(report):
     assert errors[0] > 2 * errors[1]
 
 
+@pytest.mark.thorough
 @NEEDED
 def test_a_drag_zooms_all_plots_and_two_taps_go_back(report):
     with looked_at(report) as page:
@@ -134,6 +136,7 @@ def test_a_drag_zooms_all_plots_and_two_taps_go_back(report):
         assert page.evaluate(SIGHTS) == whole
 
 
+@pytest.mark.thorough
 @NEEDED
 def test_the_mouse_is_told_values_with_their_units(report):
     with looked_at(report) as page:
@@ -143,6 +146,7 @@ def test_the_mouse_is_told_values_with_their_units(report):
         page.get_by_text(re.compile(r"^[\d.]+ s$")).first.wait_for()
 
 
+@pytest.mark.thorough
 @NEEDED
 @pytest.mark.parametrize("width", [390, 1280, 1920])
 def test_the_page_fits_a_window(report, width):
@@ -154,6 +158,7 @@ def test_the_page_fits_a_window(report, width):
         assert made.diagnosis().summary.splitlines()[0] in page.inner_text("body")
 
 
+@pytest.mark.thorough
 @NEEDED
 def test_paper_has_pictures(report):
     with looked_at(report) as page:
@@ -169,6 +174,7 @@ def test_without_scripts_there_are_pictures(report):
         assert page.locator(".live").first.is_hidden()
 
 
+@pytest.mark.thorough
 @NEEDED
 def test_names_are_text_and_logs_are_switched(tmp_path):
     names = [made.NASTY, "</script><img src=x onerror=alert(1)>", "b & $$x$$ @time"]

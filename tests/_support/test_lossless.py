@@ -99,6 +99,7 @@ def bits(value):
     return type(value), value
 
 
+@pytest.mark.thorough
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(WHOLES)
 def test_what_is_written_is_read_to_the_last_bit(whole):

@@ -83,6 +83,7 @@ def test_pages_commands_and_threads_show_nothing(windows, comparison):
     assert len(plt.get_fignums()) == 1
 
 
+@pytest.mark.thorough
 def test_without_a_display_figures_last_as_long_as_they_are_kept(comparison):
     assert plt.get_backend().lower() == "agg"
     gone = ref(comparison.plot())
@@ -91,6 +92,7 @@ def test_without_a_display_figures_last_as_long_as_they_are_kept(comparison):
     assert plt.get_fignums() == []
 
 
+@pytest.mark.thorough
 def test_a_script_runs_without_a_display(tmp_path):
     script = """
         import matplotlib.pyplot as plt, numpy as np, diffthrust as dft

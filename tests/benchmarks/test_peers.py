@@ -118,6 +118,7 @@ def printed(shown):
     return text.getvalue()
 
 
+@pytest.mark.thorough
 def test_what_becomes_of_each_tool(fakes):
     limit = 1.0
     cells = list(measure(["simulation"], [100, 400], fakes, repeats=2, limit=limit, gpu=True))

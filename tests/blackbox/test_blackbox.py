@@ -108,6 +108,7 @@ def printed_plant(step, seed, n=1500):
     return log_of(u, y, step), np.concatenate([den[1:], np.ravel(num)[1:]])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("step", "seed"), [(0.1, 0), (0.1, 2), (0.01, 3)])
 def test_noise_on_the_output_alone_converges(step, seed):
     """C is A there, with a zero near or on the unit circle, and residuals know little of it."""

@@ -27,6 +27,7 @@ def run(*words: object, status: int = 0):
     return command_line.run("sample", *words, status=status)
 
 
+@pytest.mark.thorough
 def test_sample_prints_and_writes(sensor, tmp_path):
     out, page, chain = (tmp_path / name for name in ("s.json", "s.html", "s.h5"))
     result = run(sensor, *SHORT, "--seed", 3, "--file", chain, "--json", out, "--report", page)

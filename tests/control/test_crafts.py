@@ -64,6 +64,7 @@ def boat() -> dft.Craft:
     )
 
 
+@pytest.mark.thorough
 def test_two_thrusters_of_a_craft_follow_a_path_as_those_of_a_vessel():
     """Within limits of the forces and of their change; `Vessel` has the same equations."""
     ratios = {n: boat().parameters[n].value for n in ("m11", "m22", "i33", "d11", "d22", "d33")}

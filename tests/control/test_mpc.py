@@ -135,6 +135,7 @@ def within_limits(run):
     return True
 
 
+@pytest.mark.thorough
 def test_calm_water_ends_on_the_path_at_the_papers_propeller_speed():
     run = tracked()
     assert within_limits(run)

@@ -431,6 +431,7 @@ def test_the_example_runs(tmp_path):
     assert len(list(tmp_path.glob("*.png"))) == 5
 
 
+@pytest.mark.thorough
 def test_maps_of_a_fit_are_told_and_drawn_in_the_units_of_its_logs():
     fit, grids = written_fits.fit(), {"amplitudes": [0.25, 0.5, 1.0], "frequencies": [0.5, 1, 2]}
     found = describing_function(fit, **grids, bias=0.1)

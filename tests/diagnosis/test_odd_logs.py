@@ -176,6 +176,7 @@ def test_a_verdict_rests_on_the_other_logs_where_an_odd_one_makes_whole_runs_poo
     assert others.channels["thrust"].nrmse < 0.02  # the noise is a hundredth
 
 
+@pytest.mark.thorough
 def test_the_only_unseen_log_is_not_left_out():
     """What is odd about it may be what the model lacks."""
     diag = diagnosed([1.0, 1.0, 1.0, 1.0, 2.0], unseen=1, seed=9)

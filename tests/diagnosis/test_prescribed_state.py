@@ -1,6 +1,7 @@
 """A model whose state the logs prescribe has no initial states, and is diagnosed all the same."""
 
 import numpy as np
+import pytest
 
 import diffthrust as dft
 
@@ -16,6 +17,7 @@ def run(seed: int) -> dft.Log:
     return dft.Log(time, inputs, {"thrust": thrust + noise})
 
 
+@pytest.mark.thorough
 def test_the_effect_is_found():
     candidates = ["reverse_thrust_asymmetry", "thrust_sensor_offset"]
     train, unseen = [run(0), run(1), run(2)], run(3)  # so many that each is held against the others

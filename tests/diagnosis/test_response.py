@@ -65,6 +65,7 @@ def simulated(trials):
     return simulation_fitter(made).base()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("which", ["innovations", "simulated"])
 def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials, simulated, which):
     base = simulated if which == "simulated" else trials[1]
@@ -186,6 +187,7 @@ def start_search(trials, name):
     return trials.settled((name,), base.values, base.initial_states, base.clip)
 
 
+@pytest.mark.thorough
 def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
     trials, stage, name = known.trials, known.stage, "coulomb_friction"
     before = fitted_to_runs(trials, stage)
@@ -220,6 +222,7 @@ def test_a_rival_that_lowers_nothing_over_whole_runs_is_told_from_an_effect(know
     assert unrefuted(context, without, rival, friction) == [name]
 
 
+@pytest.mark.thorough
 def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkeypatch):
     """So of a T200 a linear damping, which was refused by one-step errors, for a load exponent."""
     monkeypatch.setattr("diffthrust.diagnosis._equivalence.simulation_is_poor", lambda *_: True)

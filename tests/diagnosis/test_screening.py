@@ -150,6 +150,7 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     )
 
 
+@pytest.mark.thorough
 def test_trials_of_a_few_effects_share_one_compilation(trials):
     made, base = trials
     screened(made, list(made.candidates), base, levels_of(made, base))

@@ -127,6 +127,7 @@ SPOILT: dict[str, Callable[[Path], None]] = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("spoilt", SPOILT)
 @pytest.mark.parametrize("name", CASES)
 def test_a_place_that_cannot_be(name, spoilt, specs, tmp_path):
@@ -159,6 +160,7 @@ def little_room() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CASES)
 def test_a_disk_without_room_leaves_what_was_there(name, specs, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"

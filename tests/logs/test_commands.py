@@ -175,6 +175,7 @@ def test_a_spec_says_it_in_a_line(tmp_path):
     assert spec.fit().parameters["beta"].value == pytest.approx(1500.0, rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_the_log_of_an_autopilot_fits_as_the_docstring_of_its_reader_says(tmp_path):
     pytest.importorskip("pymavlink")
     truth = dft.Thruster(alpha=0.02, beta=1500.0, command="effort")

@@ -286,6 +286,7 @@ def test_files_of_no_kind(tmp_path):
         contents(tmp_path)
 
 
+@pytest.mark.thorough
 def test_random_changes_of_text_end_in_contents_or_a_message(tmp_path):
     rng = np.random.default_rng(0)
     buffer = io.StringIO()

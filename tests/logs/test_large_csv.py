@@ -111,6 +111,7 @@ def test_a_file_says_the_same_in_blocks(tmp_path, monkeypatch, name):
     assert outcome(path) == whole
 
 
+@pytest.mark.thorough
 def test_a_large_file_takes_a_little_more_than_its_columns(tmp_path):
     count = 200_000
     path = tmp_path / "run.csv"

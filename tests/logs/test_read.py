@@ -425,6 +425,7 @@ def test_blueboat_logs_are_read_as_they_are():
         assert 1000 < log.values("left", "us").mean() < 2000
 
 
+@pytest.mark.thorough
 def test_esso_osaka_logs_are_read_as_they_are():
     paths = sorted(data_folder("esso_osaka").glob("*.csv"))
     assert len(paths) == 27

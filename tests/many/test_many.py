@@ -85,6 +85,7 @@ def test_the_table_has_a_row_for_each(logs, fits):
     assert len(list(fits)) == len(fits) == 10
 
 
+@pytest.mark.thorough
 def test_a_member_that_fails_costs_the_others_nothing(logs, fits):
     time = 0.05 * np.arange(300)
     wrong = dft.Log(time, {"current": np.ones(300)}, {"speed": np.ones(300)}, name="wrong")

@@ -255,6 +255,7 @@ def open_loop(rails=None):
     return dft.Log(time, command, {"reading": reading}, units, **more)
 
 
+@pytest.mark.thorough
 def test_the_open_loop_record_gives_the_printed_transfer_function():
     """Four standard errors: a right fit fails once in 3000 for one of the five."""
     guess = aras.DepthPlant(s1=-20.0, s0=10.0, p1=30.0, p0=10.0, surface=2.0)

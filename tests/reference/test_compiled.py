@@ -33,6 +33,7 @@ def test_a_boat_with_all_that_both_have(linear):
         assert np.abs(modelled[channel] - expected[channel]).max() < 3e-3 * scale, channel
 
 
+@pytest.mark.thorough
 def test_a_thruster_with_all_that_both_have():
     system = wr.yoerger(deadband=True, sag=True, damping=True, offset=True, saturation=True)
     values = {n: r.start for n, r in system.parameters.items()} | {"limit": 1.5, "band": 0.2}

@@ -163,6 +163,7 @@ values = st.recursive(
 )  # fmt: skip
 
 
+@pytest.mark.thorough
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(
     st.fixed_dictionaries({"a": values}, optional={k: values for k in ("name", "port", "formula")}),

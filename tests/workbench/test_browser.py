@@ -104,6 +104,7 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
     command_line.run("check", saved)
 
 
+@pytest.mark.thorough
 def test_by_keyboard_alone_in_a_narrow_window(lacking):
     with explored(lacking) as address, looked_at(address, width=900) as page:
         page.get_by_text("fit: converged").wait_for()
@@ -132,6 +133,7 @@ def test_by_keyboard_alone_in_a_narrow_window(lacking):
         )
 
 
+@pytest.mark.thorough
 def test_all_plots_are_in_sight(demo):
     with served(demo) as (address, _), looked_at(address) as page:
         page.get_by_role("button", name="Zoom in").first.wait_for()
@@ -140,6 +142,7 @@ def test_all_plots_are_in_sight(demo):
         assert max(box["y"] + box["height"] for box in boxes if box) <= 720
 
 
+@pytest.mark.thorough
 def test_a_stretch_is_left_out_and_channels_shifted_and_names_are_text(lacking):
     with explored(lacking) as address, looked_at(address) as page:
         page.get_by_text("fit: converged").wait_for()

@@ -185,6 +185,7 @@ def test_a_diagnosis_waits_for_the_fit_that_is_made_and_says_so(page, monkeypatc
     assert asked == [fit]  # it begins with what was fitted
 
 
+@pytest.mark.thorough
 def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
     begun, end, ended = threading.Event(), threading.Event(), []
 

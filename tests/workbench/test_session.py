@@ -235,6 +235,7 @@ def test_what_is_saved_is_accepted_by_check_and_opened_again(session, tmp_path):
     assert "command_deadband" not in (tmp_path / "explored" / "fit.toml").read_text()
 
 
+@pytest.mark.thorough
 def test_a_save_touches_no_other_fit_and_a_broken_one_nothing(session, tmp_path, monkeypatch):
     folder = tmp_path / "explored"
     other = folder / "by_hand" / "fit.toml"
@@ -264,6 +265,7 @@ def test_a_folder_that_cannot_be_made_is_said(session, tmp_path):
         save(fitted(session), tmp_path / "file" / "explored")
 
 
+@pytest.mark.thorough
 def test_a_model_of_ones_own_is_saved_and_its_fit_runs_no_script_untrusted(lacking, tmp_path):
     ran, home = tmp_path / "ran", tmp_path / "home"
     home.mkdir()

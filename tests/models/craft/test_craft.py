@@ -195,6 +195,7 @@ def test_derivatives_by_places_and_numbers():
     assert log.name
 
 
+@pytest.mark.thorough
 def test_a_craft_is_saved_and_loaded_with_its_places_and_effects(tmp_path):
     model = boat() + "command_deadband" + ("bow", dft.effects.ActuatorLag(time_constant=0.3))
     model = model.replace({"port.y": -0.3, "bow.alpha": {"value": 0.04, "fixed": True}})

@@ -66,6 +66,7 @@ def thrusters(**more) -> tuple[dict, list, dict, list]:
     return ours, theirs, {f"{n}.command": c for n, c in zip("abc", series)}, [[c] for c in series]  # noqa: B905
 
 
+@pytest.mark.thorough
 def test_six_degrees():
     ours, theirs, inputs, commands = thrusters(reaction=0.02)
     body = SixDegrees(

@@ -84,6 +84,7 @@ SIX_THRUSTERS = {
 }
 
 
+@pytest.mark.thorough
 def test_six_thrusters_in_four_degrees():
     mounts = {name: LAW.at(*place) for name, place in SIX_THRUSTERS.items()}
     craft = dft.Craft(FourDegrees(), **mounts, share=[tuple(SIX_THRUSTERS)])
