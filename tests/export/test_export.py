@@ -50,7 +50,7 @@ def test_a_fit_knows_its_inputs_and_how_they_were_written(fit):
     assert str(exported) == exported.text
     for words in (
         "standard error",
-        "Converged",
+        "Fit: converged",
         "stop 1500, full 1900, astern 1200 us",
         "1 kgf is",
     ):
