@@ -100,9 +100,8 @@ class Search:
         counts = [*(n for _, n in carried), *(0 for _ in self.guesses)]  # these are counted already
         counted = distinct(list(zip(ended, counts, strict=True)))
         optima = [(solved, max(n, 1)) for solved, n in counted]
-        if not passing:
-            optima = _best_ended(problem, tuple(optima))
-        return replace(self, optima=tuple(optima))
+        ends = tuple(optima)
+        return replace(self, optima=ends if passing else _best_ended(problem, ends))
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""

@@ -164,7 +164,7 @@ def _polished(task: Task, optimum: Optimum) -> Optimum:
     if search is optimum.search:
         return optimum
     parts = (optimum.horizon, optimum.silent, optimum.notes)
-    return _with_runs(task, search, optimum.problem, *parts)
+    return _ended(task, search, optimum.problem, *parts)
 
 
 def _searched_finer(task: Task, optimum: Optimum) -> Optimum:
@@ -209,7 +209,7 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
         )
     if task.likelihood.corrects:
         search, final = refined(search, final)
-    return _ended(task, search, final, length, silent, notes)
+    return _ended(task, *with_widths(search, final), length, silent, notes)
 
 
 def _arranged(task: Task, substeps: int, model: Model) -> Problem:
@@ -261,23 +261,10 @@ def _finer(task: Task, optimum: Optimum, substeps: int) -> Optimum | None:
     if task.likelihood.corrects:
         search, problem = refined(search, problem)
     parts = (optimum.horizon, optimum.silent, optimum.notes)
-    return _ended(task, search, problem, *parts)
+    return _ended(task, *with_widths(search, problem), *parts)
 
 
 def _ended(
-    task: Task,
-    search: Search,
-    final: Problem,
-    horizon: float | None,
-    silent: tuple[str, ...],
-    notes: tuple[str, ...],
-) -> Optimum:
-    """The optimum, and the steps that it needs."""
-    search, final = with_widths(search, final)
-    return _with_runs(task, search, final, horizon, silent, notes)
-
-
-def _with_runs(
     task: Task,
     search: Search,
     final: Problem,

@@ -148,9 +148,9 @@ def fewest_steps(
         return simulate_fixed(model, record, initial, substeps)
 
     noise, substeps, coarse = _noise_levels(record), 1, simulated(1)
-    for name in noise:
-        remaining = (residual or {}).get(name, 0.0)
-        noise[name] = max(noise[name], _SHARE * remaining if np.isfinite(remaining) else 0.0)
+    for name, remaining in (residual or {}).items():
+        if np.isfinite(remaining):
+            noise[name] = max(noise[name], _SHARE * remaining)
     while True:
         fine = simulated(2 * substeps)
         errors = _errors(coarse, fine, noise)
