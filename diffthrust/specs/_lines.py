@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from diffthrust._support.errors import InputError
+
 
 def line_of(text: str, file: Path | str, loc: Iterable[Any]) -> str:
     """The place of a key: file, line if it can be found, and the path of the key.
@@ -33,3 +35,8 @@ def line_of(text: str, file: Path | str, loc: Iterable[Any]) -> str:
 
 def _split(dotted: str) -> tuple[str, ...]:
     return tuple(a or b or c for a, b, c in re.findall(r'"([^"]*)"|\'([^\']*)\'|([^.\s]+)', dotted))
+
+
+def with_place(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
+    """The same error, preceded by its place in the spec file."""
+    return InputError(f"{line_of(text, path, loc)}: {error.problem}", error.mend)

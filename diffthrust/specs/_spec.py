@@ -29,7 +29,7 @@ from diffthrust.simulation._record import bind
 from diffthrust.specs._channels import columns_of, roles_of
 from diffthrust.specs._effects import effect_of
 from diffthrust.specs._file import NAME, parse_spec, parse_toml, read_spec_text
-from diffthrust.specs._lines import line_of
+from diffthrust.specs._lines import line_of, with_place
 from diffthrust.specs._parts import SpecFile, TimePart
 from diffthrust.specs._quantities import fields_of
 from diffthrust.specs._scripts import (
@@ -143,7 +143,7 @@ class Spec(Brief):
                     log = log.leave_out(stretch.start, stretch.stop, stretch.note)
                 except InputError as error:
                     loc = ("logs", "leave_out", index)
-                    raise _with_place(self.text, self.path, loc, error) from None
+                    raise with_place(self.text, self.path, loc, error) from None
         return log
 
     def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
@@ -353,12 +353,7 @@ def _with_commands(file: SpecFile, text: str, path: Path) -> SpecFile:
             )
         return file.model_copy(update={"channels": {**channels_of(file), **file.channels}})
     except InputError as error:
-        raise _with_place(text, path, ("thrusters",), error) from None
-
-
-def _with_place(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
-    """The same error, preceded by its place in the spec file."""
-    return InputError(f"{line_of(text, path, loc)}: {error.problem}", error.mend)
+        raise with_place(text, path, ("thrusters",), error) from None
 
 
 def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -> Model:
@@ -395,7 +390,7 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
         loc = ("fit", "per_log")
         model = model.replace({name: {"per_log": True} for name in file.fit.per_log})
     except InputError as error:
-        raise _with_place(text, path, loc, error) from None
+        raise with_place(text, path, loc, error) from None
     return model
 
 

@@ -16,7 +16,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.craft import Craft
 from diffthrust.specs._file import parse_toml, read_spec_text
-from diffthrust.specs._lines import line_of
+from diffthrust.specs._lines import line_of, with_place
 from diffthrust.specs._parts import (
     ChannelPart,
     CraftPart,
@@ -122,7 +122,10 @@ def craft_from(path: Path | str) -> Craft:
         raise InputError(f"{where}: {problem['msg']}.", "Correct the key.") from None
     craft = craft_of(part.body, part.thrusters, f"{path}: ")
     for name, sensor in part.sensors.items():
-        craft = with_sensor(craft, name, sensor)
+        try:
+            craft = with_sensor(craft, name, sensor)
+        except InputError as error:
+            raise with_place(text, path, ("sensors", name), error) from None
     return craft
 
 

@@ -94,3 +94,17 @@ def test_sensors_are_of_crafts(folder):
     (folder / "fit.toml").write_text(text)
     with pytest.raises(InputError, match=r"line 3.*\[sensors\] belongs to a craft.*'vessel'"):
         dft.load_spec("fit.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"gnss"', '"gnns"', r"line 13, sensors.gps: the model 'gnns'.*nearest is 'gnss'"),
+        ('"FLU"', '"NEDD"', r"line 15, sensors.imu: IMU: expected the axes.*'NEDD'"),
+    ],
+)
+def test_a_sensor_that_a_layout_cannot_have_is_named_with_its_line(tmp_path, old, new, message):
+    layout = tmp_path / "boat.toml"
+    layout.write_text(SPEC.partition("[logs]")[0].replace(old, new))
+    with pytest.raises(InputError, match=message):
+        dft.specs.craft_from(layout)

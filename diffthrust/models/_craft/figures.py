@@ -71,7 +71,8 @@ def _view(
         groups.setdefault(at, []).append(a.name)
         if a.pointing is None:
             panel.plot(x, y, "s", color=GREY, markersize=5)
-            behind.setdefault(at, (0.0, 1.0))
+            # from above most stand on one line, one behind the other
+            behind.setdefault(at, (-1.0, 0.0) if across == 1 else (0.0, 1.0))
             continue
         dx, dy = a.pointing[across], a.pointing[up]
         if np.hypot(dx, dy) > _SIDEWAYS:
