@@ -180,7 +180,7 @@ def alike_when_refitted(
         later = {n: value for n, value in last.items() if n.rpartition(".")[0]}
         model = with_values(model, {**trial.values, **later})
         context.say(f"fitting with {rival} in place of {name}", SOUGHT)
-        instead = FittedStage(names, *context.refit(model, [last]))
+        instead = FittedStage(names, *context.refit(model, [last], substeps=stage.fit.substeps))
         trained = errors_between(instead.runs, stage.runs)
         unseen = errors_between(instead.unseen_runs, stage.unseen_runs)
         if errs_as_little(explained_share(unseen or trained), explained_share([*trained, *unseen])):

@@ -3,7 +3,10 @@
 In curved valleys, on flat ridges and where the residuals are large, the Gauss-Newton curvature is a
 poor guide. The true one is taken from differences of the gradient, along the principal axes of the
 information, a small share of a standard error to either side: along these axes all curvatures are
-near one, however ill the parameters' own coordinates are conditioned.
+near one, however ill the parameters' own coordinates are conditioned. Valleys run along the weakest
+axes, of which as many are measured as the logs have parameters in common; along the others, mostly
+initial states of single logs, the curvature is taken as one. Of nine runs of a boat all 36 axes
+took 72 passes a step, and two thirds of a fit.
 """
 
 from __future__ import annotations
@@ -113,15 +116,20 @@ def _newton(problem: Problem, at: Solved) -> Solved | None:
     """One step within the bounds; ``None`` where none falls further."""
     q, (low, high) = at.quadratic, problem.limits()
     moves = _axes(at, low, high)
+    weak = min(len(moves), problem.shared)
 
     def slope(z: np.ndarray) -> np.ndarray:
         return moves @ solve(problem, z, budget=1).quadratic.gradient
 
-    apart = [slope(at.z + _SHARE * d) - slope(at.z - _SHARE * d) for d in moves]
-    curvature = np.array(apart) / (2 * _SHARE)
-    if not curvature.size or not np.all(np.isfinite(curvature)):
+    apart = [slope(at.z + _SHARE * d) - slope(at.z - _SHARE * d) for d in moves[:weak]]
+    measured = np.array(apart) / (2 * _SHARE)
+    if not measured.size or not np.all(np.isfinite(measured)):
         return None
-    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    curvature = np.eye(len(moves))
+    curvature[:weak], curvature[:, :weak] = measured, measured.T
+    corner = measured[:, :weak]
+    curvature[:weak, :weak] = 0.5 * (corner + corner.T)
+    values, vectors = np.linalg.eigh(curvature)
     along = vectors.T @ (moves @ q.gradient)
     step = -(vectors @ (along / np.maximum(np.abs(values), 1e-9))) @ moves
     for share in (1.0, 0.25, 0.05):
@@ -132,7 +140,10 @@ def _newton(problem: Problem, at: Solved) -> Solved | None:
 
 
 def _axes(at: Solved, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Moves of one standard error along the principal axes of what is free, ``(axes, n)``."""
+    """Moves of one standard error along the principal axes of what is free, ``(axes, n)``.
+
+    The weakest come first.
+    """
     q = at.quadratic
     length = np.sqrt(np.diagonal(q.information))
     edge = ((at.z <= low + 1e-9) & (q.gradient > 0)) | ((at.z >= high - 1e-9) & (q.gradient < 0))
