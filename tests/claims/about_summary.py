@@ -436,7 +436,7 @@ def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"NRMSE goes from {mend.before.nrmse:.3g} to {mend.after.nrmse:.3g}"
 
 
-@claim(r"First: with (?P<what>[^\n]+?)\.")
+@claim(r"First diagnose again with (?P<what>[^\n]+?)\.")
 def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if m["what"] not in [x.reading.words for x in diag.helpful_mends]:
         yield f"mends: {[x.reading.words for x in diag.helpful_mends]}"

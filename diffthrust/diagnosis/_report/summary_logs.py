@@ -65,7 +65,7 @@ def _logs(diag: Findings) -> Part:
         mend = f"with {first.reading.words}"
         error = f"{mend} the {runs} error falls by {falls}"
         words = f"First mend the logs, then diagnose again: {error}"
-        return as_part((10, words), (13, f"First: {mend}"))
+        return as_part((10, words), (13, f"First diagnose again {mend}"))
     suspects = [
         _SUSPECT[doubt.kind].format(humanize(doubt.channel))
         for doubt in grave_doubts(diag)

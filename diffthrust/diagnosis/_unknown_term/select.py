@@ -120,7 +120,9 @@ def _learned_beside(
     curves were fitted, with their closed forms, none below 1.2: a third of the diagnosis.
 
     A closed form is judged in the place of its curve: unseen logs may go where the training logs
-    say nothing of the curve.
+    say nothing of the curve. But what a curve of any shape hardly lowers, no closed form does: of a
+    BlueBoat the likeliest curves took the training error from 0.605 to 0.602, and their closed
+    forms a ninth of the diagnosis.
     """
     likely = rank_terms(context, trial, place)
     if not likely or likely[0].evidence < least_evidence:
@@ -136,12 +138,20 @@ def _learned_beside(
     best = min(fitted, key=_doubt)
     if instead and not error_within(best.fit, instead, SETTINGS.unknown_term.hopeless_error):
         return None
+    if _changes_little(best, baseline):
+        return None
     law = try_closed_forms(context, baseline, trial, best)
     plain = None if explained else memoryless_variant(likely, law.curve)
     if plain and plain is not rival and (memoryless := fit_curve(context, baseline, trial, plain)):
         law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
     law = refine_steps(context, baseline, law)
     return law if law.worth.sure else None
+
+
+def _changes_little(law: LearnedLaw, baseline: Fit) -> bool:
+    """Whether neither training nor unseen runs lose a share of squared error that counts."""
+    trained = 1.0 - (law.fit.train.nrmse / baseline.train.nrmse) ** 2
+    return max(trained, law.worth.share) <= SETTINGS.whole_runs.negligible_share
 
 
 def _relearned_beside(
