@@ -400,6 +400,19 @@ def test_what_has_no_size_does_not_show():
     )
 
 
+def test_two_measures_that_name_two_signals_are_told_in_one_sentence():
+    """One line of a boat's page named the left force, the next but one the right force."""
+    (missing,) = made.found().missing
+    remaining = replace(made.diagnosis().remaining, port=missing.port)
+    assert remaining.depends_on != missing.depends_on
+    words = missing_words(missing, made.found().model, remaining)
+    assert f"depends most on {missing.depends_on}" in words
+    assert f"while errors from one sample to the next depend on {remaining.depends_on}." in words
+    assert "while" not in missing_words(
+        missing, made.found().model, replace(remaining, port="load2")
+    )
+
+
 @pytest.mark.parametrize(("share", "right"), [(79, True), (91, False)])
 def test_how_uneven_two_thrusters_are_is_held_against_their_efforts(share, right):
     gain = dft.effects.DifferentialGain(gain=0.049)

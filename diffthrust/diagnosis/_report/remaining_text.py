@@ -246,8 +246,22 @@ def missing_words(missing: Missing, model: Model, remaining: Remaining | None = 
             f"it depends most on {missing.depends_on}, which explains {percent(missing.share)} of "
             f"its variance ({chance})"
         )
+        dependence += _other_signal(missing, remaining)
     elif missing.p_value < SETTINGS.structure.dependence_level:
         dependence = "no signal of the model on which it depends explains 1 % of it"
     else:
         dependence = f"it depends on none of the model's signals ({chance})"
     return f"At {place} a signal of {size} (RMS) is missing; {dependence}."
+
+
+def _other_signal(missing: Missing, remaining: Remaining | None) -> str:
+    """That one-step errors name another signal at the same port, so that the two read as one.
+
+    On the BlueBoat what is left of the surge depends on the force of the right thruster by one
+    measure, and by the other on that of the left, which moves with it.
+    """
+    if remaining is None or remaining.port != missing.port:
+        return ""
+    if remaining.depends_on == missing.depends_on:
+        return ""
+    return f", while errors from one sample to the next depend on {remaining.depends_on}"

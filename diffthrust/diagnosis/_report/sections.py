@@ -320,7 +320,7 @@ def _remaining(diag: Findings) -> Section:
     return Section(
         "What remains",
         sentence if diag.remaining else OnPage(sentence),
-        *(missing_words(m, diag.model) for m in diag.shown(diag.left[:1])),
+        *(missing_words(m, diag.model, diag.remaining) for m in diag.shown(diag.left[:1])),
         OnPage("The simulation errors of the last stage:" if failures else ""),
         OnPage(failures),
         *code,
