@@ -248,13 +248,21 @@ def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:
     return state
 
 
-def refitted_stage(context: SearchContext, state: SearchState, starts: int = 0) -> FittedStage:
+def refitted_stage(
+    context: SearchContext, state: SearchState, starts: int = 0, substeps: int = 0
+) -> FittedStage:
     """The current model without the effects that are only detectable, fitted to whole runs.
 
     The fit starts from the values of the trial, and from the last stage with the new effects at
-    their nulls; ``starts`` are the trial's and random ones, if not the default number. Where it
-    ends worse than that stage all the same, which is nested in it, it has not reached its optimum,
-    and is made again from several starts.
+    their nulls. Where it ends worse than that stage all the same, which is nested in it, it has not
+    reached its optimum, and is made again from several starts.
+
+    Args:
+        context: what the search works with.
+        state: the search, with the trial.
+        starts: the trial's and random ones, if not the default number.
+        substeps: integrator steps per sample of a fit that is only compared; as many as it needs if
+            not given.
     """
     last, values = state.stages[-1], state.current.trial.values
     names = _of_stage(state)
@@ -266,11 +274,12 @@ def refitted_stage(context: SearchContext, state: SearchState, starts: int = 0) 
         start |= {f"{name}.{n}": p.value for n, p in null.items() if math.isfinite(p.value)}
     free = {n for n, p in model.parameters.items() if not p.fixed}
     guess = {n: v for n, v in start.items() if n in free}
-    fitted = FittedStage(names, *context.refit(model, [guess], starts=starts))
+    fitted = FittedStage(names, *context.refit(model, [guess], starts=starts, substeps=substeps))
     if ended_worse(fitted, last) and {*last.effects} <= {*names}:
         guesses = [guess, {n: v for n, v in context.guess.items() if n in free}]
         again = FittedStage(
-            names, *context.refit(model, guesses, starts=_MORE_STARTS, segments=True)
+            names,
+            *context.refit(model, guesses, starts=_MORE_STARTS, segments=True, substeps=substeps),
         )
         fitted = fitted if ended_worse(again, fitted, by=0.0) else again
     return fitted

@@ -229,9 +229,20 @@ def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> Fi
     """The model of a trial, fitted to whole runs from its values and from those of the stage.
 
     From no random start: the trial comes from many, and a boat's random starts took half the time.
+    With the integrator steps of the stage: a pair that nothing proved, a wind on an Otter, was
+    followed to 32 steps a sample, for two thirds of the minutes that all its pairs took.
     """
     current = CurrentModel(context.fitter, trial)
-    return refitted_stage(context, replace(state, current=current), starts=1)
+    steps = state.stages[-1].fit.substeps
+    return refitted_stage(context, replace(state, current=current), starts=1, substeps=steps)
+
+
+def _ended(context: SearchContext, stage: FittedStage) -> FittedStage:
+    """A stage that was only compared, fitted to its end with the integrator steps it needs."""
+    model = stage.fit.model
+    values = {n: p.value for n, p in model.parameters.items() if not p.fixed}
+    ended = FittedStage(stage.effects, *context.refit(model, [values], starts=1))
+    return stage if ended_worse(ended, stage) else ended
 
 
 # -- adding it -------------------------------------------------------------------------------------
@@ -240,13 +251,14 @@ def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> Fi
 def _added(context: SearchContext, state: SearchState, proven: Proven) -> SearchState:
     """The search with these effects."""
     fitter, present = context.fitter, state.current.trial
-    values = {n: p.value for n, p in proven.stages[-1].fit.model.parameters.items()}
+    stages = tuple(_ended(context, stage) for stage in proven.stages)
+    values = {n: p.value for n, p in stages[-1].fit.model.parameters.items()}
     effects = (*present.effects, *proven.effects)
     settled = fitter.settled(effects, {**present.values, **values}, None, present.clip)
     return replace(
         state,
         current=CurrentModel(fitter, settled),
-        stages=(*state.stages, *proven.stages),
+        stages=(*state.stages, *stages),
         refused={},
         possible={},
     )

@@ -22,8 +22,9 @@ def stage(size, *effects, unseen=True):
     errors = SimpleNamespace(nrmse=size, channels={"speed": channel})
     trace = SimpleNamespace(measured=MEASURED, residual=size * RESIDUAL)
     run = SimpleNamespace(channels={"speed": trace})
-    model = SimpleNamespace(parameters={})
-    fit = SimpleNamespace(train=errors, holdout=errors if unseen else None, model=model)
+    model = SimpleNamespace(parameters={}, size=size, unseen=unseen)
+    holdout = errors if unseen else None
+    fit = SimpleNamespace(train=errors, holdout=holdout, model=model, substeps=4)
     return FittedStage(effects, fit, (run, run), (run,) if unseen else ())
 
 
@@ -58,6 +59,13 @@ class Context:
     unseen: tuple[str, ...]
     fitter: Fitter = field(default_factory=Fitter)
     clock: Clock = field(default_factory=Clock)
+    ended: list[float] = field(default_factory=list)
+
+    def refit(self, model, guesses, starts):
+        """To the end, with the steps that it needs."""
+        self.ended.append(model.size)
+        ended = stage(model.size, unseen=model.unseen)
+        return ended.fit, ended.runs, ended.unseen_runs
 
     def say(self, message, share):
         """Nobody listens."""
@@ -70,7 +78,8 @@ def searched(monkeypatch):
     def after(sizes, unseen=("C",), lowering=()):
         fitted = []
 
-        def refitted(context, state, starts):
+        def refitted(context, state, starts, substeps):
+            assert substeps == 4  # those of the last stage: it is only compared
             effects = state.current.trial.effects
             fitted.append(effects)
             return stage(sizes.get(effects, 1.0), *effects)
@@ -93,8 +102,11 @@ def searched(monkeypatch):
             SimpleNamespace(trial=Trial(())), (stage(1.0, unseen=bool(unseen)),), {}
         )
         singles = {name: Trial((name,)) for name in lowering}
-        asked = Context(unseen), given, Trial(()), singles, lowering
-        return pairs_module.with_proven(*asked), fitted
+        context = Context(unseen)
+        asked = context, given, Trial(()), singles, lowering
+        state = pairs_module.with_proven(*asked)
+        assert context.ended == [s.fit.train.nrmse for s in state.stages[1:]]  # no other
+        return state, fitted
 
     return after
 
