@@ -35,6 +35,7 @@ from diffthrust.diagnosis._search_state import (
     FittedStage,
     SearchContext,
     SearchState,
+    few_substeps,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import share_between, simulation_fitter
@@ -229,12 +230,16 @@ def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> Fi
     """The model of a trial, fitted to whole runs from its values and from those of the stage.
 
     From no random start: the trial comes from many, and a boat's random starts took half the time.
-    With the integrator steps of the stage: a pair that nothing proved, a wind on an Otter, was
-    followed to 32 steps a sample, for two thirds of the minutes that all its pairs took.
+    With few integrator steps: a pair that nothing proved, a wind on an Otter, was followed to 32 a
+    sample, for two thirds of the minutes that all its pairs took.
     """
     current = CurrentModel(context.fitter, trial)
-    steps = state.stages[-1].fit.substeps
-    return refitted_stage(context, replace(state, current=current), starts=1, substeps=steps)
+    tried = replace(state, current=current)
+    few = few_substeps(state.stages[-1].fit, context.fitter.records)
+    stage = refitted_stage(context, tried, starts=1, substeps=few)
+    if math.isfinite(stage.train.nrmse):
+        return stage
+    return refitted_stage(context, tried, starts=1)  # what is stiff overflows with few
 
 
 def _ended(context: SearchContext, stage: FittedStage) -> FittedStage:
