@@ -49,12 +49,17 @@ def first_plot(page) -> tuple[float, float]:
     return box["x"], box["y"] + box["height"] / 2
 
 
+@pytest.mark.thorough
 def test_a_page_of_the_bench_is_small_and_refers_to_nothing(tmp_path):
     dft.look(ROOT / "examples" / "bench").save_spec(tmp_path / "fit.toml")
     spec = dft.load_spec(tmp_path / "fit.toml")
     fit = dft.fit(spec.model, spec.train_logs(), starts=1)
     comparison = dft.compare(fit, spec.train_logs() + spec.holdout_logs())
-    page = written(tmp_path / "bench.html", comparison)
+    assert_small_and_whole(written(tmp_path / "bench.html", comparison))
+
+
+def assert_small_and_whole(page: Path) -> None:
+    """A page that may be sent: of few bytes, and without an address of another file."""
     assert page.stat().st_size < LARGEST
     text, scripts = re.subn("<script.*?</script>", "", page.read_text("utf-8"), flags=re.DOTALL)
     assert scripts == 3  # the figure, Bokeh, and what brings both together
@@ -76,7 +81,7 @@ def test_a_large_log_is_thinned_without_losing_a_spike(tmp_path):
     from diffthrust.comparison._live_runs import live_runs  # private: the figure of the page
 
     comparison = dft.compare(dft.Thruster(), large_log())
-    assert written(tmp_path / "large.html", comparison).stat().st_size < LARGEST
+    assert_small_and_whole(written(tmp_path / "large.html", comparison))
     live = live_runs({"as given": comparison.runs})
     assert live is not None
     assert np.nanmax(live.shown.data["measured0"]) == 999.0
@@ -167,6 +172,7 @@ def test_paper_has_pictures(report):
         assert page.locator(".live").first.is_hidden()
 
 
+@pytest.mark.thorough
 @NEEDED
 def test_without_scripts_there_are_pictures(report):
     with looked_at(report, java_script_enabled=False) as page:

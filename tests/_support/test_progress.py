@@ -105,7 +105,7 @@ def test_long_work_tells_a_pipe_now_and_then_how_far_it_is():
     assert all(re.fullmatch(LINE, line) for line in lines)
 
 
-@pytest.mark.parametrize("horizon", [None, [2.0, None]])
+@pytest.mark.parametrize("horizon", [None, pytest.param([2.0, None], marks=pytest.mark.thorough)])
 def test_the_shares_of_a_fit_rise_to_one(horizon):
     time = np.arange(200) * 0.05
     plain = dft.Log(time, {"command": np.sign(np.sin(3 * time))}, {})

@@ -156,6 +156,7 @@ def test_it_is_in_the_help():
     assert "--candidates" in run("diagnose", "--help").stdout
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_from_beginning_to_end(spec, tmp_path):
     out, page = tmp_path / "d.json", tmp_path / "d.html"
     result = run(

@@ -21,6 +21,7 @@ def run(*words: object, status: int = 0):
     return command_line.run("map", *words, status=status)
 
 
+@pytest.mark.thorough
 def test_map_prints_and_writes(tmp_path):
     out, picture = tmp_path / "map.json", tmp_path / "map.png"
     options = ("--amplitudes", "0.5:4:4", "--frequencies", "0.1,1,10")

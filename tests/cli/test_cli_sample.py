@@ -63,6 +63,7 @@ def test_sample_prints_and_writes(sensor, tmp_path):
     assert chain.stat().st_size > 1000
 
 
+@pytest.mark.thorough
 def test_equal_seeds_give_equal_numbers_and_without_unseen_logs_no_coverage(sensor, tmp_path):
     spec = sensor / "fit.toml"
     text = spec.read_text()

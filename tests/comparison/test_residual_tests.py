@@ -178,6 +178,7 @@ def test_the_law_of_the_noise_is_recommended(noise_model, loss):
         assert min(found.bic.values()) == 0.0
 
 
+@pytest.mark.thorough
 def test_white_noise_is_rarely_taken_for_more():
     rng = np.random.default_rng(2)
     wrong = sum(advice(rng.normal(size=400)).noise_model != "white" for _ in range(200))

@@ -242,6 +242,7 @@ def test_gusts_over_time():
     assert run.log.inputs["wind_speed"].size == run.time.size
 
 
+@pytest.mark.thorough
 def test_the_figure_names_what_it_shows():
     figure = tracked(WINDY, duration=3.0, disturbance=2.0).plot()
     labels = [axes.get_ylabel() for axes in figure.axes]

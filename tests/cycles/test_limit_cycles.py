@@ -414,7 +414,11 @@ def test_both_formulas_stand_beside_the_papers_figures():
         (dft.Thruster(**{**JASON, "alpha": 0.08}), False),
         (dft.Thruster(**{**JASON, "beta": 50.0}), False),
         (dft.Thruster(**{**JASON, "ct": 0.005}), False),
-        (dft.Thruster(**JASON) + ActuatorLag(time_constant=0.2), False),
+        pytest.param(
+            dft.Thruster(**JASON) + ActuatorLag(time_constant=0.2),
+            False,
+            marks=pytest.mark.thorough,
+        ),
     ],
 )
 def test_only_the_papers_thruster_is_held_against_the_papers_figures(model, theirs):
@@ -484,15 +488,22 @@ def test_loop_of_a_model_with_effects_agrees_with_its_simulation():
         np.testing.assert_allclose(getattr(c.refined, name), getattr(c.simulated, name), rtol=0.005)
 
 
+DELAY = 0.15  # [s]
+LATE = dft.Thruster(**JASON) + CommandDeadband(half_width=0.1) + CommandDelay(delay=DELAY)
+
+
+def test_a_delay_of_the_command_is_counted_with_the_linear_part():
+    loop = thruster_loop_cycle(LATE, drag=0.0, verify=False)
+    assert loop.found.transfer.delay == DELAY
+    assert "delay of the command, 0.15 s, is counted with G" in words(loop)
+
+
+@pytest.mark.thorough
 def test_a_delay_of_the_command_is_carried_exactly():
     """Against a loop in plain numpy that keeps the commands of the last moments."""
-    delay, mass, gain, step = 0.15, 340.0, 0.022 * 42.0 / 0.037, 0.15 / 100
-    late = dft.Thruster(**JASON) + CommandDeadband(half_width=0.1) + CommandDelay(delay=delay)
-    loop = thruster_loop_cycle(late, drag=0.0)
-    c = loop.cycle
+    mass, gain, step = 340.0, 0.022 * 42.0 / 0.037, DELAY / 100
+    c = thruster_loop_cycle(LATE, drag=0.0).cycle
     assert c.verdict == "stable"
-    assert loop.found.transfer.delay == delay
-    assert "delay of the command, 0.15 s, is counted with G" in words(loop)
 
     def rates(x, u):
         u = math.copysign(max(abs(u) - 0.1, 0.0), u)

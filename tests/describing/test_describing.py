@@ -288,7 +288,9 @@ def test_what_changes_with_the_clock_is_marked():
     assert np.all(found.reason == Reason.CLOCK)
 
 
-@pytest.mark.parametrize("method", ["simulation", "harmonic_balance"])
+@pytest.mark.parametrize(
+    "method", ["simulation", pytest.param("harmonic_balance", marks=pytest.mark.thorough)]
+)
 def test_a_drift_spoils_only_what_sees_it(method):
     for output, settles in (("velocity", True), ("position", False)):
         found = describing_function(

@@ -64,6 +64,7 @@ def test_few_harmonics_are_marked_where_they_differ_from_simulation(model, enoug
             assert np.sum(marked & ~wrong) <= 3  # close to the border
 
 
+@pytest.mark.thorough
 def test_the_consistent_formula_is_harmonic_balance_with_one_harmonic():
     """One is too few for the map, but the one that it finds is that of the closed form."""
     for output in ("thrust", "speed"):

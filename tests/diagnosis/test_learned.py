@@ -385,6 +385,7 @@ def test_a_place_for_both_signs_is_positive_and_a_ripple_is_more_than_a_flank():
     assert (line.form.name, line.values["b"]) == ("line", pytest.approx(-60.0, abs=0.5))
 
 
+@pytest.mark.thorough
 def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)

@@ -88,6 +88,7 @@ def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials, 
     np.testing.assert_allclose(scores, whole.scores[kept], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_trials_of_whole_runs_err_as_a_plain_simulation_does(trials, simulated):
     made, _ = trials
     model = made.model.replace({n: simulated.values[n] for n in made.free})
@@ -99,6 +100,7 @@ def test_trials_of_whole_runs_err_as_a_plain_simulation_does(trials, simulated):
             np.testing.assert_allclose(errors, run.channels[name].residual, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_trial_of_many_effects_over_whole_runs_has_a_response(trials, monkeypatch):
     """The map of a T200 with six effects had none: a problem with room for four numbers of them.
 
@@ -202,6 +204,7 @@ def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
     assert change.worth.low > 0.1
 
 
+@pytest.mark.thorough
 def test_what_is_not_there_is_worth_nothing(known):
     trials, name = known.trials, "actuator_lag"
     before = fitted_to_runs(trials, known.stage)
@@ -209,6 +212,7 @@ def test_what_is_not_there_is_worth_nothing(known):
     assert abs(change_between(trials, before, after).worth.share) < 0.05
 
 
+@pytest.mark.thorough
 def test_a_rival_that_lowers_nothing_over_whole_runs_is_told_from_an_effect(known):
     """By one-step errors alone it would have been named as what the effect may be."""
     trials, name, rival = known.trials, "coulomb_friction", "actuator_lag"
@@ -246,6 +250,7 @@ def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkey
         assert alike_when_refitted(context, stages[1], effect, rivals) == alike
 
 
+@pytest.mark.thorough
 def test_a_value_that_one_step_errors_want_is_kept_where_whole_runs_are_asked(known):
     trials, stage, name = known.trials, known.stage, "coulomb_friction"
     trial = start_search(trials, name)

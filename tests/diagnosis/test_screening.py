@@ -165,6 +165,7 @@ def test_trials_of_a_few_effects_share_one_compilation(trials):
     assert compilations("solved") == before + 1  # from the first guess to the last limit of errors
 
 
+@pytest.mark.thorough
 def test_what_promises_nothing_is_neither_compiled_nor_fitted():
     rng = np.random.default_rng(12)
     command = inputs.low_passed_random(TIME, 2.0, rng)

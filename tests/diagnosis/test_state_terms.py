@@ -97,6 +97,7 @@ def test_a_bend_may_stand_where_a_tank_is_empty():
     assert {moved.parameters[n].to_coordinate(0.0) for n in places} == {0.0}
 
 
+@pytest.mark.thorough
 def test_no_term_is_learned_where_none_is_missing():
     model, train, unseen = Cascade(), [log(1, 0.0), log(2, 0.0)], [log(3, 0.0)]
     given = dft.fit(model, train, holdout=unseen, starts=2)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from reference import static_map
 from shared_data import data_folder
+from steps import bind, candidates_of
 
 import diffthrust as dft
 
@@ -33,6 +34,14 @@ def diag():
     return dft.diagnose(model, logs[:2], holdout=logs[2:], candidates=CANDIDATES, experiment=False)
 
 
+def test_what_takes_time_is_no_candidate():
+    model = dft.Thruster()
+    tried, untestable = candidates_of(model, bind(model, [table(1), table(2)]), CANDIDATES)
+    assert [effect.name for effect in tried] == ["reverse_thrust_asymmetry"]
+    assert {*untestable} == TIMED
+
+
+@pytest.mark.thorough
 def test_what_takes_time_is_not_tried(diag):
     assert {*diag.untestable} == TIMED
     # added it is, or a learned curve says the same of the same port
@@ -41,6 +50,7 @@ def test_what_takes_time_is_not_tried(diag):
     assert all(not channel.rung.dynamic for channel in trusted.channels.values())
 
 
+@pytest.mark.thorough
 def test_nothing_is_said_of_time(diag):
     text = diag.details + diag.summary + diag.report()
     assert "These logs are tables without time: what takes time" in diag.details

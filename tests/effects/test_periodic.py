@@ -55,6 +55,7 @@ def test_a_fit_shares_the_frequency_and_gives_each_log_its_amplitude_and_phase()
     assert any("periodic_force.sine" in note for note in fit.notes)
 
 
+@pytest.mark.thorough
 def test_where_it_begins_is_estimated_for_one_step_predictions_too():
     time = 0.1 * np.arange(150)
     log = pushed(0.7, 25.0, 1.1, 5, time)

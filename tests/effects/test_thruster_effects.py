@@ -152,6 +152,7 @@ def test_an_effect_at_its_null_leaves_every_output_unchanged(name, hold):
     assert max(change.values()) > 1e-2
 
 
+@pytest.mark.thorough
 def test_all_effects_together_at_their_nulls_leave_every_output_unchanged():
     rng = np.random.default_rng(33)
     plain = dft.simulate(dft.Thruster(), plain_log(), substeps=1)
