@@ -17,7 +17,7 @@ from presentation import Report, Rows, report_of, report_text
 
 import diffthrust as dft
 from diffthrust.checks._result import check_report  # private: printed by a command
-from diffthrust.cli._tables import (  # private: printed by commands
+from diffthrust.cli._lists import (  # private: printed by commands
     catalogue_report,
     datasets_report,
 )

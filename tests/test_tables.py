@@ -7,7 +7,7 @@ import pytest
 from presentation import number, report_text, with_error
 
 import diffthrust as dft
-from diffthrust.cli._tables import catalogue_report  # private: printed by a command
+from diffthrust.cli._lists import catalogue_report  # private: printed by a command
 from diffthrust.effects import EFFECTS
 from diffthrust.models import MODELS
 

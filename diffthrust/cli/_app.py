@@ -8,22 +8,19 @@ from typing import Annotated
 
 import typer
 
-from diffthrust.cli._cache import cache_command
 from diffthrust.cli._campaign import campaign_command
 from diffthrust.cli._check import check_command
 from diffthrust.cli._compare import compare_command
-from diffthrust.cli._datasets import datasets_command
 from diffthrust.cli._demo import demo_command
 from diffthrust.cli._diagnose import diagnose_command
-from diffthrust.cli._effects import effects_command
 from diffthrust.cli._explore import explore_command
 from diffthrust.cli._export import export_command
 from diffthrust.cli._fit import fit_command
 from diffthrust.cli._interrupt import ended_soon
+from diffthrust.cli._lists import cache_command, datasets_command, effects_command
 from diffthrust.cli._look import look_command
 from diffthrust.cli._map import map_command
-from diffthrust.cli._new import new_command
-from diffthrust.cli._new_effect import new_effect_command
+from diffthrust.cli._new import new_command, new_effect_command
 from diffthrust.cli._sample import sample_command
 from diffthrust.cli._session import BAD_INPUT, DONE
 
