@@ -236,22 +236,9 @@ def fields_of_columns(
     static: bool,
     at: PlaceOf,
 ) -> dict[str, Any]:
-    """The fields of a log whose channels were read from a file.
+    """The fields of a log, from the numbers of each channel as the file has them, ``(n,)``.
 
-    Args:
-        columns: the column of each channel.
-        inputs: which channels are inputs.
-        measured: which are measured.
-        time: time stamps [s], ``(n,)``.
-        values: numbers of each channel as the file has them, ``(n,)``.
-        name: of the log.
-        interpolate_inputs: fill missing samples of inputs instead of refusing them.
-        notes: sentences to keep with the log.
-        static: whether its rows were not recorded in time.
-        at: names a place of the file for a message.
-
-    Raises:
-        InputError: as in `Log`.
+    Time stamps are in seconds; ``at`` names places of the file for messages.
     """
     columns, values, moved = _from_fixes(columns, values, at)
     read = {key: column.read(values[key], at(key, None)) for key, column in columns.items()}

@@ -45,14 +45,9 @@ class Contents:
 
 
 def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
-    """List everything in a log file; whatever cannot be read is skipped and noted.
+    """List everything in the file of a log; whatever cannot be read is skipped and noted.
 
-    Args:
-        path: a file or folder that `read_log` or `read_robot_log` reads.
-        sheet: the sheet of an Excel file; the one with the largest table where None.
-
-    Raises:
-        InputError: there is no such file, or its format is not supported.
+    Of an Excel file without a named sheet, the one with the largest table.
     """
     file = Path(path)
     kind = kind_of(file)

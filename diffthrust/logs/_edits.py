@@ -1,69 +1,265 @@
-"""Edits of a log by whoever knows the test: a stretch left out, channels moved in time."""
+"""What makes a log of a log: a part of it, channels moved in time, another rate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._resampled import unwrapped
+from diffthrust._support.names import listing
+from diffthrust.logs._held import Hold
 from diffthrust.logs._validate import is_finite, window
 
 
-def without_stretch(
-    name: str, time: np.ndarray, measured: Mapping[str, np.ndarray], start: float, stop: float
-) -> dict[str, np.ndarray]:
-    """Measured channels with a stretch missing; what drove the system goes on through it.
+class LogEdits(ABC):
+    """The edits of a `Log`; each gives a new log, and notes what was done."""
 
-    Args:
-        name: of the log, for messages.
-        time: its time stamps [s], ``(n,)``.
-        measured: its measured channels, ``(n,)`` each.
-        start: first moment to leave out, in seconds after the first time stamp.
-        stop: last moment to leave out, likewise.
+    time: np.ndarray
+    inputs: Mapping[str, np.ndarray]
+    measured: Mapping[str, np.ndarray]
+    units: Mapping[str, str]
+    noise: Mapping[str, float]
+    hold: Mapping[str, str]
+    name: str
+    notes: tuple[str, ...]
 
-    Raises:
-        InputError: the two ends are no numbers in order, no sample lies between them, or no other
-            is left of a channel.
-    """
-    if not (is_finite(start) and is_finite(stop)) or not start < stop:
-        raise InputError(
-            f"log {name!r}: expected a stretch from a first to a later second, found {start!r} to "
-            f"{stop!r}.",
-            "give both in seconds after the first sample, the earlier one first.",
-        )
-    inside = window(time, start, stop)
-    if not inside.any():
-        raise InputError(
-            f"log {name!r}: expected samples between {start:g} and {stop:g} s, found none; it "
-            f"lasts {time[-1] - time[0]:.6g} s.",
-            "choose a stretch inside the log.",
-        )
-    emptied = {channel: np.where(inside, np.nan, values) for channel, values in measured.items()}
-    for channel, values in emptied.items():
-        if np.isfinite(measured[channel]).any() and not np.isfinite(values).any():
+    @property
+    @abstractmethod
+    def duration(self) -> float: ...
+
+    @cached_property
+    @abstractmethod
+    def holds(self) -> Mapping[str, Hold]: ...
+
+    @abstractmethod
+    def replaced(self, **fields: Any) -> Self: ...
+
+    @abstractmethod
+    def __len__(self) -> int: ...
+
+    def slice(self, start: float | None = None, stop: float | None = None) -> Self:
+        """Cut a segment out of the log; time stamps are unchanged.
+
+        Args:
+            start: first moment to keep, in seconds after the first time stamp.
+            stop: last moment to keep, in seconds after the first time stamp.
+
+        Returns:
+            A new log of the samples from ``start`` to ``stop``, both included.
+
+        Raises:
+            InputError: no sample lies between them.
+
+        Example:
+            >>> round(log.slice(2.0, 5.0).duration, 2)
+            3.0
+        """
+        keep = window(self.time, start, stop)
+        if not keep.any():
             raise InputError(
-                f"log {name!r}: without {start:g} to {stop:g} s nothing is left of {channel!r}.",
-                "leave out less, or take the log out of the spec.",
+                f"log {self.name!r}: expected samples from {start} to {stop} s after the start, "
+                f"found none; the log lasts {self.duration:.6g} s.",
+                "choose start and stop inside the log.",
             )
-    return emptied
+        return self.replaced(
+            time=self.time[keep],
+            inputs={key: value[keep] for key, value in self.inputs.items()},
+            measured={key: value[keep] for key, value in self.measured.items()},
+        )
+
+    def leave_out(self, start: float, stop: float, note: str = "") -> Self:
+        """Leave a stretch out of fits and comparisons: nothing counts as measured there.
+
+        What drove the system stays, so that the simulation goes through it.
+
+        Args:
+            start: first moment to leave out, in seconds after the first time stamp.
+            stop: last moment to leave out, likewise.
+            note: why, kept with the log.
+
+        Returns:
+            A new log, with a note.
+
+        Raises:
+            InputError: no sample lies between them, or no other is left of a channel.
+
+        Example:
+            >>> log.leave_out(2.0, 3.0, "weed in the propeller").notes
+            ('2 to 3 s are left out: weed in the propeller.',)
+        """
+        if not (is_finite(start) and is_finite(stop)) or not start < stop:
+            raise InputError(
+                f"log {self.name!r}: expected a stretch from a first to a later second, found "
+                f"{start!r} to {stop!r}.",
+                "give both in seconds after the first sample, the earlier one first.",
+            )
+        inside = window(self.time, start, stop)
+        if not inside.any():
+            raise InputError(
+                f"log {self.name!r}: expected samples between {start:g} and {stop:g} s, found "
+                f"none; it lasts {self.duration:.6g} s.",
+                "choose a stretch inside the log.",
+            )
+        emptied = {n: np.where(inside, np.nan, values) for n, values in self.measured.items()}
+        for channel, values in emptied.items():
+            if np.isfinite(self.measured[channel]).any() and not np.isfinite(values).any():
+                raise InputError(
+                    f"log {self.name!r}: without {start:g} to {stop:g} s nothing is left of "
+                    f"{channel!r}.",
+                    "leave out less, or take the log out of the spec.",
+                )
+        why = f": {note}" if note else ""
+        about = f"{start:g} to {stop:g} s are left out{why}".rstrip(".") + "."
+        return self.replaced(measured=emptied, notes=(*self.notes, about))
+
+    def shifted(self, seconds: float, *channels: str) -> Self:
+        """Move channels in time, of a recorder whose clocks disagree.
+
+        Args:
+            seconds: by how much they come later; below zero for earlier.
+            *channels: inputs or measured channels; those named together move together.
+
+        Returns:
+            A new log, with a note. A measured channel is missing, and an input keeps its first or
+            last value, where it would lie outside the log.
+
+        Raises:
+            InputError: no finite number, or no channel of the log.
+
+        Example:
+            >>> late = log.shifted(0.1, "speed", "thrust")  # by two samples
+            >>> bool(late.measured["speed"][2] == log.measured["speed"][0])
+            True
+        """
+        if not is_finite(seconds):
+            raise InputError(
+                f"log {self.name!r}: expected a shift in seconds, found {seconds!r}.",
+                "give a number.",
+            )
+        unknown = [channel for channel in channels if channel not in self.units]
+        if unknown or not channels:
+            found = repr(unknown[0]) if unknown else "none"
+            raise InputError(
+                f"log {self.name!r}: expected channels to shift, found {found}; it has "
+                f"{', '.join(self.units)}.",
+                "name one or several of them.",
+            )
+        inputs, measured = dict(self.inputs), dict(self.measured)
+        for channel in channels:
+            series = inputs if channel in inputs else measured
+            held = self.hold.get(channel) == "zero" or channel in self.holds
+            unit = self.units[channel]
+            series[channel] = _moved(self.time, series[channel], seconds, held=held, unit=unit)
+        for channel, values in inputs.items():
+            known = np.flatnonzero(np.isfinite(values))
+            ends = np.clip(np.arange(len(self)), *known[[0, -1]]) if known.size else slice(None)
+            inputs[channel] = values[ends]
+        note = f"{listing(channels)} moved by {seconds:+g} s."
+        return self.replaced(inputs=inputs, measured=measured, notes=(*self.notes, note))
+
+    def averaged(self, samples: int) -> Self:
+        """Average blocks of samples into one, for a log sampled faster than the system moves.
+
+        Each mean is placed at the middle of its block; inputs are linear in between. Means skip
+        missing samples, a known noise falls with the square root of ``samples``, and angles in rad
+        or deg are averaged across their jumps. An incomplete block at the end is dropped.
+
+        Args:
+            samples: block length.
+
+        Returns:
+            A new log, with a note.
+
+        Raises:
+            InputError: not an integer, or more than the log has.
+
+        Example:
+            >>> log.averaged(4).time.shape
+            (60,)
+        """
+        if not isinstance(samples, int) or not 1 <= samples <= len(self):
+            raise InputError(
+                f"log {self.name!r}: expected a whole number of samples from 1 to {len(self)}, "
+                f"found {samples!r}.",
+                "give the number of samples to average into one.",
+            )
+        used = len(self) // samples * samples
+
+        def mean(name: str, values: np.ndarray) -> np.ndarray:
+            blocks = _unwrapped(values, self.units[name])[:used].reshape(-1, samples)
+            finite = np.isfinite(blocks)
+            counts = finite.sum(axis=1)
+            sums = np.where(finite, blocks, 0.0).sum(axis=1)
+            return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+        return self.replaced(
+            time=self.time[:used].reshape(-1, samples).mean(axis=1),
+            inputs={key: mean(key, value) for key, value in self.inputs.items()},
+            measured={key: mean(key, value) for key, value in self.measured.items()},
+            noise={key: value / samples**0.5 for key, value in self.noise.items()},
+            # A mean stands at the middle of its block; kept until the next one, an input would lag
+            # by half a block.
+            hold=dict.fromkeys(self.hold, "linear"),
+            notes=(*self.notes, f"{samples} samples each were averaged into one."),
+        )
+
+    def resampled(self, rate: float) -> Self:
+        """Bring the log to an even rate, for one that was merged from messages, or is fast.
+
+        Measured channels become means of their samples in each step, at its middle, and missing
+        where there are none. A held input becomes its mean until the next step and stays held, so
+        that its steps are not smeared. Angles in rad or deg are averaged across their jumps, and a
+        known noise falls with the square root of the samples in a step. Steps without any row are
+        left out.
+
+        Args:
+            rate: samples a second, at most those of the log.
+
+        Returns:
+            A new log, with a note.
+
+        Raises:
+            InputError: the rate is not a positive number, above the log's, or so low that fewer
+                than three samples remain.
+
+        Example:
+            >>> even = log.resampled(10.0)
+            >>> round(even.step, 6), even.hold["command"]
+            (0.1, 'zero')
+        """
+        steps = _EvenSteps.of(self.time, rate, self.name)
+
+        def mean(name: str, values: np.ndarray) -> np.ndarray:
+            plain = _unwrapped(values, self.units[name])
+            if self.hold.get(name) == "zero":
+                return steps.held_means(self.time, plain)
+            if name in self.inputs:
+                return steps.filled_means(self.time, plain)
+            return steps.means(self.time, plain)
+
+        counts = {name: steps.samples(self.measured[name]) for name in self.noise}
+        note = f"{len(self)} rows were averaged to {steps.time.size} at {rate:g} Hz."
+        return self.replaced(
+            time=steps.time,
+            inputs={name: mean(name, values) for name, values in self.inputs.items()},
+            measured={name: mean(name, values) for name, values in self.measured.items()},
+            noise={name: sigma / counts[name] ** 0.5 for name, sigma in self.noise.items()},
+            notes=(*self.notes, note),
+        )
 
 
-def moved(
+def _moved(
     time: np.ndarray, values: np.ndarray, seconds: float, *, held: bool, unit: str
 ) -> np.ndarray:
     """A channel later by some seconds: at each time stamp what it read that long before.
 
-    Args:
-        time: time stamps [s], ``(n,)``.
-        values: ``(n,)``; NaN where nothing was measured.
-        seconds: by how much; below zero for earlier.
-        held: it keeps its last value between samples; straight lines otherwise.
-        unit: its unit: angles are moved across their jumps.
-
-    Returns:
-        ``(n,)``; NaN where it would lie outside the log.
+    A held one keeps its last value between samples, and goes in straight lines otherwise; angles
+    are moved across their jumps. NaN where it would lie outside the log.
     """
     at = time - seconds
     if held:
@@ -72,20 +268,101 @@ def moved(
         read = values[np.clip(index, 0, time.size - 1)]
         outside = index < 0
     else:
-        read, outside = np.interp(at, time, unwrapped(values, unit)), at < time[0] - 1e-9
+        read, outside = np.interp(at, time, _unwrapped(values, unit)), at < time[0] - 1e-9
     return np.where(outside | (at > time[-1] + 1e-9), np.nan, read)
 
 
-def check_shift(name: str, seconds: float, channels: Sequence[str], has: Sequence[str]) -> None:
-    """Raise `InputError` for a shift that is no number, or of a channel that is not in the log."""
-    if not is_finite(seconds):
-        raise InputError(
-            f"log {name!r}: expected a shift in seconds, found {seconds!r}.", "give a number."
-        )
-    unknown = [channel for channel in channels if channel not in has]
-    if unknown or not channels:
-        found = repr(unknown[0]) if unknown else "none"
-        raise InputError(
-            f"log {name!r}: expected channels to shift, found {found}; it has {', '.join(has)}.",
-            "name one or several of them.",
-        )
+_LEAST = 3
+"""Numerics: steps that a log must last; fewer say nothing of a motion."""
+_TURN = {"rad": 2 * np.pi, "deg": 360.0}
+
+
+@dataclass(frozen=True)
+class _EvenSteps:
+    """Equal steps over a log, without those in which nothing was recorded.
+
+    Rows of a log that was merged from messages come as often as any of them: 91 Hz of three
+    channels with 25 to 33 Hz each, every row with one new number, and a simulation takes a step for
+    each row. What was measured becomes means, and what drove the system its mean over the step that
+    follows, so that a step of a command neither comes early nor lasts longer.
+
+    Args:
+        time: middle of each step [s], ``(n,)``.
+        width: of a step [s].
+        of_row: the step of each row, ``(m,)``.
+    """
+
+    time: np.ndarray
+    width: float
+    of_row: np.ndarray
+
+    @classmethod
+    def of(cls, stamps: np.ndarray, rate: float, name: str) -> _EvenSteps:
+        """The steps of a log at so many a second; ``stamps`` are its time [s], ``(m,)``."""
+        if not is_finite(rate) or rate <= 0:
+            raise InputError(
+                f"log {name!r}: expected a rate above zero in Hz, found {rate!r}.",
+                "give the samples a second, such as rate = 10.",
+            )
+        row = float(np.median(np.diff(stamps))) if stamps.size > 1 else np.inf
+        if rate * row > 1 + 1e-6:
+            raise InputError(
+                f"log {name!r}: its rows come at {1 / row:.3g} Hz, found rate = {rate:g}. "
+                "Samples between them would add no information.",
+                f"give a rate of at most {1 / row:.3g}, or leave it out.",
+            )
+        # Half a row before the first: the means of even rows stand at the middle of their step.
+        first = stamps[0] - 0.5 * row
+        step = np.floor((stamps - first) * rate + 1e-9).astype(np.int64)
+        # Steps without a row are left out: a gap of the recorder stays one, and is reported.
+        numbers, of_row = np.unique(step, return_inverse=True)
+        if numbers.size < _LEAST:
+            raise InputError(
+                f"log {name!r}: at {rate:g} Hz, its {stamps[-1] - stamps[0]:.3g} s hold fewer than "
+                f"{_LEAST} samples.",
+                "give a higher rate, in samples a second.",
+            )
+        return cls(first + (numbers + 0.5) / rate, 1.0 / rate, of_row)
+
+    def _totals(self, weights: np.ndarray) -> np.ndarray:
+        return np.bincount(self.of_row, weights, minlength=self.time.size)
+
+    def samples(self, values: np.ndarray) -> float:
+        """Samples of a channel in a step, as a rule."""
+        counts = self._totals(np.isfinite(values))
+        return float(np.median(counts[counts > 0])) if counts.any() else 1.0
+
+    def means(self, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Means of the samples in each step, at its middle; NaN where there are none."""
+        filled = self.filled_means(stamps, values)
+        return np.where(self._totals(np.isfinite(values)) > 0, filled, np.nan)
+
+    def filled_means(self, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """As `means`, interpolated over steps without samples."""
+        finite = np.isfinite(values)
+        counts = self._totals(finite)
+        if not counts.any():
+            return np.full(self.time.size, np.nan)
+        at, least = counts > 0, np.maximum(counts, 1)
+        centres = (self._totals(np.where(finite, stamps, 0.0)) / least)[at]
+        means = (self._totals(np.where(finite, values, 0.0)) / least)[at]
+        # The only sample of a step may stand at its beginning: moved to the middle as it is, it
+        # would be late by half a step, always.
+        return np.interp(self.time, centres, means)
+
+    def held_means(self, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Means of a held signal from the middle of each step to that of the next."""
+        ends = np.append(stamps, self.time[-1] + self.width)
+        integral = np.append(0.0, np.cumsum(np.diff(ends) * values))
+        until = np.interp(self.time + self.width, ends, integral)
+        return (until - np.interp(self.time, ends, integral)) / self.width
+
+
+def _unwrapped(values: np.ndarray, unit: str) -> np.ndarray:
+    """Angles across their jumps: a heading from 359 to 1 degree would average to 180."""
+    if unit not in _TURN:
+        return values
+    finite = np.isfinite(values)
+    out = values.copy()
+    out[finite] = np.unwrap(values[finite], period=_TURN[unit])
+    return out

@@ -69,13 +69,7 @@ def log_figure(
 def panels_figure(
     panels: Sequence[Panel], title: str, along: str = "time from the first sample [s]"
 ) -> Figure:
-    """Panels below each other, on one time axis.
-
-    Args:
-        panels: the channels, inputs first.
-        title: of the figure.
-        along: label of the time axis.
-    """
+    """Panels below each other, on one time axis that is labelled ``along``; inputs come first."""
     from matplotlib.figure import Figure
 
     count = max(1, len(panels))

@@ -28,18 +28,10 @@ class Positions(NamedTuple):
 
 
 def positions_of_fixes(latitude: np.ndarray, longitude: np.ndarray, at: PlaceOf) -> Positions:
-    """Fixes in metres from the first.
+    """Metres from the first fix, of latitudes and longitudes [rad], ``(n,)`` each.
 
     The plane touches the ellipsoid at the first fix, with its two radii of curvature: within 1 cm
     at 1 km, and 1 m at 10 km.
-
-    Args:
-        latitude: of each sample [rad], ``(n,)``.
-        longitude: of each sample [rad], ``(n,)``.
-        at: names a place of the file for a message.
-
-    Raises:
-        InputError: there is no fix, or a latitude is beyond a pole.
     """
     beyond = np.flatnonzero(np.abs(latitude) > np.pi / 2)
     if beyond.size:

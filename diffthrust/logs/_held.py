@@ -56,11 +56,7 @@ class Hold(NamedTuple):
         return int(np.count_nonzero(self.read))
 
     def seconds(self, time: np.ndarray) -> str:
-        """After how long a reading is followed by the next, in words: ``"0.8 to 2.7 s"``.
-
-        Args:
-            time: of the samples [s], ``(n,)``.
-        """
+        """After how long a reading follows another, in words: ``"0.8 to 2.7 s"``."""
         from diffthrust._support.words import number
 
         step = float(np.median(np.diff(time)))
@@ -150,12 +146,9 @@ def _regular(waits: np.ndarray, sizes: np.ndarray, largest: float) -> float | No
 
 
 def _follows(drive: np.ndarray, values: np.ndarray, new: np.ndarray) -> bool:
-    """Whether a channel keeps its values because an input does, perhaps after a short delay.
+    """Whether a channel holds its values because an input does, perhaps after a short delay.
 
-    Args:
-        drive: the input, ``(n,)``.
-        values: the channel, ``(n,)``.
-        new: places of its changes, ``(k,)``.
+    ``new`` are the places of its changes, ``(k,)``.
     """
     begin, middle = new[:-1], (new[:-1] + new[1:]) // 2
     if np.mean(drive[begin] == drive[middle]) < 0.5:

@@ -13,15 +13,14 @@ from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust.logs._columns import Column
-from diffthrust.logs._edits import check_shift, moved, without_stretch
+from diffthrust.logs._edits import LogEdits
 from diffthrust.logs._held import Hold, held_note, held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._rails import Railed, railed, railed_between, railed_note
-from diffthrust.logs._resampled import EvenSteps, unwrapped
 from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
-from diffthrust.logs._validate import checked_fields, window
+from diffthrust.logs._validate import checked_fields
 from diffthrust.logs._written import ShownUnits, Written
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Log:
+class Log(LogEdits):
     """One recorded experiment. All arrays are read-only.
 
     Args:
@@ -429,184 +428,6 @@ class Log:
         if sigma is None or not stored or not unit or stored == unit:
             return sigma
         return convert_scale(sigma, stored, unit, where=_place(self.name, channel))
-
-    def slice(self, start: float | None = None, stop: float | None = None) -> "Log":
-        """Cut a segment out of the log; time stamps are unchanged.
-
-        Args:
-            start: first moment to keep, in seconds after the first time stamp.
-            stop: last moment to keep, in seconds after the first time stamp.
-
-        Returns:
-            A new log of the samples from ``start`` to ``stop``, both included.
-
-        Raises:
-            InputError: no sample lies between them.
-
-        Example:
-            >>> round(log.slice(2.0, 5.0).duration, 2)
-            3.0
-        """
-        keep = window(self.time, start, stop)
-        if not keep.any():
-            raise InputError(
-                f"log {self.name!r}: expected samples from {start} to {stop} s after the start, "
-                f"found none; the log lasts {self.duration:.6g} s.",
-                "choose start and stop inside the log.",
-            )
-        return self.replaced(
-            time=self.time[keep],
-            inputs={key: value[keep] for key, value in self.inputs.items()},
-            measured={key: value[keep] for key, value in self.measured.items()},
-        )
-
-    def leave_out(self, start: float, stop: float, note: str = "") -> "Log":
-        """Leave a stretch out of fits and comparisons: nothing counts as measured there.
-
-        What drove the system stays, so that the simulation goes through it.
-
-        Args:
-            start: first moment to leave out, in seconds after the first time stamp.
-            stop: last moment to leave out, likewise.
-            note: why, kept with the log.
-
-        Returns:
-            A new log, with a note.
-
-        Raises:
-            InputError: no sample lies between them, or no other is left of a channel.
-
-        Example:
-            >>> log.leave_out(2.0, 3.0, "weed in the propeller").notes
-            ('2 to 3 s are left out: weed in the propeller.',)
-        """
-        emptied = without_stretch(self.name, self.time, self.measured, start, stop)
-        why = f": {note}" if note else ""
-        about = f"{start:g} to {stop:g} s are left out{why}".rstrip(".") + "."
-        return self.replaced(measured=emptied, notes=(*self.notes, about))
-
-    def shifted(self, seconds: float, *channels: str) -> "Log":
-        """Move channels in time, of a recorder whose clocks disagree.
-
-        Args:
-            seconds: by how much they come later; below zero for earlier.
-            *channels: inputs or measured channels; those named together move together.
-
-        Returns:
-            A new log, with a note. A measured channel is missing, and an input keeps its first or
-            last value, where it would lie outside the log.
-
-        Raises:
-            InputError: no finite number, or no channel of the log.
-
-        Example:
-            >>> late = log.shifted(0.1, "speed", "thrust")  # by two samples
-            >>> bool(late.measured["speed"][2] == log.measured["speed"][0])
-            True
-        """
-        check_shift(self.name, seconds, channels, [*self.inputs, *self.measured])
-        inputs, measured = dict(self.inputs), dict(self.measured)
-        for channel in channels:
-            series = inputs if channel in inputs else measured
-            held = self.hold.get(channel) == "zero" or channel in self.holds
-            unit = self.units[channel]
-            series[channel] = moved(self.time, series[channel], seconds, held=held, unit=unit)
-        for channel, values in inputs.items():
-            known = np.flatnonzero(np.isfinite(values))
-            ends = np.clip(np.arange(len(self)), *known[[0, -1]]) if known.size else slice(None)
-            inputs[channel] = values[ends]
-        note = f"{listing(channels)} moved by {seconds:+g} s."
-        return self.replaced(inputs=inputs, measured=measured, notes=(*self.notes, note))
-
-    def averaged(self, samples: int) -> "Log":
-        """Average blocks of samples into one, for a log sampled faster than the system moves.
-
-        Each mean is placed at the middle of its block; inputs are linear in between. Means skip
-        missing samples, a known noise falls with the square root of ``samples``, and angles in rad
-        or deg are averaged across their jumps. An incomplete block at the end is dropped.
-
-        Args:
-            samples: block length.
-
-        Returns:
-            A new log, with a note.
-
-        Raises:
-            InputError: not an integer, or more than the log has.
-
-        Example:
-            >>> log.averaged(4).time.shape
-            (60,)
-        """
-        if not isinstance(samples, int) or not 1 <= samples <= len(self):
-            raise InputError(
-                f"log {self.name!r}: expected a whole number of samples from 1 to {len(self)}, "
-                f"found {samples!r}.",
-                "give the number of samples to average into one.",
-            )
-        used = len(self) // samples * samples
-
-        def mean(name: str, values: np.ndarray) -> np.ndarray:
-            blocks = unwrapped(values, self.units[name])[:used].reshape(-1, samples)
-            finite = np.isfinite(blocks)
-            counts = finite.sum(axis=1)
-            sums = np.where(finite, blocks, 0.0).sum(axis=1)
-            return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-
-        return self.replaced(
-            time=self.time[:used].reshape(-1, samples).mean(axis=1),
-            inputs={key: mean(key, value) for key, value in self.inputs.items()},
-            measured={key: mean(key, value) for key, value in self.measured.items()},
-            noise={key: value / samples**0.5 for key, value in self.noise.items()},
-            # A mean stands at the middle of its block; kept until the next one, an input would lag
-            # by half a block.
-            hold=dict.fromkeys(self.hold, "linear"),
-            notes=(*self.notes, f"{samples} samples each were averaged into one."),
-        )
-
-    def resampled(self, rate: float) -> "Log":
-        """Bring the log to an even rate, for one that was merged from messages, or is fast.
-
-        Measured channels become means of their samples in each step, at its middle, and missing
-        where there are none. A held input becomes its mean until the next step and stays held, so
-        that its steps are not smeared. Angles in rad or deg are averaged across their jumps, and a
-        known noise falls with the square root of the samples in a step. Steps without any row are
-        left out.
-
-        Args:
-            rate: samples a second, at most those of the log.
-
-        Returns:
-            A new log, with a note.
-
-        Raises:
-            InputError: the rate is not a positive number, above the log's, or so low that fewer
-                than three samples remain.
-
-        Example:
-            >>> even = log.resampled(10.0)
-            >>> round(even.step, 6), even.hold["command"]
-            (0.1, 'zero')
-        """
-        steps = EvenSteps.of(self.time, rate, self.name)
-
-        def mean(name: str, values: np.ndarray) -> np.ndarray:
-            plain = unwrapped(values, self.units[name])
-            if self.hold.get(name) == "zero":
-                return steps.held_means(self.time, plain)
-            if name in self.inputs:
-                return steps.filled_means(self.time, plain)
-            return steps.means(self.time, plain)
-
-        counts = {name: steps.samples(self.measured[name]) for name in self.noise}
-        note = f"{len(self)} rows were averaged to {steps.time.size} at {rate:g} Hz."
-        return self.replaced(
-            time=steps.time,
-            inputs={name: mean(name, values) for name, values in self.inputs.items()},
-            measured={name: mean(name, values) for name, values in self.measured.items()},
-            noise={name: sigma / counts[name] ** 0.5 for name, sigma in self.noise.items()},
-            notes=(*self.notes, note),
-        )
 
     @showing
     def plot(self) -> "Figure":

@@ -115,10 +115,7 @@ _SPELT = {
 
 
 def unit_in(header: str) -> str:
-    """The unit in the header of a column: ``speed (rpm)``, ``speed [rpm]`` or ``speed / rpm``.
-
-    Returns:
-        A unit that ``convert`` knows, or an empty string where there is none.
+    """The unit in a header: ``speed (rpm)``, ``speed [rpm]``, ``speed / rpm``; empty where none.
 
     Example:
         >>> unit_in("Thrust [kgf]"), unit_in("Motor (left)")
@@ -206,20 +203,7 @@ def same_quantity(unit: str, target: str) -> bool:
 
 
 def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | str) -> np.ndarray:
-    """Convert numbers from one unit to another.
-
-    Args:
-        values: numbers of any shape, in ``unit_from``.
-        unit_from: unit of the numbers, such as ``"rpm"`` or ``"kN"``.
-        unit_to: unit wanted.
-        where: the file, column, channel or parameter, for the message.
-
-    Returns:
-        A new float64 array of the same shape, in ``unit_to``.
-
-    Raises:
-        InputError: a unit is unknown, the two measure different quantities, or one of them is a
-            plain frequency ('Hz', '1/s') where the other is a speed of rotation.
+    """Convert numbers of any shape to a new float64 array; ``where`` they come from, for messages.
 
     Example:
         >>> convert([60.0], "rpm", "rev/s", where="run1.csv, column 'n'")
@@ -246,18 +230,6 @@ def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | s
 def convert_scale(value: float, unit_from: str, unit_to: str, *, where: Place | str) -> float:
     """Convert a difference, such as a standard deviation: offsets of units cancel.
 
-    Args:
-        value: a difference of two numbers in ``unit_from``.
-        unit_from: unit of the value.
-        unit_to: unit wanted.
-        where: the file, column, channel or parameter, for the message.
-
-    Returns:
-        The same difference in ``unit_to``.
-
-    Raises:
-        InputError: as in ``convert``.
-
     Example:
         >>> round(convert_scale(1.8, "degF", "K", where="the sensor"), 6)
         1.0
@@ -267,19 +239,10 @@ def convert_scale(value: float, unit_from: str, unit_to: str, *, where: Place | 
 
 
 def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
-    """The unit in which the library keeps numbers given in ``unit``.
+    """The unit in which the library keeps numbers given in ``unit``; empty where none is given.
 
-    Args:
-        unit: the user's unit; an empty string (no unit given) is returned as it is.
-        channel: name of the channel. A standard channel keeps its own unit where that measures
-            the same quantity: ``propeller_speed`` stays in rev/s.
-        where: the file, column or channel, for the message.
-
-    Returns:
-        A unit that ``convert`` accepts: the channel's own, or the SI unit.
-
-    Raises:
-        InputError: the unit is unknown, or a plain frequency was given for a speed of rotation.
+    A standard channel keeps its own unit where that measures the same quantity: ``propeller_speed``
+    stays in rev/s.
 
     Example:
         >>> si_unit("rpm", "speed"), si_unit("kN"), si_unit("rpm", "propeller_speed")

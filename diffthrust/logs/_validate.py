@@ -74,20 +74,9 @@ def check_finite_or_missing(values: np.ndarray, channel: str, at: PlaceOf) -> No
 def complete_input(
     time: np.ndarray, values: np.ndarray, channel: str, interpolate: bool, at: PlaceOf
 ) -> tuple[np.ndarray, str | None]:
-    """Fill the missing samples of an input if the user allows it.
+    """An input without gaps, ``(n,)``, if the user allows it, and a note on what was filled.
 
-    Args:
-        time: time stamps [s], shape (n,).
-        values: samples with NaN where missing, shape (n,).
-        channel: name of the input.
-        interpolate: fill linearly between neighbours, and with the nearest sample at the ends.
-        at: names a place for the message.
-
-    Returns:
-        The samples without gaps, shape (n,), and a note on what was filled, or None.
-
-    Raises:
-        InputError: a sample is missing and ``interpolate`` is false, or all are missing.
+    Straight lines between neighbours, and the nearest sample at the ends.
     """
     missing = np.isnan(values)
     count = int(missing.sum())
@@ -122,19 +111,7 @@ def complete_input(
 
 
 def missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
-    """Count the missing samples of a measured channel.
-
-    Args:
-        values: samples with NaN where missing, shape (n,).
-        channel: name of the channel.
-        at: names a place for the message.
-
-    Returns:
-        A note with the count, or None if there are none.
-
-    Raises:
-        InputError: every sample is missing.
-    """
+    """Count the missing samples (NaN) of a measured channel, ``(n,)``; None if there are none."""
     count = int(np.isnan(values).sum())
     if count == values.size:
         raise InputError.at(
@@ -154,16 +131,10 @@ _GAP = 10.0
 
 
 def gap_note(time: np.ndarray) -> str | None:
-    """A note on the largest gaps in time, with moment and length.
+    """A note on the largest gaps in time, with moment and length; None without gaps.
 
     The usual step is the 90 % quantile of the steps, not their median: where messages of several
     senders are merged, half of the steps lie between messages sent together.
-
-    Args:
-        time: time stamps [s], strictly increasing, shape (n,).
-
-    Returns:
-        A note, or None if no step is much longer than the usual step.
     """
     steps = np.diff(time)
     if steps.size < 3:
@@ -181,16 +152,7 @@ def gap_note(time: np.ndarray) -> str | None:
 
 
 def window(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
-    """Mark the samples from start to stop, in seconds after the first time stamp.
-
-    Args:
-        time: time stamps [s], shape (n,).
-        start: first moment to keep, or None.
-        stop: last moment to keep, or None.
-
-    Returns:
-        Booleans, shape (n,).
-    """
+    """Mark the samples from start to stop, in seconds after the first time stamp: ``(n,)``."""
     with np.errstate(all="ignore"):
         elapsed = time - time[0]
     keep = np.ones(time.size, dtype=bool)
@@ -235,16 +197,10 @@ def checked_fields(
     static: bool,
     at: PlaceOf,
 ) -> dict[str, Any]:
-    """Check, copy and convert the fields of a log.
+    """Check, copy and convert the fields of a log, of which it returns the final ones.
 
     The arguments are those of ``Log``; ``written`` describes how the channels were written where
     ``units`` does not, and ``at`` names places, so that a message gives line and column of a file.
-
-    Returns:
-        The fields of a log, by name.
-
-    Raises:
-        InputError: as in ``Log``.
     """
     _check_mappings(inputs, measured, units, noise, name)
     unsigned = (unsigned,) if isinstance(unsigned, str) else unsigned

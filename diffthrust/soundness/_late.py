@@ -78,11 +78,7 @@ class Readings(NamedTuple):
 
 
 def late_readings(runs: Sequence[Run]) -> Iterator[Doubt]:
-    """Doubts on channels whose readings come late by a time that varies from one to the next.
-
-    Args:
-        runs: of a fit over its training logs.
-    """
+    """Doubts on channels whose readings come late by a varying time, in a fit's training runs."""
     for channel in dict.fromkeys(name for run in runs for name in run.channels):
         traces = [(run.time, run.channels[channel]) for run in runs if channel in run.channels]
         late = lateness([Readings(time, t.modelled, t.measured) for time, t in traces])
@@ -108,12 +104,7 @@ def lateness(logs: Sequence[Readings]) -> Lateness | None:
     A reading that is late by t misses a signal of slope s by -t s. Where t is another each time,
     the errors are as unpredictable as noise, and their variance grows with the square of the slope.
     Second differences of the errors leave that and remove what lasts, such as missing physics.
-
-    Args:
-        logs: of one channel.
-
-    Returns:
-        The lateness; ``None`` where it does not scatter, or too few readings tell.
+    ``None`` where the lateness does not scatter, or too few readings tell.
 
     Example:
         >>> rng = np.random.default_rng(0)

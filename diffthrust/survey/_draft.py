@@ -22,14 +22,9 @@ _ROLES = {"input": " # an input", "measured": " # measured", "": ""}
 def drafted(
     choice: Choice, train: Sequence[Path], holdout: Sequence[Path], folder: Path, apart: str = ""
 ) -> str:
-    """The text of a spec file.
+    """The text of a spec file in a folder, which its paths are relative to.
 
-    Args:
-        choice: the model and its channels.
-        train: the logs to fit.
-        holdout: the logs that are not fitted.
-        folder: folder of the spec file; its paths are relative to it.
-        apart: sentences on files that were left out.
+    ``apart`` are sentences on files that were left out.
     """
     lines = [*_head(choice, [*train, *holdout], apart), ""]
     if choice.model is None:

@@ -11,12 +11,15 @@ import numpy as np
 from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.logs._written import PWM
-from diffthrust.survey._names import bare_of, named_units, side_of, words_of
-from diffthrust.survey._rules import (
+from diffthrust.survey._names import (
     UNIT_OF,
+    bare_of,
     named_pwm,
+    named_units,
     quantities_of,
+    side_of,
     takes_any_unit,
+    words_of,
 )
 from diffthrust.survey._values import (
     angle_unit,
@@ -79,12 +82,7 @@ class Meaning:
 
 
 def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
-    """Guess the meaning of each column or field.
-
-    Args:
-        fields: all fields of a file.
-        ros: axes follow ROS: y to port, and turns to port are positive.
-    """
+    """Guess the meaning of each field; axes of ROS have y and turns to port as positive."""
     # u, v and r together are the velocities of a vessel; u without v is a control signal.
     names = {bare_of(field.name) for field in fields}
     unsaid = {bare_of(f.name) for f in fields if not named_units(f.name, f.unit)}

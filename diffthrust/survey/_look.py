@@ -17,14 +17,15 @@ from diffthrust._support.visible import in_line
 from diffthrust.survey._choice import Choice
 from diffthrust.survey._draft import drafted
 from diffthrust.survey._files import files_at
-from diffthrust.survey._rows import ColumnRow, rows_of
 from diffthrust.survey._suited import choice_of, doubted
 from diffthrust.survey._tables import (
+    ColumnRow,
     column_rows,
     first_line,
     grouped,
     model_line,
     remarks,
+    rows_of,
     split_rows,
 )
 

@@ -11,8 +11,8 @@ from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
 from diffthrust.survey._guess import Meaning, pulse_command
-from diffthrust.survey._moves import correlated
 from diffthrust.survey._values import (
+    correlated,
     hardly_negative,
     numbers_of,
     one_sided,

@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
 from diffthrust.survey._guess import SURE
-from diffthrust.survey._moves import correlated, difference, turning
+from diffthrust.survey._values import correlated, difference, turning
 
 MOTION = ("surge", "sway", "yaw_rate")
 POSE = ("north", "east", "heading")

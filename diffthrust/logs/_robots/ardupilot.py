@@ -58,25 +58,12 @@ class _Target:
 def read_ardupilot(
     path: Path, binary: bool, wanted: Sequence[str], missing: Sequence[float]
 ) -> dict[str, Series]:
-    """Read fields of a DataFlash or telemetry log.
+    """Read fields of a DataFlash (``binary``) or telemetry log, the samples of each column.
 
     Time stamps of a DataFlash log are ``TimeUS`` (``TimeMS`` in old logs), the autopilot's time
     since power-up. Those of a telemetry log are the times of reception at the ground station, which
-    jitter with the link.
-
-    Args:
-        path: the file.
-        binary: it is a DataFlash log, not a telemetry log.
-        wanted: columns such as ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"SERVO_OUTPUT_RAW.servo1_raw"``,
-            or ``"1/ATTITUDE.yaw"`` if several systems send a message.
-        missing: numbers that mean missing.
-
-    Returns:
-        The samples of each column.
-
-    Raises:
-        InputError: the file is damaged, pymavlink is not installed (telemetry needs it), or a
-            message or field is absent, not a number, or sent by several senders or instances.
+    jitter with the link. Columns are such as ``"RCOU.C1"``, ``"ESC[0].RPM"``, or
+    ``"1/ATTITUDE.yaw"`` if several systems send a message.
     """
     targets = [_target(path.name, column) for column in wanted]
     try:
@@ -254,14 +241,7 @@ _METADATA = {
 
 
 def dataflash_fields(path: Path) -> RobotContents:
-    """Read all numbers of a DataFlash log.
-
-    Returns:
-        The messages, several instances named ``ESC[0]``, notes on damage, and parameters.
-
-    Raises:
-        InputError: the file is damaged.
-    """
+    """Read all numbers of a DataFlash log; of several instances the messages are ``ESC[0]``, ..."""
     gathered = []
     try:
         log = open_dataflash(path)
@@ -314,14 +294,10 @@ def _messages(message: Message, log: Dataflash) -> list[Gathered]:
 
 
 def telemetry_fields(path: Path) -> RobotContents:
-    """Read all numbers of a telemetry log.
+    """Read all numbers of a telemetry log, with the parameters that the vehicle has told.
 
-    Returns:
-        The messages, named ``1/1/ATTITUDE`` if several systems send it and ``ESC[0]`` if it has
-        several instances, notes on damage, and the parameters that the vehicle has told.
-
-    Raises:
-        InputError: pymavlink is not installed, or the file is damaged.
+    Messages are named ``1/1/ATTITUDE`` if several systems send them, and ``ESC[0]`` if they have
+    several instances.
     """
     gathered: dict[tuple[str, tuple[int, ...], str], Gathered] = {}
     parameters: dict[str, float] = {}

@@ -46,11 +46,7 @@ class RobotContents(NamedTuple):
 
 
 def fields_of(gathered: Iterable[Gathered]) -> tuple[tuple[Field, ...], list[str]]:
-    """The fields of all messages, on a clock that starts with the first message.
-
-    Returns:
-        The fields, each sorted by time, and notes on clocks that step back.
-    """
+    """The fields of all messages, by time from the first on, and notes on clocks that step back."""
     with_samples = [g for g in gathered if len(g.ticks) and g.values]
     if not with_samples:
         return (), []

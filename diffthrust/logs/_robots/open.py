@@ -21,15 +21,8 @@ def series_in(
 ) -> dict[str, Series]:
     """The samples of the wanted fields of a robot's log.
 
-    Args:
-        path: the file or folder.
-        kind: its format.
-        wanted: names of the fields.
-        header: use the stamp of the message's header if it has one (ROS).
-        missing: numbers that mean missing.
-
-    Raises:
-        InputError: the file is damaged, or a field is absent or holds no numbers.
+    With ``header`` by the stamp of the message's header if it has one (ROS); ``missing`` are
+    numbers that mean missing.
     """
     _check_file(path, kind)
     if kind in (DATAFLASH, TELEMETRY, ULOG):

@@ -21,14 +21,9 @@ _DENSE = 50
 
 
 def check_unpacked(path: Path) -> None:
-    """Check that a bag fits in memory once unpacked.
+    """Raise InputError if a bag, a file or a folder, does not fit in memory once unpacked.
 
-    Args:
-        path: a file, or the folder of a bag.
-
-    Raises:
-        InputError: a chunk, or the excess of implausibly dense chunks together, exceeds the memory
-            limit of a log.
+    A chunk counts, and the excess of implausibly dense chunks together.
     """
     budget = MemoryBudget(path)
     for packing, stream, length in _packed(path):

@@ -48,20 +48,10 @@ def resample(
     gap: float | None,
     faster: float,
 ) -> Resampled:
-    """Put channels on one time base.
+    """Put channels on one time base; its arguments are those of `read_robot_log`.
 
-    Args:
-        file: name of the file, for messages.
-        series: the samples of each channel.
-        held: for each channel, whether it keeps its last value.
-        inputs: which channels are inputs; the log covers the time in which all inputs are known.
-        base: the channel whose time stamps are used, ``"messages"`` for all, or a step [s].
-        gap: the largest gap to interpolate across [s]; if None, three periods of each channel.
-        faster: how many times faster than an interpolated channel the base may be.
-
-    Raises:
-        InputError: the base is neither a channel nor a step, or too fast for a channel; or the
-            channels do not overlap in time.
+    ``held`` says which channels keep their last value. The log covers the time in which all inputs
+    are known.
     """
     every = base == _MESSAGES
     step, stamps = _merged_stamps(series, held) if every else _step_and_stamps(file, series, base)

@@ -36,24 +36,12 @@ Steps = tuple[str | int, ...]
 def read_bag(
     path: Path, wanted: Sequence[str], header: bool, missing: Sequence[float]
 ) -> dict[str, Series]:
-    """Read fields of a ROS bag.
+    """Read fields of a ROS bag, the samples of each column.
 
-    The library builds classes from message definitions in the bag: open only bags from sources
-    that you trust.
-
-    Args:
-        path: the folder of a bag, or a file ending in .mcap, .db3 or, of ROS 1, .bag.
-        wanted: columns such as ``"/odom.twist.twist.linear.x"`` or ``"/rpm.data[0]"``; of an
-            orientation (x, y, z, w) also ``.yaw`` and ``.heading`` [rad].
-        header: use the stamp of the message's header if it has one, not the recorder's.
-        missing: numbers that mean missing.
-
-    Returns:
-        The samples of each column.
-
-    Raises:
-        InputError: rosbags is not installed, the bag is damaged, or a topic or field is absent or
-            holds no numbers.
+    The library builds classes from message definitions in the bag: open only bags from sources that
+    you trust. Columns are such as ``"/odom.twist.twist.linear.x"`` or ``"/rpm.data[0]"``; an
+    orientation (x, y, z, w) also has ``.yaw`` and ``.heading`` [rad]. With ``header`` the stamp of
+    the message's header counts, where it has one, and not the recorder's.
     """
     targets: dict[str, list[tuple[str, Steps]]] = {}
     for column in wanted:
@@ -240,17 +228,7 @@ NumericField = tuple[str, str, int | str | None, str]
 
 
 def bag_fields(path: Path) -> RobotContents:
-    """Read all numbers of all topics.
-
-    Args:
-        path: a bag, as for `read_bag`.
-
-    Returns:
-        The messages by topic, and notes on what was left out.
-
-    Raises:
-        InputError: rosbags is not installed, or the bag is damaged.
-    """
+    """Read all numbers of all topics, with notes on what was left out."""
     topics: dict[str, Gathered] = {}
     leaves: dict[str, list[NumericField]] = {}
     readers: dict[str, list[Any]] = {}

@@ -111,16 +111,7 @@ def series_of(
 ) -> Series:
     """Clean the samples of one field: sorted by time, one per time stamp, none missing.
 
-    Args:
-        file: name of the file.
-        column: message and field.
-        nanoseconds: time stamps [ns], integers: a float64 resolves a date only to 0.2 us.
-        values: numbers, NaN where missing.
-        origin: the zero of time [ns].
-        missing: numbers that mean missing.
-
-    Raises:
-        InputError: there are no numbers, a number is infinite, or the clock was restarted.
+    Time stamps and their ``origin`` are integers [ns]: a float64 resolves a date only to 0.2 us.
     """
     place = column_place(file, column)
     ticks = np.fromiter(nanoseconds, np.int64) - origin

@@ -54,9 +54,7 @@ class Recording:
 def telemetry(path: Path, names: set[str] | None) -> Iterator[Recording]:
     """Open a telemetry log: frames of MAVLink 1 and 2, each preceded by its time of reception [us].
 
-    Args:
-        path: the file.
-        names: the messages to read; None for all.
+    Only messages of the names are read; all if None.
 
     Raises:
         ValueError: it holds no such frame.

@@ -32,18 +32,8 @@ _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> dict[str, Series]:
     """Read fields of a ULog file; time stamps count from the autopilot's power-up.
 
-    Args:
-        path: a file ending in .ulg.
-        wanted: columns such as ``"actuator_outputs.output[0]"``, or with an instance
-            ``"esc_status[1].esc[0].esc_rpm"``.
-        missing: numbers that mean missing.
-
-    Returns:
-        The samples of each column.
-
-    Raises:
-        InputError: pyulog is not installed, the file is damaged, or a message or field is absent,
-            or has several instances.
+    Columns are such as ``"actuator_outputs.output[0]"``, or with an instance
+    ``"esc_status[1].esc[0].esc_rpm"``.
     """
     targets = {}
     for column in wanted:
@@ -75,14 +65,7 @@ def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> di
 
 
 def ulog_fields(path: Path) -> RobotContents:
-    """Read all numbers of a ULog file.
-
-    Returns:
-        The messages, several instances named ``esc_status[1]``, notes on damage, and parameters.
-
-    Raises:
-        InputError: pyulog is not installed, or the file is damaged.
-    """
+    """Read all numbers of a ULog file; of several instances they are ``esc_status[1]``, ..."""
     log = _load(path, None)
     names = [data.name for data in log.data_list]
     gathered = []

@@ -36,15 +36,10 @@ def is_number(cell: str) -> bool:
 def cells_to_numbers(
     cells: Sequence[str | None], missing: Collection[str], decimal_comma: bool = False
 ) -> np.ndarray:
-    """Read numbers cell by cell, so that an invalid cell is found.
+    """Read numbers cell by cell, ``(n,)``, so that an invalid cell is found.
 
-    Args:
-        cells: text of the cells; empty text, ``nan`` and None are missing.
-        missing: further texts that mean missing.
-        decimal_comma: numbers are written as ``1,5``.
-
-    Returns:
-        Numbers with NaN where missing, shape (n,).
+    Empty text, ``nan``, None and the words in ``missing`` become NaN; with ``decimal_comma``
+    numbers are written as ``1,5``.
 
     Raises:
         BadCell: a cell is not a number.
@@ -71,16 +66,10 @@ def cells_to_numbers(
 def number_cells(
     cells: Sequence[str | None], missing: Collection[str], comma: bool
 ) -> tuple[np.ndarray, bool]:
-    """Read a column of numbers with decimal points, or with decimal commas where plausible.
+    """Read a column of numbers, ``(n,)``, and say whether they had decimal commas.
 
-    Args:
-        cells: text of the cells.
-        missing: texts that mean missing.
-        comma: commas are decimal commas, as with semicolons between cells. Otherwise they are
-            read as decimal commas only if they cannot be thousands separators.
-
-    Returns:
-        Numbers, shape (n,), and whether they had decimal commas.
+    ``comma`` says that commas are decimal commas, as with semicolons between cells. Otherwise they
+    are read so only if they cannot be thousands separators.
 
     Raises:
         BadCell: a cell is a number in neither notation.

@@ -30,23 +30,12 @@ ReadCells = Callable[[Sequence[str], Collection[str]], Mapping[str, Cells]]
 
 
 def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> OpenTable:
-    """Open a text file with a table in it.
+    """Open a text file with a table in it, whose header has the wanted names.
 
     Delimiters are comma, semicolon, tab or blanks. Lines that begin with ``#`` are comments; lines
-    above the header and a row of units below it are skipped and noted. Decimal commas are read if
-    the delimiter is not a comma.
-
-    Args:
-        path: the file.
-        wanted: names of the columns, exactly as in the header; they locate it.
-        strict: refuse rows whose length differs from the header's, instead of cutting or padding.
-
-    Returns:
-        The table; a blank line gives a row of empty cells.
-
-    Raises:
-        InputError: the file is not a table of text; or, raised on reading, a row has too few or too
-            many cells.
+    above the header and a row of units below it are skipped and noted; a blank line gives a row of
+    empty cells. Decimal commas are read if the delimiter is not a comma. If not ``strict``, rows of
+    another length than the header are cut or padded instead of refused.
     """
     large = path.stat().st_size >= LARGE
     table = _read_large(path, wanted) if large else None

@@ -39,13 +39,9 @@ def is_date(text: str) -> bool:
 
 
 def formats_of(cells: Sequence[str | None]) -> list[str]:
-    """The formats, in the notation of ``strptime``, that fit all cells.
+    """The formats, in the notation of ``strptime``, that fit all cells that are not empty.
 
-    Args:
-        cells: text of the cells; empty cells are ignored.
-
-    Returns:
-        No format if the first cell is not a date; several if day and month are ambiguous.
+    None if the first is not a date; several if day and month are ambiguous.
     """
     texts = [text for cell in cells if cell and (text := cell.strip())]
     match = _OTHER.fullmatch(texts[0]) if texts and texts[0] else None
@@ -80,15 +76,9 @@ def formats_of(cells: Sequence[str | None]) -> list[str]:
 
 
 def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str = "") -> np.ndarray:
-    """Read dates as seconds after the first.
+    """Read dates as seconds after the first, ``(n,)``; NaN for empty cells and ``missing`` words.
 
-    Args:
-        cells: text of the cells; empty text and None are missing.
-        missing: further texts that mean missing.
-        form: their format, as for ``strptime``, if the year is not first.
-
-    Returns:
-        Seconds, ``(n,)``, NaN where missing.
+    ``form`` is their format, as for ``strptime``, if the year is not first.
 
     Raises:
         BadCell: a cell does not fit the format.

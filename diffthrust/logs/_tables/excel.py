@@ -22,18 +22,9 @@ _Row = Sequence[Any]
 
 
 def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) -> OpenTable:
-    """Open a sheet of an Excel file.
+    """Open a sheet of an Excel file; without a name the one that has the wanted columns.
 
     Rows above the header and a row of units below it are skipped and noted.
-
-    Args:
-        path: the file.
-        wanted: names of the columns, by which the sheet and its header are found.
-        sheet: name of the sheet; if None, the sheet that has the wanted columns.
-
-    Raises:
-        InputError: the file is damaged, takes more memory than a log may, has no such sheet, or
-            several that have the columns.
     """
     sheets = _sheets(path)
     if sheet is not None and sheet not in sheets:

@@ -82,15 +82,7 @@ class TableRequest:
         return list(dict.fromkeys(c.column for c in (*clock, *self.columns.values())))
 
     def fields(self, source: OpenTable, name: str) -> dict[str, Any]:
-        """The fields of the log.
-
-        Args:
-            source: the table.
-            name: of the log.
-
-        Raises:
-            InputError: a column is absent or holds no numbers, or the log fails its checks.
-        """
+        """The fields of the log of that name."""
         table = table_of(source, self.wanted, self.clock, self.missing)
         table.notes += self._unit_notes(table, source)
         # The order matters: a row of marks ("n/a" everywhere) is blank, and a blank row needs no

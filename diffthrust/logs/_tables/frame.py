@@ -15,15 +15,7 @@ INDEX = "the index"
 
 
 def read_frame(frame: Any, name: str) -> OpenTable:
-    """A data frame as a table; its index is read by its name, or as `INDEX`.
-
-    Args:
-        frame: a pandas DataFrame.
-        name: name for messages.
-
-    Raises:
-        InputError: it is not a DataFrame.
-    """
+    """A pandas DataFrame as a table; its index is read by its name, or as `INDEX`."""
     import pandas as pd
 
     if not isinstance(frame, pd.DataFrame):

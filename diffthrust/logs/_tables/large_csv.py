@@ -62,15 +62,7 @@ class LargeBody:
     cut: bool
 
     def cells(self, columns: Sequence[int], missing: Collection[str]) -> dict[int, Cells]:
-        """The cells of some columns: numbers, or text if a column holds anything else.
-
-        Args:
-            columns: indices of the columns, from 0.
-            missing: texts that mean missing.
-
-        Raises:
-            InputError: they exceed the memory limit of a log, or the file has changed.
-        """
+        """The cells of some columns, from 0: numbers, or text if one holds anything else."""
         MemoryBudget(self.path).take(8 * self.rows * len(columns))
         numeric: dict[int, Any] = {column: np.empty(self.rows) for column in columns}
         texts: list[int] = []
@@ -131,15 +123,7 @@ def parsed(
     columns: Sequence[int],
     missing: Collection[str],
 ) -> dict[int, np.ndarray] | None:
-    """Parse lines of equal width to numbers by column; None if a cell is not a number.
-
-    Args:
-        source: the lines.
-        delimiter: between cells.
-        width: cells per line.
-        columns: indices of the columns to read, from 0.
-        missing: texts that mean missing.
-    """
+    """Parse lines of ``width`` cells to numbers by column; None if a cell is not a number."""
     try:
         frame = _frame(
             source,
@@ -175,14 +159,7 @@ def _frame(source: IO[Any], delimiter: str, width: int, columns: Sequence[int], 
 
 
 def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | None:
-    """Check every line of a file; None if a line is quoted, irregular or incomplete.
-
-    Args:
-        path: the file.
-        begin: offset of the first line of samples.
-        delimiter: between cells.
-        width: cells in the header.
-    """
+    """Check every line from a first byte on; None if one is quoted, irregular or incomplete."""
     size = path.stat().st_size
     end, rows, cut = _end(path, begin, size), 0, False
     zeros = size - end

@@ -64,13 +64,9 @@ def read_mat(path: Path) -> OpenTable:
 
 
 def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -> OpenTable:
-    """A table of those variables that are vectors.
+    """A table of those variables that are vectors, or columns of a matrix: ``data(:,2)``.
 
-    Args:
-        path: the file.
-        kind: readable kind of the file.
-        leaves: names with arrays, or with a description of what is not an array. Columns of a
-            matrix are named as MATLAB writes them, ``data(:,2)``.
+    What is not an array comes as a description.
     """
     columns: list[tuple[str, Unread | str, int | None]] = []
     for name, value in leaves:

@@ -45,18 +45,11 @@ Variable = Any
 
 
 def parse(data: bytes, budget: MemoryBudget) -> list[tuple[str, Variable]]:
-    """Read all variables of a MATLAB file.
+    """Read all variables of a MATLAB file, in its order, within the budget once unpacked.
 
-    Args:
-        data: the whole file.
-        budget: the memory its variables may take once unpacked.
-
-    Returns:
-        Names and variables in the order of the file. Numbers are an array with its shape in
-        MATLAB, a struct is a dict, anything else a description.
+    Numbers are an array with its shape in MATLAB, a struct is a dict, anything else a description.
 
     Raises:
-        InputError: the variables exceed the budget.
         ValueError: the file is damaged, or not a MATLAB file.
     """
     try:

@@ -16,17 +16,9 @@ from diffthrust.logs._tables.source import OpenTable
 def open_table(
     path: Path, kind: Kind, wanted: Collection[str], sheet: str | None = None, strict: bool = True
 ) -> OpenTable:
-    """Open a file with a table.
+    """Open a file with a table, whose header has the wanted names.
 
-    Args:
-        path: the file.
-        kind: its format.
-        wanted: names of columns, by which the header is found.
-        sheet: the sheet of an Excel file.
-        strict: refuse rows that do not fit the header.
-
-    Raises:
-        InputError: the file is damaged, or a sheet is named although the format has none.
+    If not ``strict``, rows that do not fit the header are cut or padded instead of refused.
     """
     if sheet is not None and kind is not EXCEL:
         raise InputError(

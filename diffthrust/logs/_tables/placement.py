@@ -39,17 +39,10 @@ class Placement:
 
 
 def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement | None:
-    """Find the table in rows of cells.
+    """Find the table in the top rows of a file, cells without blanks; None if all are empty.
 
     The header is the first row that has all wanted names, or else the row above the first row of
     numbers.
-
-    Args:
-        rows: cells as text, without blanks around them, of the top of the file.
-        wanted: names that the header should have.
-
-    Returns:
-        The placement, or None where every cell is empty.
     """
     filled = [k for k, row in enumerate(rows) if any(row)]
     if not filled:

@@ -71,17 +71,7 @@ class OpenTable:
 def table_of(
     source: OpenTable, wanted: Sequence[str], clock: Column | None, missing: Collection[str]
 ) -> Table:
-    """The wanted columns as numbers.
-
-    Args:
-        source: the table.
-        wanted: names of the columns.
-        clock: the time column, the only one that may hold dates.
-        missing: texts that mean missing.
-
-    Raises:
-        InputError: a column is absent, duplicated, holds no numbers, or has another length.
-    """
+    """The wanted columns as numbers; ``clock`` is the only one that may hold dates."""
     for name in wanted:
         if name not in source.names:
             is_clock = clock is not None and name == clock.column
@@ -182,16 +172,9 @@ def _numbers(
 def text_numbers(
     cells: Sequence[str | None], missing: Collection[str], comma: bool, is_time: bool
 ) -> tuple[np.ndarray, bool, bool]:
-    """Read a column of text.
+    """Read a column of text: numbers, ``(n,)``, whether they were dates, or had decimal commas.
 
-    Args:
-        cells: text of the cells.
-        missing: texts that mean missing.
-        comma: commas are decimal commas, as in `number_cells`.
-        is_time: dates are allowed.
-
-    Returns:
-        Numbers, ``(n,)``, whether they were dates, and whether they had decimal commas.
+    ``comma`` is as in `number_cells`; dates are allowed in a time.
 
     Raises:
         OtherDate: dates that do not begin with the year.

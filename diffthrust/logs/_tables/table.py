@@ -88,16 +88,7 @@ class Table:
     def cut(self, stamps: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
         """Keep the rows from start to stop [s after the first], and note how many were cut.
 
-        Args:
-            stamps: time stamps [s], ``(n,)``.
-            start: first moment to keep.
-            stop: last moment to keep.
-
-        Returns:
-            The time stamps kept.
-
-        Raises:
-            InputError: no sample is kept.
+        Takes the time stamps [s], ``(n,)``, and returns those that are kept.
         """
         keep = window(stamps, start, stop)
         first = 0.0 if start is None else start
