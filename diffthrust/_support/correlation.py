@@ -11,11 +11,9 @@ _FEW = 20
 
 
 def ljung_box(correlation: np.ndarray, samples: int) -> float:
-    """P-value of the first autocorrelations of white noise (Ljung & Box 1978).
+    """P-value of white noise (Ljung & Box 1978), by autocorrelations at lags 1, 2, ...
 
-    Args:
-        correlation: autocorrelations at lags 1, 2, ..., ``(h,)``.
-        samples: number of samples behind them.
+    The correlations are ``(h,)``; ``samples`` is the number of samples behind them.
     """
     from scipy.special import chdtrc  # slow to import
 
@@ -37,10 +35,6 @@ def autocorrelation(runs: Sequence[np.ndarray], lags: int) -> np.ndarray:
 
     Missing samples (NaN) are left out of the products. Weighted as if divided by the number of
     samples at every lag, so that the estimate is a positive sequence.
-
-    Args:
-        runs: values of each run, ``(n,)``.
-        lags: the longest lag.
     """
     late = covariance(runs, runs, lags)[lags:]
     return late / late[0] if late[0] > 0 else np.where(np.arange(lags + 1) == 0, 1.0, 0.0)

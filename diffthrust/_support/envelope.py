@@ -8,18 +8,10 @@ import numpy as np
 
 
 def bins_of(time: np.ndarray, start: float, stop: float, bins: int) -> np.ndarray:
-    """Where each pixel begins: indices into the samples from start to stop, with the end.
+    """Where each pixel begins: rising indices into the samples from start to stop, with the end.
 
-    A sample more on either side is in them, so that lines run out of the picture.
-
-    Args:
-        time: time stamps [s], ``(n,)``.
-        start: left end of the picture.
-        stop: right end.
-        bins: pixels.
-
-    Returns:
-        Rising indices, ``(m + 1,)``: one for each sample where there are fewer than two a pixel.
+    A sample more on either side is in them, so that lines run out of the picture; one for each
+    sample where there are fewer than two a pixel.
     """
     first, last = np.searchsorted(time, start), np.searchsorted(time, stop, "right")
     first, last = max(int(first) - 1, 0), min(int(last) + 1, time.size)
@@ -30,14 +22,9 @@ def bins_of(time: np.ndarray, start: float, stop: float, bins: int) -> np.ndarra
 
 
 def envelope(edges: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Least and greatest value of each bin in turn, or the samples where each bin has one.
+    """Least and greatest value of each of `bins_of`, or the samples where each has one.
 
-    Args:
-        edges: by `bins_of`, ``(m + 1,)``.
-        values: ``(n,)``; NaN where there is none.
-
-    Returns:
-        ``(2 m,)`` or ``(m,)`` in single precision, of which a screen shows less.
+    In single precision, of which a screen shows less; NaN where there is none.
     """
     begin = edges[:-1]
     if edges[-1] - edges[0] == begin.size:

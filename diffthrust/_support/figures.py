@@ -122,21 +122,12 @@ def unboxed(axes: Axes) -> None:
 
 
 def is_sparse(values: np.ndarray) -> bool:
-    """Whether samples are too far apart for a line: readings between repeats, a slower sensor.
-
-    Args:
-        values: ``(n,)``; NaN where nothing was measured.
-    """
+    """Whether samples (not NaN) are too few for a line: held readings, a slower sensor."""
     return float(np.mean(np.isfinite(values))) < _SPARSE
 
 
 def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most some thousand points that look the same: the extremes of every stretch.
-
-    Args:
-        time: ``(n,)``.
-        values: ``(n,)``; NaN where there is a gap.
-    """
+    """At most some thousand points that look the same: the extremes of every stretch."""
     values = np.where(np.isfinite(values), values, np.nan)
     if values.size <= _POINTS:
         return time, values

@@ -102,11 +102,7 @@ def plain(data: Any) -> Any:
 
 
 def oddity(path: Path) -> str | None:
-    """What a path is if neither file nor folder; reading it may block or never end.
-
-    Returns:
-        Words such as ``"a socket"``; None for a file, a folder, and where there is nothing.
-    """
+    """What a path is if neither file nor folder, "a socket": reading it may block; else None."""
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):

@@ -26,15 +26,10 @@ _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
 def encoded(value: Any, arrays: dict[str, Any]) -> Any:
-    """A value as plain data.
+    """A value as plain data; ``arrays`` receives long arrays, each once, by their hash.
 
-    Args:
-        value: numbers, words, arrays, enumerations, data classes, and what holds them; anything
-            else offers itself as such by ``as_plain()``.
-        arrays: receives long arrays, each once, by their hash.
-
-    Raises:
-        InputError: something of another kind.
+    A value is made of numbers, words, arrays, enumerations and data classes; anything else offers
+    itself as such by ``as_plain()``.
 
     Example:
         >>> encoded((1.5, float("nan"), None), {})

@@ -5,14 +5,7 @@ from difflib import get_close_matches
 
 
 def nearest(word: str, options: Iterable[str]) -> str:
-    """Name the option that a misspelt word most likely meant.
-
-    Args:
-        word: what was written.
-        options: what could have been written.
-
-    Returns:
-        ``"the nearest is 'speed'"``, or an empty string where nothing is near.
+    """The option that a misspelt word most likely meant, in words; empty where nothing is near.
 
     Example:
         >>> nearest("sped", ["speed", "thrust"])

@@ -18,12 +18,7 @@ if TYPE_CHECKING:
 
 
 def page(report: Report, title: str) -> str:
-    """The page as text; it refers to no other file and to no address.
-
-    Args:
-        report: what stands on it.
-        title: its heading.
-    """
+    """The page as text, under its heading; it refers to no other file and to no address."""
     import jinja2
 
     environment = jinja2.Environment(

@@ -55,13 +55,7 @@ def with_unit(name: str, unit: str, between: str = " ") -> str:
 
 
 def hover(drawn: Any, line: Any, rows: Sequence[tuple[str, str, str]]) -> None:
-    """Show values and their units beside the mouse.
-
-    Args:
-        drawn: the figure.
-        line: the line whose samples are found.
-        rows: words, column and unit of each value.
-    """
+    """Show values beside the mouse: of each the words, its column and its unit."""
     # Bokeh reads values as HTML, and the words before them as text
     tips = [(words, f"@{column}{{%.4g}} {escape(unit)}") for words, column, unit in rows]
     tool: Any = HoverTool(
@@ -123,14 +117,10 @@ class Staircase:
         top: float,
         unfitted: int = 0,
     ) -> None:
-        """Show the steps.
+        """Show steps: what each has more than the one before, and its error (NRMSE).
 
-        Args:
-            names: of each, what it has more than the one before.
-            errors: NRMSE of each.
-            logs: which logs err so much, "unseen logs".
-            top: an error that must be within the picture, too.
-            unfitted: so many of the first have values that were not fitted: they are hatched.
+        ``logs`` says which err so much, "unseen logs"; an error ``top`` must be within the picture,
+        too. The first ``unfitted`` have values that were not fitted: they are hatched.
         """
         labels = [fill(name.replace("_", " "), _WORDS) for name in names]
         self.factors.factors = labels

@@ -97,11 +97,8 @@ def subtask(report: Progress, first: float, last: float) -> Progress:
 def bar(begin: str = "working") -> Iterator[Progress]:
     """A bar that never goes back, with a running clock, on a terminal or in a notebook.
 
-    Where the error stream goes to a file or a pipe, a line of it tells every ten seconds how far
-    the work is.
-
-    Yields:
-        The function that receives progress.
+    Yields the function that receives progress. Where the error stream goes to a file or a pipe, a
+    line of it tells every ten seconds how far the work is.
 
     Example:
         >>> with bar() as report:

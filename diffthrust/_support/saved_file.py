@@ -27,20 +27,10 @@ _AGAIN = {
 
 
 def write_saved(path: Path | str, kind: str, origin: Any, result: Any) -> None:
-    """Write a result so that it can be read back to the last digit.
+    """Write a result of some kind ("fit") so that it can be read back to the last digit.
 
     The origin comes first, where a person looks; long arrays come last, each once and on one line;
-    a hash of everything else reveals changes.
-
-    Args:
-        path: the file to write, ending in ``.json``.
-        kind: what it is, such as "fit".
-        origin: where it comes from; ``None`` where that is not known.
-        result: what `encoded` takes; its own field ``origin`` is left out.
-
-    Raises:
-        InputError: another ending, a folder that cannot be written to, or a result that holds
-            something that cannot be saved.
+    a hash of everything else reveals changes. The result's own field ``origin`` is left out.
     """
     path = Path(path)
     ending(path, ".json")

@@ -105,13 +105,9 @@ class Transfer:
         return Transfer(num / den[0], den / den[0])
 
     def stepper(self, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Exact step of the states for an input that is a straight line within the step.
+        """Exact step [s] of the states for an input that is a straight line within it.
 
-        Args:
-            step: its length [s].
-
-        Returns:
-            Matrix ``(n, n)`` for the states, and what the line's start and end add, ``(n,)`` each.
+        Matrix ``(n, n)`` for the states, and what the line's start and end add, ``(n,)`` each.
         """
         from scipy.linalg import expm  # slow to import
 

@@ -55,18 +55,7 @@ def whole_number(where: str, value: Any, least: int = 1) -> int:
 
 
 def numeric_vector(values: ArrayLike, where: Place | str) -> np.ndarray:
-    """Copy numbers into a float64 vector.
-
-    Args:
-        values: a sequence or array of one dimension.
-        where: the place, for the message.
-
-    Returns:
-        A new float64 array, shape (n,).
-
-    Raises:
-        InputError: the values are not real numbers, or not one-dimensional.
-    """
+    """Copy numbers into a new float64 array, ``(n,)``; ``where`` names the place for a message."""
     try:
         array = np.asarray(values)
     except Exception:  # ragged lists, or an object with a failing __array__

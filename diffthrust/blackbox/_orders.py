@@ -16,17 +16,7 @@ _LEAST = {"na": 0, "nb": 1, "nc": 0, "nf": 0, "delay": 0, "order": 1}
 
 
 def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels) -> Shape:
-    """The coefficients for given orders.
-
-    Args:
-        what: the model, for messages.
-        orders: a number for each of ``names``.
-        names: such as ``("na", "nb", "delay")``.
-        channels: their inputs.
-
-    Raises:
-        InputError: the number of orders is wrong, or an order is not an integer or too small.
-    """
+    """The coefficients for given orders, one for each name of ``("na", "nb", "delay")``."""
     if not isinstance(orders, Sequence) or len(orders) != len(names):
         raise InputError(
             f"{what}, orders: expected ({', '.join(names)}), found {orders!r}.",

@@ -45,10 +45,7 @@ def simulation_fit(
 ) -> Simulated:
     """Minimise the error of free simulation, each output scaled by its size.
 
-    Args:
-        starts: starts; all of A, B and C is free.
-        records: the records to simulate.
-        free: free entries of D, ``(p, m)``.
+    All of A, B and C is free, and the entries ``free`` of D, ``(p, m)``.
     """
     size = output_sizes(records)
     ends = [_searched(start, records, size, free) for start in starts]

@@ -178,11 +178,8 @@ def passed(by: Any, x: np.ndarray) -> np.ndarray:
 def observer_form(a: Any, b: list[np.ndarray], delays: tuple[int, ...], c: Any = (1.0,)) -> System:
     """The system A(q) y = sum of q^-delay B(q) u + C(q) e in states.
 
-    Args:
-        a: coefficients of 1, q^-1, ..., the first one 1.
-        b: coefficients by input, of q^-delay, q^-(delay + 1), ...
-        delays: in samples, by input.
-        c: as ``a``.
+    A and C hold the coefficients of 1, q^-1, ..., the first one 1; B those of q^-delay, ... by
+    input, as the delays in samples.
     """
     lags = tuple(max(delay - 1, 0) for delay in delays)
     b = [np.concatenate([np.zeros(delay - lag), row])

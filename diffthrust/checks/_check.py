@@ -136,11 +136,10 @@ def _unreadable(error: OSError) -> NoReturn:
 
 
 def _run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
-    """Run fits, in several processes where there is more than one job.
+    """Run fits; yields the index and outcome of each, as they finish.
 
-    Yields:
-        The index and outcome of each task, as they finish. A fit whose process dies counts as not
-        run.
+    In several processes where there is more than one job: a fit whose process dies counts as not
+    run.
     """
     if jobs == 1:
         yield from ((i, run_again(*task)) for i, task in enumerate(tasks))
@@ -169,14 +168,7 @@ def _in_process(task: Task) -> FitRun:
 def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> FitRun:
     """Rerun a stored fit, and compare it with its [expected] block or update the block.
 
-    Args:
-        fit: its name.
-        file: its spec file.
-        update: write the block if the fit moved or has none.
-        trust: folders whose scripts the spec may run, besides its own.
-
-    Returns:
-        The outcome; a fit that cannot be run, or has no expected values, gives a failed row.
+    A fit that cannot be run, or has no expected values, gives a failed row.
     """
     from diffthrust.simulation._step_size import CoarseStepWarning
 

@@ -23,20 +23,12 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 def write_junit(path: Path, checked: Checked, directory: Path) -> None:
-    """Write a check as JUnit XML.
+    """Write a check of a folder, which names the suite, as JUnit XML.
 
     One suite with a case for each fit, with its duration: services show one failure per case, so
     that their counts agree with the command. The case lists all moved quantities, the largest move
     first. A fit that was not compared is an error, one that moved a failure. The elements and
     attributes are those of junit-10.xsd, the schema of Jenkins' xUnit plugin.
-
-    Args:
-        path: the file to write, ending in ``.xml``.
-        checked: the outcome.
-        directory: the folder of the fits, which names the suite.
-
-    Raises:
-        InputError: the suffix is wrong, or the folder is not writable.
     """
     ending(path, ".xml")
     tree = ElementTree.fromstring(_suites(checked, directory).tostring())

@@ -114,9 +114,7 @@ class Checked(Result):
 def check_report(checked: Checked, everything: bool = False) -> Report:
     """The quantities that moved, the largest move first, their mends, and a summary.
 
-    Args:
-        checked: the outcome.
-        everything: show every quantity in the order of the fits, also those that did not move.
+    With ``everything`` all quantities, in the order of the fits.
     """
     # By size, not by fit: one cause often moves many quantities, and the largest move shows it
     # best.

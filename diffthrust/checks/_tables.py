@@ -95,12 +95,7 @@ def remarks(rows: Iterable[CheckRow]) -> list[str]:
 
 
 def counts(passed: Mapping[str, bool], updated: Iterable[str]) -> Iterator[str]:
-    """How many fits failed, which, and which were rewritten.
-
-    Args:
-        passed: of each fit whether all its rows agree.
-        updated: the fits whose [expected] block was rewritten.
-    """
+    """How many fits failed, which, and of which the [expected] block was rewritten."""
     failed = [fit for fit, ok in passed.items() if not ok]
     total, updated = _fits(len(passed)), list(updated)
     if failed:

@@ -49,15 +49,6 @@ unit = "N"
 def hidden_folder(folder: Path) -> Path:
     """Write three logs of a thruster with hidden effects, and a spec of the plain model.
 
-    Args:
-        folder: created if it does not exist.
-
-    Returns:
-        The folder, as `load_spec` takes it.
-
-    Raises:
-        InputError: the folder cannot be made or written to.
-
     Example:
         >>> spec = load_spec(hidden_folder(Path("demo_output")))
     """

@@ -35,14 +35,8 @@ def residual_figure(
 ) -> Figure:
     """One row for each channel: residual in time, against a signal, and its correlations.
 
-    The worst regime of the channel is shaded. The run in time is the one with the largest error.
-
-    Args:
-        model: what was simulated.
-        runs: it over each log.
-        channels: the measured channels.
-        regimes: where their errors sit, the worst of each channel first.
-        tests: of their residuals, by channel; none for tables of readings.
+    The worst regime of the channel is shaded. The run in time is the one with the largest error;
+    tables of readings have no tests.
     """
     from matplotlib.figure import Figure
 

@@ -40,12 +40,10 @@ def live_runs(
     errors: Sequence[float] = (),
     logs: str = "",
 ) -> Live | None:
-    """Runs on a page, to choose log and model; ``None`` for tables, which have no time.
+    """Runs on a page, to choose log and model, the last first; ``None`` without time (tables).
 
-    Args:
-        models: by words for the model, its runs over the same logs; the last is shown first.
-        errors: NRMSE of each, drawn as a staircase beside the plots where there are several.
-        logs: which logs err so much, "unseen logs".
+    Where there are several models, their errors (NRMSE) are drawn as a staircase beside the plots;
+    ``logs`` says which err so much, "unseen logs".
     """
     runs = [of for of in zip(*models.values(), strict=True) if of[-1].channels]
     if not runs or are_tables(run.record for run, *_ in runs):

@@ -73,11 +73,9 @@ class NoiseAdvice:
 def noise_advice(
     residuals: Mapping[str, Sequence[np.ndarray]], times: Mapping[str, Sequence[np.ndarray]]
 ) -> NoiseAdvice:
-    """Weigh all pairs of a noise and a law of errors by the Bayesian information criterion.
+    """Weigh pairs of a noise and a law of errors by the Bayesian information criterion.
 
-    Args:
-        residuals: by channel those of each run, ``(n,)``; NaN where nothing was measured.
-        times: by channel the times of each run [s].
+    Residuals and times of each run are by channel, ``(n,)``; NaN where nothing was measured.
 
     Source: noises and laws are those of `fit`; the criterion is Schwarz 1978.
     """

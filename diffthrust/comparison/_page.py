@@ -58,15 +58,7 @@ def write_comparison_page(
     comparisons: Mapping[str, Comparison],
     fit: Fit | None = None,
 ) -> None:
-    """Write a page with the parameters, the errors and a figure for each comparison.
-
-    Args:
-        path: the file to write.
-        title: heading of the page.
-        spec: text of the spec file, shown at the end.
-        comparisons: what to show, by heading, such as "unseen logs".
-        fit: the fit, where there was one.
-    """
+    """Write a page: parameters, errors and a figure for each comparison, and the spec."""
     model = next(iter(comparisons.values())).model
     errors = error_rows((name, comparison.errors) for name, comparison in comparisons.items())
     checked = fit is not None and fit.status is not Status.SIMULATION_FAILED

@@ -20,12 +20,7 @@ def least_squares_within(
 ) -> Float[Array, " n"]:
     """Minimize ``|jacobian @ x + residual|^2`` over ``low <= x <= high``; traceable.
 
-    Args:
-        jacobian: two equal columns have no values of their own, only a sum.
-        residual: at zero.
-        low: lower limits.
-        high: upper limits, above ``low``.
-        start: the first guess, within the limits.
+    Where two columns are equal, only the sum of both is found.
     """
     hessian, slope_at_zero = jacobian.T @ jacobian, jacobian.T @ residual
     largest = jnp.max(jnp.diag(hessian)) + jnp.finfo(float).tiny

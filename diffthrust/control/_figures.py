@@ -161,14 +161,7 @@ def _legend(axes: Axes, columns: int) -> None:
 def allocation_figure(
     title: str, axes: Sequence[str], as_is: Mapping[str, np.ndarray], corrected: np.ndarray
 ) -> Figure:
-    """A panel for each command: what it does along each axis, as it is and corrected.
-
-    Args:
-        title: of the figure.
-        axes: their names.
-        as_is: by command what it does along the axes, ``(axes,)``.
-        corrected: the same by the corrected mixer, ``(axes, commands)``.
-    """
+    """A panel for each command: what it does along each axis, as it is and corrected."""
     from matplotlib.figure import Figure
 
     rows, height = (len(as_is) + 1) // 2, 0.8 + 0.32 * len(axes)

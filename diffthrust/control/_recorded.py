@@ -76,13 +76,7 @@ def bounded(
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float | None]:
     """A run up to where it ran away, read-only, and when that was.
 
-    Args:
-        time: [s], ``(n,)``.
-        signals: ``(n,)`` each.
-        mend: what to look at where there is nothing left.
-
-    Raises:
-        InputError: it ran away before a second sample.
+    The mend says what to look at where there is nothing left.
     """
     with np.errstate(invalid="ignore"):
         # NaN compares false: it counts as run away

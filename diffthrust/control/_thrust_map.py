@@ -92,14 +92,10 @@ class ThrustMap:
         return (*self._craft.parameters, *(n for n in _CENTRE if n in self._craft_values))
 
     def __call__(self, commands: np.ndarray, values: Mapping[str, float] = {}) -> np.ndarray:
-        """Forces and moments about the centre of mass, beyond those without any command.
+        """Forces and moments of each thruster about the centre of mass, beyond those at rest.
 
-        Args:
-            commands: to each thruster, ``(..., thrusters)``.
-            values: of parameters that are not the craft's own.
-
-        Returns:
-            ``(..., thrusters, 6)``, each thruster's alone: N and N m in the order of `AXES`.
+        Of commands ``(..., thrusters)`` and parameters that are not the craft's own: ``(...,
+        thrusters, 6)`` in N and N m, in the order of `AXES`.
         """
         now = {**self._craft_values, **values}
         craft = self._craft.bind({n: now[n] for n in self._craft.parameters})

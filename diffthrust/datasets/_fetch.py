@@ -27,19 +27,7 @@ _SUMS = "sha256.json"
 
 
 def located(about: DataSet, names: Iterable[str] | None = None) -> dict[str, Path]:
-    """Find the files of a data set, and download missing ones.
-
-    Args:
-        about: the data set.
-        names: names of files; by default all.
-
-    Returns:
-        The path of each file, by name.
-
-    Raises:
-        InputError: a file is missing in the folder of ``DIFFTHRUST_DATA``, cannot be downloaded, or
-            has the wrong checksum.
-    """
+    """The path of each file of a data set, or of those named; downloads missing ones."""
     files = {file.name: file for file in about.files}
     chosen = list(files) if names is None else list(names)
     root = os.environ.get(FOLDER)

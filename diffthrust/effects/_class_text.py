@@ -67,11 +67,8 @@ def effect_class_text(
 ) -> str:
     """The source of a class that does what a formula does, to be edited by hand.
 
-    Args:
-        formula: the effect; one that was added to a model knows which channels a log must have.
-        name: the name of the effect, and of its file.
-        doc: what happens, in a sentence.
-        hint: a comment above the law.
+    A formula that was added to a model knows which channels a log must have. ``hint`` is a comment
+    above the law.
 
     Example:
         >>> formula = dft.effects.Formula("shaft", "-rate * speed", rate="1/s")

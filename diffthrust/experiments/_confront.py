@@ -74,15 +74,7 @@ def against(
     z: Float[np.ndarray, "designs free"],
     target: Float[np.ndarray, "designs channels time"],
 ) -> Confronted:
-    """Simulate a rival under every design, and compare it to targets.
-
-    Args:
-        rival: the model.
-        conditions: time stamps and noise.
-        inputs: all input series by name.
-        z: coordinates of the free parameters for each design.
-        target: outputs to imitate.
-    """
+    """Simulate a rival under every design, by coordinates for each, and compare it to targets."""
     named = rival.model.parameters
     hold = tuple((name, "zero") for name in sorted(inputs))
     layout = _Layout(

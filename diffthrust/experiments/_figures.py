@@ -27,20 +27,11 @@ def experiment_figure(
     noise: Mapping[str, float],
     units: Mapping[str, str],
 ) -> Figure:
-    """The inputs on top; below, for each channel, the rivals' predictions and their difference.
+    """Inputs on top; below, for each channel, the rivals' predictions and their difference.
 
-    The whole test on the left; on the right the stretch where the rivals differ most.
-
-    Every prediction has a band of two standard deviations of the noise; the differences are those
-    of the truth from its imitations, over the same band around zero.
-
-    Args:
-        sentence: the title.
-        time: sample instants [s], ``(T,)``.
-        inputs: the series to send, ``(T,)`` each.
-        predictions: outputs by rival and channel, ``(T,)`` each; the first rival is the truth.
-        noise: standard deviation of each channel's noise.
-        units: of inputs and channels.
+    The whole test on the left; on the right the stretch where the rivals differ most. Every
+    prediction has a band of two standard deviations of the noise; the differences are those of the
+    truth, the first rival, from its imitations, over the same band around zero.
     """
     from matplotlib.figure import Figure
 

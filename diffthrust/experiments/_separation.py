@@ -51,16 +51,7 @@ def imitated(
     starts: Float[np.ndarray, "designs free"] | None = None,
     steps: int = _SCREEN,
 ) -> Imitation:
-    """Let a rival imitate outputs by moving its parameters, separately for each design.
-
-    Args:
-        rival: the imitator.
-        conditions: time stamps and noise.
-        inputs: all input series by name.
-        truth: the outputs to imitate.
-        starts: starting coordinates; by default those of the rival.
-        steps: most steps.
-    """
+    """Let a rival imitate outputs by moving its parameters, separately for each design."""
     low, high = rival.limits
     z = np.tile(rival.start, (truth.shape[0], 1)) if starts is None else starts.copy()
     best = against(rival, conditions, inputs, z, truth)

@@ -163,16 +163,9 @@ def lines_of(
 ) -> tuple[list[str], dict[str, str], set[str]]:
     """Write operations as lines, with a name for what is read more than once.
 
-    Args:
-        operations: what to write.
-        language: in which.
-        names: how signals and parameters are written there.
-        values: of the parameters; where a divisor is made of them alone, it is known.
-        remarks: on the names that the equations give to operations.
-        remember: how values are handed on to memory.
-
-    Returns:
-        The lines, the expression of each result, and the names of ``names`` that are read.
+    ``names`` says how signals and parameters are written in the language; where a divisor is made
+    of ``values`` of parameters alone, it is known. Remarks are on the names that the equations give
+    to operations. Returns the lines, the expression of each result, and the names that are read.
     """
     uses, lines, terms = operations.needed(), [], {}
     constants: dict[Any, float] = dict(values)

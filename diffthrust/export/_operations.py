@@ -93,13 +93,7 @@ def traced(
 ) -> Operations:
     """The operations by which a function works out its results.
 
-    Args:
-        function: from named signals and parameters to named results.
-        signals: an example of each; only its shape counts, and a series stands for one signal.
-        where: the model, for messages.
-
-    Raises:
-        InputError: an operation that is not elementwise, or is not known here, by its name.
+    Of the examples of signals only the shapes count, and a series stands for one signal.
     """
     names = list(signals)
     closed, shape = jax.make_jaxpr(

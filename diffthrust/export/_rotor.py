@@ -70,15 +70,7 @@ class Rotor:
 
 
 def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
-    """The thruster in the terms of simulators.
-
-    Args:
-        source: a thruster.
-        limits: lowest and highest command, in the unit of the logs.
-
-    Raises:
-        InputError: the model is no thruster of the library, or its command's range is not known.
-    """
+    """The thruster in the terms of simulators, within limits in the unit of the logs."""
     model = source.model
     channel = commanding(model, source)
     if model.name == "static_thruster":

@@ -119,12 +119,10 @@ def _text(
 
 
 def _pose(source: ExportSource, *, upwards: bool) -> tuple[str, str] | None:
-    """Place [m] and roll, pitch, yaw [rad] of a thruster of a craft, which pushes along its x.
+    """Place [m] and roll, pitch, yaw [rad] of a thruster of a craft, if any: it pushes along its x.
 
-    Args:
-        source: the thruster; None for one that stands on no craft.
-        upwards: in axes forward, to port, up, as gz-sim and uuv_simulator have them; otherwise
-            forward, to starboard, down, as Stonefish.
+    In axes forward, to port, up, as gz-sim and uuv_simulator have them; otherwise forward, to
+    starboard, down, as Stonefish.
     """
     if source.mounted is None:
         return None

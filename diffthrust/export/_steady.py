@@ -33,18 +33,9 @@ def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -
 def steady_outputs(
     model: Model, inputs: Mapping[str, np.ndarray], outputs: tuple[str, ...]
 ) -> np.ndarray:
-    """The outputs that a model settles at from rest, under each set of constant inputs.
+    """The outputs, ``(outputs, n)``, that a model settles at from rest, under constant inputs.
 
-    Args:
-        model: the model with its effects; those of sensors are left out.
-        inputs: values of each input, ``(n,)``, in the model's units.
-        outputs: which of them.
-
-    Returns:
-        The outputs, ``(outputs, n)``, in the model's units.
-
-    Raises:
-        InputError: they do not settle.
+    Inputs are ``(n,)`` each, all in the model's units; effects of sensors are left out.
     """
     plain = bare(model)
     step = min(0.02, 4 * model.time_scales[0] or 0.02)

@@ -43,15 +43,7 @@ class ForceTable:
 
 
 def steady_table(source: ExportSource, limits: tuple[float, float] | None = None) -> ForceTable:
-    """The forces that a thruster settles at over a range of commands.
-
-    Args:
-        source: a model with an output ``thrust``.
-        limits: lowest and highest command, in the unit of the logs; by default as in the logs.
-
-    Raises:
-        InputError: no thrust, no single command, no limits, or no steady state.
-    """
+    """The forces that a thruster settles at over commands, by default those of the logs."""
     model = source.model
     channel = commanding(model, source)
     low, high = command_limits(source, channel, limits)

@@ -63,15 +63,7 @@ class _Naming(Ports):
 
 
 def read_inputs(model: Model, signals: Mapping[str, Any]) -> dict[str, str]:
-    """The inputs that a model and its effects read, with units.
-
-    Args:
-        model: the model with its effects.
-        signals: names of the inputs that the logs have; empty where that is not known.
-
-    Raises:
-        InputError: a name that the model cannot read.
-    """
+    """The inputs that a model and its effects read, of those that the logs have; with units."""
     possible = {**model.inputs, **model.optional_inputs, **model.states}
     possible |= {name: "" for effect in model.effects for name in effect.needs} | possible
     needs = [name for effect in model.effects for name in effect.needs]

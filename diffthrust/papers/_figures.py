@@ -84,16 +84,7 @@ def sequential_figure(
     yaw: Transient,
     verification: Mapping[str, _Points],
 ) -> Figure:
-    """Six panels: what each parameter of a vessel was read from, fitted and verified.
-
-    Args:
-        vessel: with the values found.
-        steady_speed: ln of the steady surge against ln of the propeller speed.
-        surge: how surge approaches it.
-        lines: of ``m22``, ``d22`` and ``d33``.
-        yaw: how the yaw rate turns in.
-        verification: by parameter, the points that were not fitted.
-    """
+    """Six panels: what each parameter of a vessel was read from, fitted and verified."""
     figure = Figure(figsize=(12.0, 7.2), layout="constrained")
     panels = figure.subplots(2, 3).ravel()
     _line(

@@ -85,17 +85,9 @@ def settled(time: np.ndarray, values: np.ndarray) -> float:
 def excited(
     log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """The widest part of a band in which a log's input has enough of the planned power.
+    """The widest part of a band [Hz] in which a log's input has enough of the planned power.
 
-    Args:
-        log: recorded.
-        plan: the run as planned.
-        channel: the input.
-        unit: in which both are compared.
-        band: lowest and highest frequency [Hz].
-
-    Returns:
-        Lowest and highest frequency [Hz], or ``None`` where no part is excited.
+    ``None`` where no part is excited.
     """
     edges = np.geomspace(*band, _PARTS + 1)
     wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))

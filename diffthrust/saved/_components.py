@@ -25,15 +25,9 @@ _C = TypeVar("_C", bound=Component)
 
 
 def restore_model(decoder: Decoder, plain: dict[str, Any], classes: Sequence[type]) -> Model:
-    """Restore a model with its effects from the output of `Model.as_plain`.
+    """Restore a model with its effects from what `Model.as_plain` gave.
 
-    Args:
-        decoder: decodes the parameters.
-        plain: the saved description.
-        classes: the user's own classes that may be used.
-
-    Raises:
-        InputError: a class is missing, or has changed.
+    ``classes`` are the user's own that may be used.
     """
     model = restore_component(Model, decoder, plain, classes)
     for described in plain["effects"]:

@@ -13,16 +13,7 @@ from diffthrust.specs._spec import Spec, load_spec
 
 
 def fitted_spec(path: Path, trust: Iterable[Path | str] = ()) -> tuple[Spec, Fit | None]:
-    """A spec file with its fit, where a saved fit is named, or without one.
-
-    Args:
-        path: a spec file, its folder, or the file that ``diffthrust fit SPEC --save`` has written.
-        trust: further folders whose scripts may be run.
-
-    Raises:
-        InputError: the file is no saved fit of a spec, its spec is not where it was, or says
-            something else now.
-    """
+    """A spec with its fit, where ``path`` is what ``fit --save`` has written; else without one."""
     if path.suffix.lower() != ".json":
         return load_spec(path, trust=trust), None
     document = read_saved(path)

@@ -12,12 +12,7 @@ from diffthrust.models._base.model import Model
 
 
 def command_kind(model: Model, unit: str) -> str:
-    """The unit of the model's command that measures the same as ``unit``; its present one if none.
-
-    Args:
-        model: the model.
-        unit: in which a log has the command; empty where the log does not say.
-    """
+    """The unit of the model's command that measures the same as ``unit``; its own if none does."""
     same = (kind for kind in model.commands if unit and same_quantity(unit, kind))
     return next(same, model.command)
 

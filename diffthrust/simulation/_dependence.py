@@ -56,13 +56,7 @@ def states_behind(
 
 
 def enters(name: str, model: Model, inputs: Collection[str]) -> bool:
-    """Whether an input, or the time, enters the equations of a model.
-
-    Args:
-        name: the input, or "time".
-        model: the model, with its effects.
-        inputs: all that logs give.
-    """
+    """Whether an input, or the time, enters the equations of a model with its effects."""
     names = sorted({"time", *inputs, *model.all_states})
 
     def run(*values: Any) -> Any:

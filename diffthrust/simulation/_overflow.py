@@ -20,13 +20,7 @@ class SimulationFailedWarning(RuntimeWarning):
 
 
 def overflow(model: Model, record: Record, modelled: Mapping[str, np.ndarray]) -> str:
-    """A sentence on when and by which state a simulation left the finite numbers; empty if not.
-
-    Args:
-        model: that was simulated.
-        record: over which.
-        modelled: states and outputs at the samples of its log, ``(n,)`` each.
-    """
+    """A sentence on when and by which state a simulation left the finite numbers; empty if not."""
     units = {**model.all_states, **model.outputs}
     first = {n: int(np.argmin(np.isfinite(modelled[n]))) for n in units if n in modelled}
     # argmin of booleans is 0 both where the first sample fails and where none does: the sample
@@ -49,13 +43,7 @@ def overflow(model: Model, record: Record, modelled: Mapping[str, np.ndarray]) -
 
 
 def too_large(model: Model, record: Record, modelled: Mapping[str, np.ndarray]) -> str:
-    """A sentence on a channel of finite numbers that are too large to be squared; empty if none.
-
-    Args:
-        model: that was simulated.
-        record: over which.
-        modelled: its outputs at the samples of its log, ``(n,)`` each.
-    """
+    """A sentence on a channel of finite numbers too large to be squared; empty if none."""
     for name, unit in model.outputs.items():
         if name not in record.measured:
             continue

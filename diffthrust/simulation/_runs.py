@@ -140,13 +140,7 @@ def runs_over(
 
 
 def with_steps(model: Model, runs: Sequence[Run], substeps: int | None = None) -> tuple[Run, ...]:
-    """Whole runs with other integrator steps; a run that has them already is kept.
-
-    Args:
-        model: the model of the runs.
-        runs: the runs.
-        substeps: integrator steps per sample; chosen for each run where ``None``.
-    """
+    """Whole runs with other integrator steps; a run that has them already is kept."""
     return tuple(_with_steps(model, run, substeps) for run in runs)
 
 

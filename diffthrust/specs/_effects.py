@@ -16,16 +16,7 @@ from diffthrust.specs._scripts import check_place, effect_class
 
 
 def effect_of(entry: str | Mapping[str, Any], folder: Path, trust: Sequence[Path | str]) -> Effect:
-    """The effect of an entry under ``effects``.
-
-    Args:
-        entry: a name, a ``script.py:Class``, or a table.
-        folder: folder of the spec.
-        trust: further folders whose scripts may be run.
-
-    Raises:
-        InputError: the effect is unknown, a script may not be run or fails, or a table does not
-            describe an effect.
+    """The effect of an entry under ``effects``: a name, a ``script.py:Class``, or a table.
 
     Example:
         >>> effect_of({"formula": "-a * speed", "port": "shaft", "a": "rad/s^2"}, Path(), ())

@@ -31,17 +31,7 @@ _UNITS = {"rad/s": "rpm", "rad": "deg", "rev/s": "rpm", "V": "mV", "m/s": "kn", 
 def new_fit(name: str, model: str = "thruster", directory: Path | str = "fits") -> Path:
     """Make a folder with a commented spec file and two small simulated logs.
 
-    Args:
-        name: of the fit and its folder; ``harbour/run1`` makes nested folders.
-        model: a model of the catalogue.
-        directory: folder of all fits.
-
-    Returns:
-        The folder, as `load_spec` takes it.
-
-    Raises:
-        InputError: the name is invalid or taken, the model is unknown, or the folder is not
-            writable.
+    The name ``harbour/run1`` makes nested folders.
 
     Example:
         >>> load_spec(new_fit("bollard")).fit().status.value
@@ -71,17 +61,7 @@ def new_fit(name: str, model: str = "thruster", directory: Path | str = "fits") 
 
 
 def new_workflow(directory: Path | str = "fits") -> Path:
-    """Write a GitHub workflow that checks the fits at each push.
-
-    Args:
-        directory: folder of all fits.
-
-    Returns:
-        The file, as `workflow_place` names it.
-
-    Raises:
-        InputError: as `workflow_place`, or the file cannot be written.
-    """
+    """Write a GitHub workflow that checks the fits at each push, where `workflow_place` says."""
     from diffthrust import __version__
 
     path, fits = workflow_place(directory)
@@ -93,13 +73,8 @@ def new_workflow(directory: Path | str = "fits") -> Path:
 def workflow_place(directory: Path | str) -> tuple[Path, str]:
     """The path of the workflow, and the folder of the fits relative to its root.
 
-    Returns:
-        ``.github/workflows/fits.yml`` in the root of the git repository of the fits, or in the
-        working directory if there is none; and the folder of the fits relative to that root.
-
-    Raises:
-        InputError: the file exists, or the fits lie neither in a repository nor in the working
-            directory.
+    It lies in the root of the git repository of the fits, or in the working directory if there is
+    none.
     """
     fits = Path(directory).resolve()
     # .git is a file in worktrees and submodules: `exists`, not `is_dir`.
@@ -190,12 +165,7 @@ _RUNS = {
 
 
 def example_table(model: Model, seed: int) -> str:
-    """A log of a model as the text of a CSV file: time, inputs, and outputs with white noise.
-
-    Args:
-        model: a model of the catalogue with default parameters.
-        seed: random seed of input levels and noise.
-    """
+    """A log of a model as CSV: time, inputs at random levels, and outputs with white noise."""
     run = _RUNS[model.name]
     rng = np.random.default_rng(seed)
     time = run.step * np.arange(run.samples)

@@ -19,20 +19,10 @@ from diffthrust.models._base.registry import catalogue
 def new_effect(
     formula: Formula, *, doc: str = "", directory: Path | str = "."
 ) -> tuple[Path, Path]:
-    """Write a class equivalent to a formula, with passing tests.
+    """Write a class equivalent to a formula, and passing tests of it.
 
-    Args:
-        formula: the effect. Its name gives file and class: ``tip_loss`` becomes ``TipLoss`` in
-            ``tip_loss.py``, in a spec file ``"tip_loss.py:TipLoss"``.
-        doc: docstring of the class, one sentence.
-        directory: folder of the files.
-
-    Returns:
-        The script and its tests.
-
-    Raises:
-        InputError: the name is that of a known effect or a keyword of Python, a file exists
-            already, or the folder is not writable.
+    The formula's name gives file and class: ``tip_loss`` becomes ``TipLoss`` in ``tip_loss.py``, in
+    a spec file ``"tip_loss.py:TipLoss"``; ``doc`` is the docstring, one sentence.
     """
     name, folder = formula.name, Path(directory)
     if name in catalogue() or keyword.iskeyword(name):

@@ -23,17 +23,10 @@ _PER = " per "
 def fields_of(
     settings: ParameterPart, name: str, model: Model, written: Mapping[str, Written]
 ) -> dict[str, Any]:
-    """The fields that `Model.replace` takes, in the parameter's unit.
+    """The fields that `Model.replace` takes, in the unit of the parameter.
 
-    Args:
-        settings: the entry of the spec.
-        name: full name of the parameter.
-        model: the model, its command in the unit of the logs.
-        written: how each channel of the logs is written.
-
-    Raises:
-        InputError: a unit is unknown, or measures something else; or a number without one is no
-            share of a full command, and so in another unit.
+    The model has its command in the unit of the logs; ``written`` says how these wrote each
+    channel.
 
     Example:
         >>> settings, widths = ParameterPart(value="25 us"), PWM(stop=1500, full=1900)

@@ -81,14 +81,6 @@ def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> No
     """Refuse a script outside the spec's folder and outside the trusted folders.
 
     A user who inspects a spec sees the files beside it; a script from elsewhere may run unseen.
-
-    Args:
-        word: a name of a model or effect in the spec.
-        folder: folder of the spec.
-        trust: further folders whose scripts may be run.
-
-    Raises:
-        InputError: the script lies elsewhere, after following links.
     """
     script = script_file(word, folder)
     if script is None:
@@ -105,11 +97,7 @@ def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> No
 
 
 def error_in_script(error: BaseException) -> InputError | None:
-    """The message for an exception raised inside a user's script.
-
-    Returns:
-        The error with the innermost line of a script in the traceback; ``None`` if there is none.
-    """
+    """The message for an exception raised in a user's script, with its innermost line; or None."""
     way = traceback.walk_tb(error.__traceback__)
     lines = [(f, n) for f, n in way if str(f.f_globals.get("__name__")).startswith(_USERS)]
     if not lines:
@@ -124,9 +112,7 @@ def error_in_script(error: BaseException) -> InputError | None:
 def as_input_error(error: Exception, command: str) -> InputError:
     """Any error as a problem with its mend: of the input, a script, the system, or a defect.
 
-    Args:
-        error: what the work on a spec raised.
-        command: with which the user can raise it again.
+    The mend of a defect names the command with which the user can raise it again.
     """
     if isinstance(error, InputError):
         return error

@@ -43,16 +43,11 @@ class Side(NamedTuple):
 
 
 def walk(line: Line, sign: float, reach: float) -> Side:
-    """Walk from the optimum to one side, with steps adapted to the steepness of the profile.
+    """Walk to one side (1 or -1) from the optimum, by steps adapted to the profile's steepness.
 
     The root of twice the drop of the log-likelihood is nearly linear in the distance (exactly so
-    for a quadratic), unlike the drop itself. A step aims at a third of the threshold in that root,
-    and the end is found by regula falsi on it (Illinois; Dowell & Jarratt 1971).
-
-    Args:
-        line: what is profiled.
-        sign: 1 towards larger values, -1 towards smaller ones.
-        reach: the root of twice the drop at which the walk ends.
+    for a quadratic), unlike the drop itself. A step aims at a third of the threshold (``reach``) in
+    that root, and the end is found by regula falsi on it (Illinois; Dowell & Jarratt 1971).
 
     Raises:
         DeeperError: a point has a lower cost than the optimum.

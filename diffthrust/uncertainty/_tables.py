@@ -77,11 +77,7 @@ def _error(row: Row) -> float | None:
 
 
 def direction_rows(directions: Iterable[tuple[float, str, Mapping[str, float]]]) -> Rows:
-    """How well each direction is known, and what it moves.
-
-    Args:
-        directions: of each its standard error, its grade, and the relative changes by parameter.
-    """
+    """How well each direction is known, and what it moves."""
     rows = []
     for std_error, grade, members in directions:
         moves = ", ".join(f"{name} {100 * change:+.2g} %" for name, change in members.items())

@@ -80,11 +80,7 @@ def padded_length(samples: int) -> int:
 def run_program(program: Programs, static: Hashable, numbers: Any, rows: int = 1) -> Any:
     """``program(static, numbers)``, compiled; beside those of other members where there are any.
 
-    Args:
-        program: of ``static``, which fixes the code, and of the numbers.
-        static: hashable.
-        numbers: a pytree of arrays.
-        rows: number of rows that the program already processes side by side.
+    ``rows`` is the number of rows that the program already processes side by side.
     """
     company = shared_runs()
     if company is None:

@@ -36,12 +36,10 @@ def own_worker(answer: Callable[..., Any] | None = None) -> Worker:
 def as_done(
     executor: Executor, call: Callable[[Any], Any], tasks: Iterable[Any]
 ) -> Generator[tuple[int, Future[Any]] | None]:
-    """Give tasks to an executor.
+    """Give tasks to an executor; yields the place of each and its future, as they are done.
 
-    Those that have not begun are cancelled when the iteration is left.
-
-    Yields:
-        The place of a task and its future, as they are done; ``None`` when none was for a second.
+    ``None`` when none was for a second. Those that have not begun are cancelled when the iteration
+    is left.
     """
     done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
     places: dict[Future[Any], int] = {}

@@ -73,11 +73,7 @@ class Worker:
         return self._process.pid if self._process else None
 
     def ask(self, *arguments: Any, limit: float | None = None) -> Any:
-        """The answer to arguments.
-
-        Args:
-            *arguments: of the function that answers.
-            limit: seconds after which the process is killed.
+        """The answer to arguments; after ``limit`` seconds the process is killed.
 
         Raises:
             ProcessDied: it ended instead, such as for want of memory.

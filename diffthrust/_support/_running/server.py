@@ -16,13 +16,10 @@ _IDLE = 120.0
 
 
 def serve(name: str) -> None:
-    """Answer until the pipe is closed, which it is as well when the owner is killed.
+    """Answer by ``module:function`` until the pipe is closed, as when the owner is killed.
 
     An answer before all others says that it is ready. What a function or a user's script prints
     goes to standard error, so that answers stay answers.
-
-    Args:
-        name: of the function that answers, as ``module:function``.
     """
     # File descriptors, not sys.stdout: C++ code of XLA prints to descriptor 1 directly.
     answers = os.fdopen(os.dup(1), "wb")

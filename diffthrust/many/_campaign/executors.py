@@ -22,15 +22,7 @@ _CONNECT = 5.0
 
 @contextmanager
 def executor_for(asked: Executor | str | None, workers: int) -> Iterator[Executor]:
-    """An executor as it is, that of a Dask cluster, or processes of this machine.
-
-    Args:
-        asked: an executor, the address of a Dask scheduler, or ``None``.
-        workers: number of processes of this machine; each gets specs that share compiled code.
-
-    Raises:
-        InputError: the cluster does not answer, or Dask is not installed.
-    """
+    """An executor as it is, that of a Dask cluster by its address, or processes of this machine."""
     if isinstance(asked, Executor):
         yield asked
     elif asked is None:

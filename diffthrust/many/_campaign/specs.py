@@ -20,13 +20,6 @@ def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path,
     Folders are searched recursively, except hidden folders and the output. A TOML file with neither
     ``model`` nor ``logs`` is not a spec; an unreadable one counts as a spec, so that it is
     reported.
-
-    Args:
-        specs: a folder, a spec file, or several of them.
-        output: the folder of the results.
-
-    Raises:
-        InputError: there is no spec, or no such folder.
     """
     listed = [specs] if isinstance(specs, str | os.PathLike) else list(specs)
     for each in listed:

@@ -32,17 +32,7 @@ def store(
     """Write the folder of a task under a temporary sibling name, then rename.
 
     A folder of an earlier run is replaced. A kill leaves at worst a hidden folder, which the next
-    campaign removes.
-
-    Args:
-        job: the task.
-        row: its row of the table.
-        mark: `fingerprint` of its inputs.
-        data: the result, if any.
-        page: function that writes a page to a path.
-
-    Raises:
-        InputError: the folder cannot be written, as on a full disk; the old folder is intact.
+    campaign removes. ``mark`` is the `fingerprint` of its inputs.
     """
     target = Path(job.folder)
     fresh = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")

@@ -21,12 +21,7 @@ class Mean(NamedTuple):
 
 
 def weighted_mean(values: np.ndarray, errors: np.ndarray) -> Mean:
-    """The mean weighted by 1 / error^2 (Cochran 1954).
-
-    Args:
-        values: ``(n,)``.
-        errors: their standard errors, ``(n,)``.
-    """
+    """The mean of values, ``(n,)``, weighted by 1 / error^2 (Cochran 1954)."""
     weight = 1.0 / errors**2
     mean = float(np.sum(weight * values) / np.sum(weight))
     q = float(np.sum(weight * (values - mean) ** 2))

@@ -13,13 +13,7 @@ from diffthrust.models._base.signals import Signal, Signals
 
 
 def reported_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> tuple[str, ...]:
-    """The signals that equations report to the effects at a port, besides their own inputs.
-
-    Args:
-        equations: a model's.
-        names: the signals that they read.
-        port: the port.
-    """
+    """The signals that equations report to the effects at a port, besides their own inputs."""
     signals = tuple(dict.fromkeys(names))
     noted: dict[str, tuple[str, ...]] = {}
 

@@ -71,18 +71,9 @@ def band_of(
 ) -> Band:
     """The band of one channel, and its coverage of the measurements.
 
-    Args:
-        drawn: draws of the parameters and the noise.
-        record: the log, bound to the model.
-        channel: the channel.
-        mean: predictions by draw without noise, ``(n, T)``.
-        shown: predictions with random forces and noise, ``(n, T)``; if ``None``, noise is added to
-            ``mean`` in closed form.
-        level: probability of the band.
-        noise: whether the coverage refers to the band with noise.
-
-    Raises:
-        InputError: no draw gives a finite prediction.
+    ``mean`` are predictions by draw without noise, ``shown`` with random forces and noise, ``(n,
+    T)`` each; if ``None``, noise is added to ``mean`` in closed form. ``noise`` says whether the
+    coverage refers to the band with it.
     """
     unit = drawn.model.outputs[channel]
     # the sensor gives the size: bands of the signed output would reach below zero
@@ -128,13 +119,7 @@ def mixed_quantile(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
     """A quantile of the measurement: the mixture of the noise of all draws.
 
     Bisection on the mixture's distribution function replaces drawing noise, whose quantiles would
-    scatter.
-
-    Args:
-        law: of the noise.
-        centre: ``(n, T)``.
-        scale: ``(n,)``.
-        probability: of the quantile.
+    scatter. Centres are ``(n, T)``, scales ``(n,)``.
     """
 
     def below(x: Any) -> Any:

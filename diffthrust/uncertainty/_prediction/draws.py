@@ -52,23 +52,12 @@ class Draws(Brief):
 
 
 def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0.95) -> Draws:
-    """At most ``count`` draws of the parameters.
+    """At most ``count`` draws of the parameters, of a posterior or a fit.
 
     For a posterior, draws are picked at random (or all, if it has fewer). For a fit, they come from
     the Gaussian of its covariance in the coordinates of the fit (logarithms of parameters that are
     positive by nature), redrawn if outside the bounds; parameters without a standard error keep
-    their values, with a note.
-
-    Args:
-        source: a `Fit`, or the result of `sample`.
-        model: a model or a fit; may be ``None`` if the source is a fit.
-        count: number of draws.
-        seed: of the draws.
-        level: probability of the later intervals; only checked.
-
-    Raises:
-        InputError: the posterior is empty, the fit failed, parameters belong to another model, or
-            an argument is out of range.
+    their values, with a note. ``level`` is only checked.
     """
     for what, value, least in (("draws", count, 2), ("seed", seed, 0)):
         try:

@@ -22,15 +22,7 @@ if TYPE_CHECKING:
 def prediction_figure(
     log: str, time: np.ndarray, channels: Mapping[str, Band], level: float, random_forces: bool
 ) -> Figure:
-    """Measured points, median and bands; below, the same with the median taken off.
-
-    Args:
-        log: its name, the title.
-        time: time stamps [s], ``(T,)``.
-        channels: the bands by channel.
-        level: probability of the bands.
-        random_forces: the band with noise includes them.
-    """
+    """Measured points, median and bands; below, the same with the median taken off."""
     from matplotlib.figure import Figure
 
     count = len(channels)

@@ -52,17 +52,10 @@ class Responses:
 def responses(
     draws: Draws, sizes: np.ndarray, output: str, inputs: Mapping[str, float]
 ) -> Responses:
-    """Simulate steps from rest, for every draw.
+    """Simulate steps of the model's input from zero and rest, to each size, for every draw.
 
-    Args:
-        draws: draws of the parameters.
-        sizes: constant values of the model's input after the step, ``(m,)``; zero before it.
-        output: the output, without effects of its sensor.
-        inputs: constant values of other inputs that the model or its effects read.
-
-    Raises:
-        InputError: the model has several inputs, no such output, an input is missing, or a
-            response does not settle.
+    The output is without effects of its sensor; ``inputs`` are constants that the model or its
+    effects read.
     """
     model = bare(draws.model)
     drive = _drive(model, inputs)

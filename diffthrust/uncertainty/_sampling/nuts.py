@@ -194,19 +194,9 @@ def sample_target(
     seed: int,
     progress: Progress | None = None,
 ) -> Walked:
-    """Sample a target by NUTS, from standard normal starts.
+    """Sample a target in ``dim`` coordinates by NUTS, from standard normal starts.
 
     Chains run in the lanes of the vector registers: four take hardly longer than one.
-
-    Args:
-        target: the density, with its numbers in ``data``.
-        data: a pytree of arrays.
-        dim: number of its coordinates.
-        draws: draws of each chain after the warmup.
-        warmup: steps in which step size and metric adapt.
-        chains: number of chains.
-        seed: equal seeds give equal draws.
-        progress: called with a message and the share done.
     """
     report = reporter(progress)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)

@@ -54,17 +54,7 @@ _GLOSSARY = {
 def write_posterior_page(
     sampled: Sampled, path: Path | str, *, title: str = "", spec: str = ""
 ) -> None:
-    """Write a posterior as one page.
-
-    Args:
-        sampled: the posterior, summarised.
-        path: the file to write.
-        title: heading of the page; by default it names the model.
-        spec: text of a spec file, shown at the end.
-
-    Raises:
-        InputError: a file that does not end in ``.html``, or cannot be written.
-    """
+    """Write a posterior as one page, with the text of a spec file at its end."""
     model = str(sampled.fit.model)
     names = [name for name in sampled.parameters if not name.startswith("noise.")]
     report = Report(

@@ -200,16 +200,7 @@ _POOL = ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="diffthrust")
 
 
 def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
-    """The posterior of a fit.
-
-    Args:
-        fit: a fit that converged.
-        logs: its training logs, in their order.
-
-    Raises:
-        InputError: the fit did not converge, the logs are not those of the fit, a parameter has no
-            proper posterior, or the likelihood cannot be computed at the fit.
-    """
+    """The posterior of a fit that converged, over its training logs in their order."""
     if not fit.status.ok:
         raise InputError(
             f"A posterior needs a fit that converged; this one says '{fit.status}'. {fit.message}",

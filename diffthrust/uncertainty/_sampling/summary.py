@@ -135,18 +135,7 @@ class Sampled(Brief):
 def sampled(
     post: Any, fit: Fit, logs: Sequence[Log], unseen: Sequence[Log], *, seed: int = 0
 ) -> Sampled:
-    """Summarise a posterior, and compare its predictions with unseen logs.
-
-    Args:
-        post: the result of `sample`.
-        fit: the fit that was sampled.
-        logs: its training logs.
-        unseen: logs that took no part in the fit; there may be none.
-        seed: of the draws of the predictions.
-
-    Raises:
-        InputError: the posterior is empty, or a log cannot be simulated.
-    """
+    """Summarise what `sample` gave, and compare its predictions with unseen logs, if any."""
     posterior = posterior_data(post)
     judged = convergence(post)
     parameters = {}
