@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.blackbox._criteria import bic_of, memory_note, samples_of
+from diffthrust.blackbox._criteria import Orders, bic_of, memory_note, samples_of, shape_of
 from diffthrust.blackbox._model import BlackBox
-from diffthrust.blackbox._orders import Orders, shape_of
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
 from diffthrust.blackbox._records import Channels, SampledLog, sampled_channels
 from diffthrust.blackbox._sampled_model import ModelKind

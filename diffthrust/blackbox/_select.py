@@ -12,8 +12,8 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
+from diffthrust.blackbox._criteria import check_integer
 from diffthrust.blackbox._model import BlackBox
-from diffthrust.blackbox._orders import check_integer
 from diffthrust.blackbox._polynomial import armax, arx, output_error
 from diffthrust.blackbox._sampled_model import ModelKind
 from diffthrust.blackbox._subspace import state_space

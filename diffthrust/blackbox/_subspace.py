@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.blackbox._criteria import bic_of, samples_of
+from diffthrust.blackbox._criteria import bic_of, check_integer, samples_of
 from diffthrust.blackbox._model import BlackBox
-from diffthrust.blackbox._orders import check_integer
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import SampledLog, sampled_channels

@@ -86,7 +86,7 @@ def new_effect_command(
     with session():
         from diffthrust.effects import Formula
         from diffthrust.effects._class_text import class_name
-        from diffthrust.specs._new_effect import bound_to_model, new_effect, parse_parameter
+        from diffthrust.specs._new import bound_to_model, new_effect, parse_parameter
 
         if learned:
             if formula or port or parameter:

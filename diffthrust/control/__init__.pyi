@@ -12,8 +12,8 @@ from ._faults import Limited as Limited
 from ._faults import Stuck as Stuck
 from ._faults import duct_obstruction as duct_obstruction
 from ._loop import Loop as Loop
-from ._loop_result import LoopRun as LoopRun
-from ._loop_result import Tracking as Tracking
+from ._loop import LoopRun as LoopRun
+from ._loop import Tracking as Tracking
 from ._mpc import MPC as MPC
 from ._mpc_step import Plan as Plan
 from ._path import HarmonicPath as HarmonicPath

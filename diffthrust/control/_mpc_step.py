@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
-from diffthrust.control._bounded_lsq import least_squares_within
+from diffthrust.control._least_squares import least_squares_below, least_squares_within
 from diffthrust.control._one_sample import AT_SEA, SPEEDS, State, one_sample
-from diffthrust.control._rows_lsq import least_squares_below
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._trajectory import Key
 

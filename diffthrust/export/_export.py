@@ -10,11 +10,9 @@ from typing import Literal, get_args
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending
 from diffthrust._support.names import listing, nearest
-from diffthrust.export._c import C99
 from diffthrust.export._crafts import of_craft
 from diffthrust.export._exported import ENDINGS, Exported, write_exported
-from diffthrust.export._program import HISTORY, Program
-from diffthrust.export._python import Python
+from diffthrust.export._program import C99, HISTORY, Program, Python
 from diffthrust.export._simulators import to_gz, to_stonefish, to_uuv
 from diffthrust.export._source import ExportSource
 from diffthrust.export._table import to_table

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from diffthrust._support.files import ending, write_whole
 
@@ -52,3 +55,21 @@ def write_exported(path: Path, target: str, text: str) -> None:
     """
     ending(path, *ENDINGS[target])
     write_whole(path, text.encode())
+
+
+def filled_in(template: str, **parts: Any) -> str:
+    """The template of that name, filled in."""
+    import jinja2
+
+    def named(name: str) -> str:
+        folder = files("diffthrust.export").joinpath("templates")
+        return folder.joinpath(f"{name}.jinja").read_text(encoding="utf-8")
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(named),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = environment.get_template(template).render(**parts)
+    return re.sub(r"\n{4,}", "\n\n\n", text).rstrip() + "\n"

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import builtins
+import keyword
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from textwrap import wrap
 
-from diffthrust.export._language import Language, Term, lines_of
+from diffthrust.export._exported import filled_in
+from diffthrust.export._language import ATOM, LINE, Language, Term, exact, lines_of
 from diffthrust.export._operations import Operation, Operations
-from diffthrust.export._rendered import filled_in
 from diffthrust.export._source import ExportSource
 from diffthrust.export._trace import Traced, traced_model
 from diffthrust.simulation._runge_kutta import SERIES, TURN
@@ -112,3 +114,138 @@ class Program:
 def remark(unit: str, more: str = "") -> str:
     """A unit, and what else a comment says."""
     return f"[{unit or '1'}] {more}".strip()
+
+
+_RESERVED = (
+    "auto break case char const continue default do double else enum extern float for goto if "
+    "inline int long register restrict return short signed sizeof static struct switch typedef "
+    "union unsigned void volatile while m u x h dt i now rate decay start out time_ bool true "
+    "false class new delete this template operator private public protected namespace using"
+)
+
+
+class C99(Language):
+    """C99 that is C++ as well."""
+
+    template = "model.h"
+    calls = {
+        **{"abs": "fabs", "max": "fmax", "min": "fmin", "rem": "fmod", "is_nan": "isnan"},
+        **{"is_finite": "isfinite", "sign": "NAME_sign", "logistic": "NAME_logistic"},
+        **{"rsqrt": "NAME_rsqrt"},
+    }
+    reserved = frozenset(_RESERVED.split())
+
+    def constant(self, value: float | bool) -> str:
+        """With all digits."""
+        return str(int(value)) if isinstance(value, bool) else exact(value, "INFINITY", "NAN")
+
+    def choice(self, condition: str, then: str, otherwise: str) -> str:
+        """The conditional operator."""
+        return f"{condition} ? {then} : {otherwise}"
+
+    def logic(self, name: str) -> str:
+        """The operators."""
+        return {"and": "&&", "or": "||", "not": "!"}[name]
+
+    def parameter(self, name: str) -> str:
+        """A constant of the file."""
+        return self.name(f"{self.prefix}_{name}")
+
+    def remembered(self, kind: str, name: str, arguments: str) -> str:
+        """A function of the file."""
+        return f"{self.prefix}_{kind}(&m->{name}, m, dt, {arguments})"
+
+    def fetched(self, name: str, kind: str, number: int) -> str:
+        """From the inputs ``u`` or the states ``x``."""
+        place = f"u->{self.name(name)}" if kind == "input" else f"x[{self.slot(name)}]"
+        return f"const double {self.name(name)} = {place};"
+
+    def slot(self, name: str) -> str:
+        """The name of a state's place among the states."""
+        return self.name(f"{self.prefix}_{name}").upper()
+
+    def definition(self, name: str, text: str, truth: bool, remark: str) -> str:
+        """A constant of the function."""
+        line = f"const {'int' if truth else 'double'} {name} = {text};"
+        if remark and len(line) + len(remark) + 7 > LINE:
+            return f"/* {remark} */\n{line}"
+        line = "\n".join(wrap(line, LINE, subsequent_indent="    ", break_long_words=False))
+        return f"{line} /* {remark} */" if remark else line
+
+
+class Python(Language):
+    """Python 3 with nothing but ``math``.
+
+    Its functions raise where those of C and JAX give an infinity or no number; the module brings
+    its own where that may happen, so that a branch which is not taken does no harm.
+    """
+
+    template = "model.py"
+    calls = {
+        **{name: f"math.{name}" for name in ("atan", "atan2", "tanh", "asinh", "erf")},
+        **{"rem": "fmod", "is_nan": "math.isnan", "is_finite": "math.isfinite"},
+    }
+    guarded = (
+        *("exp", "expm1", "log", "log1p", "sqrt", "pow", "sinh", "cosh", "acosh", "atanh", "asin"),
+        *("acos", "exp2", "cbrt", "sin", "cos", "tan", "floor", "ceil", "fmod"),
+    )
+    reserved = frozenset(
+        [
+            *(*guarded, *keyword.kwlist, *keyword.softkwlist, *dir(builtins)),
+            *(
+                "self",
+                "x",
+                "u",
+                "h",
+                "dt",
+                "math",
+                "divided",
+                "sign",
+                "logistic",
+                "rsqrt",
+                "series",
+            ),
+            *("step", "reset", "substeps", "held", "decay", "weights", "time"),
+        ]
+    )
+
+    def constant(self, value: float | bool) -> str:
+        """With all digits."""
+        return str(value) if isinstance(value, bool) else exact(value, "math.inf", "math.nan")
+
+    def choice(self, condition: str, then: str, otherwise: str) -> str:
+        """The conditional expression."""
+        return f"{then} if {condition} else {otherwise}"
+
+    def logic(self, name: str) -> str:
+        """The words."""
+        return "not " if name == "not" else name
+
+    def divided(self, top: Term, bottom: Term, safe: bool) -> Term:
+        """Python raises where the divisor is zero."""
+        if safe:
+            return super().divided(top, bottom, safe)
+        self.used.add("divided")
+        return Term(f"divided({top.text}, {bottom.text})", ATOM)
+
+    def parameter(self, name: str) -> str:
+        """An attribute, which may be changed."""
+        return f"self.{self.name(name)}"
+
+    def remembered(self, kind: str, name: str, arguments: str) -> str:
+        """A method of the memory."""
+        return f"self.{name}.{kind}(dt, {arguments})"
+
+    def fetched(self, name: str, kind: str, number: int) -> str:
+        """From the inputs ``u`` or the states ``x``."""
+        return f"{self.name(name)} = {'u' if kind == 'input' else 'x'}[{number}]"
+
+    def definition(self, name: str, text: str, truth: bool, remark: str) -> str:
+        """A local name."""
+        line = f"{name} = {text}"
+        if len(line) > LINE - 4:
+            parts = wrap(text, LINE - 8, break_long_words=False)
+            line = "\n    ".join([f"{name} = (", *parts]) + "\n)"
+        elif remark and len(line) + len(remark) + 4 > LINE - 4:
+            return f"# {remark}\n{line}"
+        return f"{line}  # {remark}" if remark else line

@@ -19,7 +19,7 @@ from textwrap import wrap
 from typing import Any
 
 from diffthrust._support.words import humanize, number
-from diffthrust.export._rendered import filled_in
+from diffthrust.export._exported import filled_in
 from diffthrust.export._rotor import Rotor, rotor_of
 from diffthrust.export._source import ExportSource
 

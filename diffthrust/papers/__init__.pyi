@@ -7,7 +7,7 @@ from ._line import FittedLine as FittedLine
 from ._line import fit_line as fit_line
 from ._manoeuvres import Manoeuvres as Manoeuvres
 from ._manoeuvres import manoeuvres as manoeuvres
+from ._manoeuvres import undisturbed as undisturbed
 from ._steady import Steady as Steady
 from ._steady import steady_portions as steady_portions
 from ._tabulated import TabulatedVessel as TabulatedVessel
-from ._undisturbed import undisturbed as undisturbed

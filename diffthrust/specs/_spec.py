@@ -39,8 +39,7 @@ from diffthrust.specs._scripts import (
     model_with,
     script_file,
 )
-from diffthrust.specs._sensors import with_sensor
-from diffthrust.specs._thrusters import channels_of, craft_of
+from diffthrust.specs._thrusters import channels_of, craft_of, with_sensor
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._result import Diagnosis

@@ -1,4 +1,4 @@
-"""The craft of a spec file: its body, and ``[thrusters]``."""
+"""The thrusters and sensors of a craft in a spec file."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from diffthrust.models import MODELS
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.craft import Craft
+from diffthrust.sensors import SENSORS
 from diffthrust.specs._file import parse_toml, read_spec_text
 from diffthrust.specs._lines import line_of, with_place
 from diffthrust.specs._parts import (
     ChannelPart,
     CraftPart,
+    SensorPart,
     SpecFile,
     ThrusterPart,
     ThrustersPart,
 )
-from diffthrust.specs._sensors import with_sensor
 
 STEERED = {cls.name: cls for cls in (Azimuth, RudderPropeller)}
 """Actuators around the model of a thruster, which spec files give as ``on``."""
@@ -179,3 +180,22 @@ def _body(name: str, where: str) -> Any:
             'Write body = "planar" at the top of the file.',
         )
     return BODIES[name]
+
+
+def with_sensor(model: Model, name: str, part: SensorPart) -> Craft:
+    """A craft with one more of its sensors.
+
+    Raises:
+        InputError: no craft, a model of a sensor that is not known, or a place or axes of none.
+    """
+    if not isinstance(model, Craft):
+        raise InputError(
+            f"[sensors] belongs to a craft, and the model is '{model.name}'.",
+            'Write model = "craft" with its body and [thrusters], or remove [sensors].',
+        )
+    if part.model not in SENSORS:
+        raise InputError(
+            f"the model {part.model!r} of a sensor is not known; {nearby(part.model, SENSORS)}.",
+            "Correct the name.",
+        )
+    return model.with_sensors(**{name: SENSORS[part.model](frame=part.frame).at(part.at)})

@@ -19,7 +19,7 @@ from diffthrust.effects._class_text import (  # private: written by the command
     class_name,
     effect_class_text,
 )
-from diffthrust.specs._new_effect import (
+from diffthrust.specs._new import (
     bound_to_model,
     new_effect,
     parse_parameter,
