@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from diffthrust.uncertainty._profile_result import (  # private: made by a call
+    Better,
+    Profiles,
+)
 from reference import inputs, thruster
 
 import diffthrust as dft
@@ -11,7 +15,7 @@ from diffthrust.uncertainty import (  # private: its limits
 )
 from diffthrust.uncertainty import _profile as profile_module
 from diffthrust.uncertainty import _scores as scores_module
-from diffthrust.uncertainty._interval_words import (  # private: the sentences alone
+from diffthrust.uncertainty._intervals import (  # private: the sentences alone
     Evidence,
     heading,
     sentences,
@@ -33,10 +37,6 @@ from diffthrust.uncertainty._profile_lines import (  # private: a line of one's 
     ProfilePoint,
     QuantityLine,
     spread,
-)
-from diffthrust.uncertainty._profile_result import (  # private: made by a call
-    Better,
-    Profiles,
 )
 from diffthrust.uncertainty._profile_walk import (  # private: the walk alone
     DeeperError,
