@@ -24,10 +24,6 @@ def continued(system: System, step: float, method: str) -> tuple[np.ndarray, ...
 
     Returns:
         A ``(n, n)``, B ``(n, m)``, C ``(p, n)``, D ``(p, m)``.
-
-    Raises:
-        InputError: no continuous system of this order has such poles (on the negative real axis,
-            or at zero; -1 for "tustin"), or another method.
     """
     a, b, c, d = system.a, system.b, system.c, system.d
     n = len(a)

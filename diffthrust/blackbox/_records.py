@@ -102,11 +102,7 @@ class Channels:
 
 
 def step_of(log: Log) -> float:
-    """The step of an evenly sampled log [s].
-
-    Raises:
-        InputError: uneven samples, or fewer than three.
-    """
+    """The step of an evenly sampled log [s]."""
     steps = np.diff(log.time)
     if len(log) < 3 or np.ptp(steps) > _EVEN * np.median(steps):
         description = f"{len(log)} samples"
@@ -126,11 +122,7 @@ def sampled_channels(
     output: str | Sequence[str],
     offset: bool = False,
 ) -> tuple[Channels, list[SampledLog]]:
-    """The channels of a model, and the records of its logs.
-
-    Raises:
-        InputError: there is no log or no name, a name is repeated, or as in `Channels.record`.
-    """
+    """The channels of a model, and the records of its logs."""
     logs = [logs] if isinstance(logs, Log) else list(logs)
     inputs = (input,) if isinstance(input, str) else tuple(input)
     outputs = (output,) if isinstance(output, str) else tuple(output)

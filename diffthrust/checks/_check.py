@@ -99,9 +99,6 @@ def tasks_in(directory: Path, update: bool = False, trust: Sequence[str] = ()) -
     """The fits at and below a folder, in the order of their names.
 
     Folders whose names begin with a dot are left out; links are followed, each folder once.
-
-    Raises:
-        InputError: there are none, or a folder cannot be read.
     """
     tasks: list[Task] = []
     visited: set[str] = set()
@@ -215,11 +212,7 @@ def _rows(
 
 
 def _write_over(path: Path, original: str, replacement: str) -> None:
-    """Replace the text of a spec, unless it was edited meanwhile.
-
-    Raises:
-        InputError: the file has changed since it was read.
-    """
+    """Replace the text of a spec, unless it was edited meanwhile."""
     try:
         now = path.read_bytes()
     except OSError as error:

@@ -175,9 +175,6 @@ def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit, mark
     Every byte outside the block is kept, and so are its comments and the order of its keys. Numbers
     that still agree are kept, and so are tolerances; missing standard errors are added. Hashes of
     data and spec are updated if changed.
-
-    Raises:
-        InputError: the block has a form that cannot be edited in place.
     """
     kept = expected or ExpectedPart()
     old = {f"parameters.{key}": number for key, number in kept.parameters.items()}
@@ -195,11 +192,7 @@ def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit, mark
 def with_expected(
     text: str, file: Path, status: str, numbers: Mapping[str, ExpectedNumber], marks: Marks
 ) -> str:
-    """The text of a spec with status, numbers and hashes in its [expected] block.
-
-    Raises:
-        InputError: the block has a form that cannot be edited in place.
-    """
+    """The text of a spec with status, numbers and hashes in its [expected] block."""
     # The file is a person's: comments, order, line ends and a byte order mark stay. Editors on
     # Windows write \r\n and the mark, and tomlkit alters both.
     original = parse_toml(text, file)

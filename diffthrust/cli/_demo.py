@@ -55,11 +55,7 @@ def _fitted(output: Path) -> None:
 
 
 def _demo_folder() -> Path:
-    """The folder of the demo's spec and logs, in a wheel or in a checkout.
-
-    Raises:
-        InputError: neither place has it.
-    """
+    """The folder of the demo's spec and logs, in a wheel or in a checkout."""
     here = Path(__file__).resolve().parent
     # The build of the wheel copies the logs into the package; a checkout has them in fits/.
     places = (here / "demo_log", here.parents[1] / "fits" / "jason_thruster")

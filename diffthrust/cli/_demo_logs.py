@@ -68,11 +68,7 @@ def hidden_folder(folder: Path) -> Path:
 
 
 def folder_at(folder: Path) -> Path:
-    """Create the folder if necessary.
-
-    Raises:
-        InputError: it cannot be made.
-    """
+    """Create the folder if necessary."""
     return made_folder(folder, "Name another: diffthrust demo --output DIR.")
 
 

@@ -139,11 +139,7 @@ def map_command(
 
 
 def grid_points(option: str, text: str) -> np.ndarray:
-    """The numbers of ``a,b,c``, or n numbers evenly spaced in the logarithm for ``min:max:n``.
-
-    Raises:
-        InputError: neither.
-    """
+    """The numbers of ``a,b,c``, or n numbers evenly spaced in the logarithm for ``min:max:n``."""
     import numpy as np
 
     try:

@@ -128,11 +128,7 @@ def _check_times(fault: Any) -> None:
 
 
 def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...]:
-    """The faults of a loop as a tuple.
-
-    Raises:
-        InputError: something else than faults, or a parameter that the loop does not have.
-    """
+    """The faults of a loop as a tuple."""
     several = isinstance(faults, list | tuple)
     checked = tuple(faults) if several else (faults,)
     for fault in checked:

@@ -154,11 +154,7 @@ class LoopRun(RunSignals):
 def run_of(
     loop: LoopAssembly, rows: Mapping[str, np.ndarray], signals: Mapping[str, np.ndarray]
 ) -> LoopRun:
-    """The run, cut where it ran away.
-
-    Raises:
-        InputError: it ran away before a second sample.
-    """
+    """The run, cut where it ran away."""
     of = loop.controller.of
     signals = dict(signals)
     if loop.controller.gives != "thrust":

@@ -37,11 +37,7 @@ def mapping(
     names: Collection[str] | None = None,
     kind: str = "channel",
 ) -> Mapping[str, Any]:
-    """What was given by the names of channels, or of another kind.
-
-    Raises:
-        InputError: something else than a dictionary, or a name that is not among those ``names``.
-    """
+    """What was given by the names of channels, or of another kind."""
     if not isinstance(values, Mapping):
         raise InputError(
             f"{what}: expected a dictionary by the names of {kind}s, found {values!r}.",
@@ -59,11 +55,7 @@ def mapping(
 
 
 def seeded(seed: Any) -> np.random.Generator:
-    """The generator of the measurement noise.
-
-    Raises:
-        InputError: a seed that is no whole number from 0.
-    """
+    """The generator of the measurement noise."""
     # True is an integer to Python, and never meant as a seed
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(

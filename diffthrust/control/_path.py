@@ -130,12 +130,7 @@ class HarmonicPath(Path):
 
 
 def wanted_at(path: Path, time: np.ndarray) -> Wanted:
-    """Where a path says to be, checked.
-
-    Raises:
-        InputError: no `Wanted`, another length than that of ``time``, or numbers that are not
-            finite.
-    """
+    """Where a path says to be, checked."""
     kind, wanted = type(path).__name__, path.at(time)
     if not isinstance(wanted, Wanted):
         raise InputError(

@@ -162,11 +162,7 @@ def track_run_of(
     signals: Mapping[str, np.ndarray],
     compiling: float,
 ) -> TrackRun:
-    """The run with its errors, cut where it ran away.
-
-    Raises:
-        InputError: it ran away before a second sample.
-    """
+    """The run with its errors, cut where it ran away."""
     wanted = path.at(time - signals["late"])
     ahead, heading = loop.controller.point, signals["heading"]
     place = signals["north"] + ahead * np.cos(heading), signals["east"] + ahead * np.sin(heading)

@@ -126,10 +126,6 @@ class Nonlinearity(ABC):
 
 
 def positive(what: str, value: Any, zero: bool = False) -> float:
-    """A number above zero (or not below it).
-
-    Raises:
-        InputError: something else.
-    """
+    """A number above zero (or not below it)."""
     expected = "a number zero or more" if zero else "a number above zero"
     return finite(what, value, lambda x: x > 0 or (zero and x == 0), expected)

@@ -120,11 +120,7 @@ def _falling_outwards(size: np.ndarray, i: int, j: int) -> bool:
 
 
 def element_of(nonlinearity: Any) -> Nonlinearity:
-    """An element as it is, a model or a fit from command to thrust, or a function.
-
-    Raises:
-        InputError: none of these.
-    """
+    """An element as it is, a model or a fit from command to thrust, or a function."""
     if isinstance(nonlinearity, Nonlinearity):
         return nonlinearity
     if isinstance(getattr(nonlinearity, "model", nonlinearity), Model):
@@ -186,11 +182,7 @@ def _harmonics(harmonics: int | None, element: Nonlinearity) -> int:
 
 
 def range_of(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | None:
-    """A range or grid as given, cut where the element begins to have an output.
-
-    Raises:
-        InputError: it is not positive and rising, or ends below that.
-    """
+    """A range or grid as given, cut where the element begins to have an output."""
     if asked is None:
         return None
     try:

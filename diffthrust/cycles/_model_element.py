@@ -226,11 +226,7 @@ class ModelElement(Nonlinearity):
 
 
 def checked_model(model: Any) -> Model:
-    """A model, or the model of a fit.
-
-    Raises:
-        InputError: neither.
-    """
+    """A model, or the model of a fit."""
     bare_model = getattr(model, "model", model)
     if not isinstance(bare_model, Model):
         raise InputError(

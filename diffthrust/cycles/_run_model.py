@@ -39,9 +39,6 @@ def simulated_states(
         states: coefficients of the model's states on the cycle, complex ``(states, m)``.
         factors: on the cycle's size at the start, one simulation for each.
         periods: how long, in periods of the cycle.
-
-    Raises:
-        InputError: both the linear part and the model pass a step at once.
     """
     plain = transfer.rational()
     if plain.direct and _passes_at_once(element):

@@ -136,11 +136,7 @@ def runs(
 def wanted(
     about: DataSet, available: tuple[str, ...], names: str | Sequence[str] | None
 ) -> tuple[str, ...]:
-    """The requested names, in the set's order; patterns such as ``"zigzag*"`` are allowed.
-
-    Raises:
-        InputError: no log matches a name or pattern.
-    """
+    """The requested names, in the set's order; patterns such as ``"zigzag*"`` are allowed."""
     if names is None:
         return available
     patterns = (names,) if isinstance(names, str) else tuple(names)

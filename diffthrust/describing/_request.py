@@ -78,11 +78,7 @@ def request(
     others: Any,
     sensors: bool,
 ) -> MapRequest:
-    """The arguments of `describing_function`, checked.
-
-    Raises:
-        InputError: one that cannot be meant.
-    """
+    """The arguments of `describing_function`, checked."""
     model = model.model if isinstance(model, Fit) else model
     if not isinstance(model, Model):
         raise InputError(
@@ -132,11 +128,7 @@ def request(
 
 
 def points(what: str, values: Any) -> np.ndarray:
-    """Positive and increasing numbers as an array.
-
-    Raises:
-        InputError: others.
-    """
+    """Positive and increasing numbers as an array."""
     try:
         row = np.atleast_1d(np.asarray(values, float))
     except (TypeError, ValueError):

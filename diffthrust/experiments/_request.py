@@ -67,11 +67,7 @@ def requested(
     correlation_time: float | None,
     seed: int,
 ) -> Request:
-    """Check the arguments of `suggest_experiment`.
-
-    Raises:
-        InputError: an argument is missing or out of range.
-    """
+    """Check the arguments of `suggest_experiment`."""
     runs = listed(logs) if logs is not None else ()
     models = models_of(rivals)
     _check_numbers(duration, step, rest_duration, correlation_time, seed)
@@ -205,11 +201,7 @@ def _check_names(what: str, names: Iterable[str], available: Sequence[str], why:
 
 
 def checked_limits(name: str, pair: Any) -> tuple[float, float]:
-    """Lowest and highest value of an input.
-
-    Raises:
-        InputError: something else than a lower and a higher number.
-    """
+    """Lowest and highest value of an input."""
     try:
         low, high = pair
         fine = _number(low) and _number(high) and low < high

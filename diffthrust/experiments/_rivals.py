@@ -49,11 +49,7 @@ class Rival:
 
 
 def models_of(rivals: Any) -> tuple[Model, ...]:
-    """The models among models and fits.
-
-    Raises:
-        InputError: there are fewer than two, or an item is neither a model nor a fit.
-    """
+    """The models among models and fits."""
     if not isinstance(rivals, Sequence) or len(rivals) < 2:
         count = f"{len(rivals)}" if isinstance(rivals, Sequence) else repr(rivals)
         raise InputError(

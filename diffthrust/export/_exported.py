@@ -48,11 +48,7 @@ ENDINGS = {
 
 
 def write_exported(path: Path, target: str, text: str) -> None:
-    """Write a file for a target.
-
-    Raises:
-        InputError: another ending, or a folder that cannot be written to.
-    """
+    """Write a file for a target."""
     ending(path, *ENDINGS[target])
     write_whole(path, text.encode())
 

@@ -35,11 +35,7 @@ _STUCK_CLOCK = (
 def to_gz(
     source: ExportSource, name: str, limits: tuple[float, float] | None
 ) -> tuple[str, list[str]]:
-    """The thrust law as a plugin of gz-sim, and what that leaves out.
-
-    Raises:
-        InputError: the model is no thruster, or the range of its command is not known.
-    """
+    """The thrust law as a plugin of gz-sim, and what that leaves out."""
     rotor = rotor_of(source, limits)
     if rotor.dynamics == "zero_order":
         notes = ["Send it the force of each command [N], on .../cmd_thrust; 'lut' has the table."]
@@ -63,11 +59,7 @@ def to_gz(
 def to_uuv(
     source: ExportSource, name: str, limits: tuple[float, float] | None
 ) -> tuple[str, list[str]]:
-    """The thruster as a plugin of uuv_simulator, and what that leaves out.
-
-    Raises:
-        InputError: as `to_gz`.
-    """
+    """The thruster as a plugin of uuv_simulator, and what that leaves out."""
     rotor = rotor_of(source, limits)
     notes = _left_out(rotor, "uuv_simulator")
     notes += [_STUCK_CLOCK] if rotor.dynamics in ("yoerger", "bessa") else []
@@ -77,11 +69,7 @@ def to_uuv(
 def to_stonefish(
     source: ExportSource, name: str, limits: tuple[float, float] | None
 ) -> tuple[str, list[str]]:
-    """The thruster as an actuator of Stonefish, and what that leaves out.
-
-    Raises:
-        InputError: as `to_gz`.
-    """
+    """The thruster as an actuator of Stonefish, and what that leaves out."""
     rotor = rotor_of(source, limits)
     notes = [
         f"A set point of 1 stands for {number(rotor.largest, 4)} {rotor.unit}: Stonefish holds the "

@@ -76,11 +76,7 @@ def steady_table(source: ExportSource, limits: tuple[float, float] | None = None
 
 
 def commanding(model: Model, source: ExportSource) -> str:
-    """The input that commands the thrust.
-
-    Raises:
-        InputError: the model is no thruster.
-    """
+    """The input that commands the thrust."""
     drives = [name for name in ("command", "speed") if name in source.inputs]
     if OUTPUT not in model.outputs or not drives:
         raise InputError(
@@ -94,11 +90,7 @@ def commanding(model: Model, source: ExportSource) -> str:
 def command_limits(
     source: ExportSource, channel: str, limits: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """The lowest and highest command in the model's unit: those given, or of the logs.
-
-    Raises:
-        InputError: none are known, or the lowest is not below the highest.
-    """
+    """The lowest and highest command in the model's unit: those given, or of the logs."""
     unit = source.unit(channel, source.inputs[channel])
     range_given = source.ranges.get(channel)
     if limits is not None:
@@ -198,9 +190,6 @@ def to_table(
     """The table as CSV, or as a C header where the file ends in ``.h``; and its notes.
 
     Both are in the units in which the logs were written.
-
-    Raises:
-        InputError: as `steady_table`.
     """
     table, model = steady_table(source, limits), source.model
     unit, force_unit = source.inputs[table.channel], model.outputs[OUTPUT]

@@ -78,11 +78,7 @@ def read_inputs(model: Model, signals: Mapping[str, Any]) -> dict[str, str]:
 
 
 def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
-    """Trace a model that reads the given inputs.
-
-    Raises:
-        InputError: an operation without a translation, by its name.
-    """
+    """Trace a model that reads the given inputs."""
     where = f"The model '{model}'"
     states = {name: unit for name, unit in model.all_states.items() if name not in inputs}
     values = {name: np.float64(p.value) for name, p in model.parameters.items()}

@@ -172,12 +172,7 @@ def channel_columns(
     inputs: Mapping[str, str | Column] | None,
     measured: Mapping[str, str | Column] | None,
 ) -> dict[str, Column]:
-    """The column of each channel.
-
-    Raises:
-        InputError: a channel is named twice or ``"time"``, no channel is named, or a description is
-            invalid.
-    """
+    """The column of each channel."""
     columns = {
         **each_column(inputs, file, "inputs"),
         **each_column(measured, file, "measured"),
@@ -268,9 +263,6 @@ def _from_fixes(
     """Columns and numbers with ``north`` and ``east`` in metres, and a note if they were angles.
 
     Those of a sensor, ``gps.north`` and ``gps.east``, as well.
-
-    Raises:
-        InputError: one of the two is an angle and the other is not, or the angles are no fixes.
     """
     notes: tuple[str, ...] = ()
     for scope in dict.fromkeys(n.rpartition(".")[0] for n in columns if "." in n) | {"": None}:

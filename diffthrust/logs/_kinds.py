@@ -65,11 +65,7 @@ def is_bag(path: Path) -> bool:
 
 
 def kind_of(path: Path) -> Kind:
-    """What kind of log a file is.
-
-    Raises:
-        InputError: there is no such file, it is empty, or its format is not supported.
-    """
+    """What kind of log a file is."""
     try:
         if is_bag(path):
             return BAG

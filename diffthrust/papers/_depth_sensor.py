@@ -173,10 +173,6 @@ def calibrate(
         datasheet: equation 9 of the paper where not given.
         level: false alarms of each test.
 
-    Raises:
-        InputError: no reading, fewer than three points, lengths that differ, or numbers that are
-            not finite.
-
     Source: Aras et al. 2013, section 4.2, table 4 and equation 9; the F test is that of Draper &
     Smith 1998, Applied Regression Analysis, chapter 1.
 

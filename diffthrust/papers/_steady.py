@@ -155,11 +155,7 @@ def _edges(series: list[np.ndarray], allowed: list[float]) -> list[int]:
 
 
 def records(what: str, logs: Any) -> tuple[Log, ...]:
-    """One record or several as a tuple; ``what`` names the method that finds none.
-
-    Raises:
-        InputError: something else than records, or none.
-    """
+    """One record or several as a tuple; ``what`` names the method that finds none."""
     several = listed(logs)
     if not several:
         raise InputError(f"{what}: no record was given.", "Give one log or a list of them.")

@@ -22,9 +22,6 @@ def adopted(model: Model, logs: Sequence[Log]) -> Model:
 
     Its numbers stay as they are: they are a first guess for whoever fits it. To be called before
     the logs are bound, for a record has its inputs in the units of one model.
-
-    Raises:
-        InputError: two logs have it in different units, or a fixed number is given per another.
     """
     # Checked before `bind`: with the command in two units, one of the logs would be converted
     # silently.

@@ -73,9 +73,6 @@ def simulate_fixed(
         record: inputs, time base, and measured initial states.
         initial: other initial states, and values of parameters that differ by log, by name.
         substeps: integrator steps per sample.
-
-    Raises:
-        InputError: initial states that the model does not have.
     """
     start = {**record.start, **checked_initial(model, initial)}
     values = {name: p.value for name, p in model.parameters.items()}
@@ -112,11 +109,7 @@ def simulated_from(
 
 
 def checked_initial(model: Model, initial: Any) -> dict[str, float]:
-    """Initial states, and parameters that differ by log, by name, as numbers.
-
-    Raises:
-        InputError: something else, or a state that the model does not have.
-    """
+    """Initial states, and parameters that differ by log, by name, as numbers."""
     units = {**model.all_states, **{n: model.parameters[n].unit for n in model.per_log}}
     if initial is None:
         return {}

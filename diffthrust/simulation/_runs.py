@@ -115,10 +115,6 @@ def runs_over(
         substeps: integrator steps per sample; chosen for each record where ``None``.
         noise: standard deviation of each channel, as the fit of the model has found it: by it the
             first part of a run counts that tells of parameters that differ by log.
-
-    Raises:
-        InputError: none measures an output of the model, or initial states of another number of
-            logs.
     """
     starts = [{}] * len(records) if initial is None else initial
     if isinstance(starts, Mapping) or len(starts) != len(records):

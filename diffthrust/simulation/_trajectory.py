@@ -73,9 +73,6 @@ def trajectory(
 
     Returns:
         Outputs and states at the time stamps, ``(T,)`` each.
-
-    Raises:
-        InputError: equations or rates that are incomplete, or not elementwise.
     """
     series, path = march(model, grid, time, inputs, start, restart)
     return read_out(model, Signals({**path, **series, "time": time})), path

@@ -14,12 +14,7 @@ from diffthrust.specs._parts import ChannelPart, SpecFile
 
 
 def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:
-    """The role of each channel, decided by the model.
-
-    Raises:
-        InputError: the model has no such channel, a key does not suit the role, or a channel is
-            missing.
-    """
+    """The role of each channel, decided by the model."""
     needs = [name for effect in model.effects for name in effect.needs]
     inputs = {*model.inputs, *model.optional_inputs, *model.states, *needs}
     # A thruster without a command: its speed becomes an input, and only the thrust is fitted.

@@ -23,11 +23,7 @@ NAME = "fit.toml"
 
 
 def read_spec_text(path: Path) -> str:
-    """The text of a spec file, line ends untouched.
-
-    Raises:
-        InputError: there is no such file, it is a log, not a regular file, or not UTF-8.
-    """
+    """The text of a spec file, line ends untouched."""
     if what := oddity(path):
         raise InputError(
             f"{path}: expected a spec file (TOML), found {what}.", "Name the file of a spec."
@@ -77,11 +73,7 @@ def _look(path: Path) -> str:
 
 
 def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
-    """The tables of a TOML text.
-
-    Raises:
-        InputError: the text is not TOML, or nested too deep; the message names line and column.
-    """
+    """The tables of a TOML text."""
     check_keys(text, file)
     try:
         tables = tomllib.loads(text.removeprefix("\ufeff"))
@@ -112,11 +104,7 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
 
 
 def parse_spec(text: str, file: Path | str) -> SpecFile:
-    """Parse a spec.
-
-    Raises:
-        InputError: a key is unknown or missing, or has an invalid value.
-    """
+    """Parse a spec."""
     data = parse_toml(text, file)
     _dotted(data)
     try:
@@ -219,21 +207,13 @@ _DOTTED = re.compile(r"(?:\.[ \t]{0,9}[\w\"'-]{1,99}[ \t]{0,9}){50}")
 
 
 def check_keys(text: str, file: Path | str) -> None:
-    """Refuse a key of many dots, which takes tomllib minutes.
-
-    Raises:
-        InputError: there is such a key.
-    """
+    """Refuse a key of many dots, which takes tomllib minutes."""
     if _DOTTED.search(text):
         raise too_deep(text, file)
 
 
 def check_extent(tables: Mapping[str, Any], text: str, file: Path | str) -> None:
-    """Check the tables of a TOML text.
-
-    Raises:
-        InputError: they are nested too deep, or an integer is too long.
-    """
+    """Check the tables of a TOML text."""
     level: list[Any] = [tables]
     # By levels, not by recursion, which the depth that is checked here would exhaust.
     for _ in range(_DEEPEST):

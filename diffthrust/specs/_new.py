@@ -228,9 +228,6 @@ def new_effect(
 def parse_parameter(text: str) -> tuple[str, Any]:
     """Parse a parameter of the command line: ``a=rad/s^2``, or with fields, ``p={ value = 1.5 }``.
 
-    Raises:
-        InputError: neither form fits.
-
     Example:
         >>> parse_parameter("p={ value = 1.5, bounds = [0.5, 3] }")
         ('p', {'value': 1.5, 'bounds': [0.5, 3]})
@@ -257,9 +254,6 @@ def bound_to_model(formula: Formula) -> Formula:
 
     It then knows which channels a log must have. If no model has the port, it belongs to a user's
     own model and is returned unchanged.
-
-    Raises:
-        InputError: models have the port, but none has the signals.
     """
     error = None
     # The twin drive has ports of its own, and a model of the catalogue is made with its default

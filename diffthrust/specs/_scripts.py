@@ -36,11 +36,7 @@ def effect_class(word: str, folder: Path) -> type[Effect]:
 
 
 def own_class(word: str, folder: Path) -> type[Component]:
-    """The user's model or effect named by ``script.py:Class``.
-
-    Raises:
-        InputError: the word has another form, there is no such script or class, or it fails.
-    """
+    """The user's model or effect named by ``script.py:Class``."""
     if script_file(word, folder) is None:
         raise InputError(
             f"expected a class or 'script.py:Class', found {word!r}.",
@@ -50,11 +46,7 @@ def own_class(word: str, folder: Path) -> type[Component]:
 
 
 def model_with(cls: type[Model], options: Mapping[str, Any]) -> Model:
-    """Construct a model with options.
-
-    Raises:
-        InputError: the model has no such option.
-    """
+    """Construct a model with options."""
     names = [
         name
         for name, p in inspect.signature(cls.__init__).parameters.items()

@@ -38,10 +38,6 @@ def craft_of(body: str, thrusters: ThrustersPart, where: str = "") -> Craft:
         body: the name of its body; that of the layout where it names a frame.
         thrusters: the table.
         where: of the spec, for messages.
-
-    Raises:
-        InputError: a name that is not known, a thruster without a place, or numbers of columns and
-            thrusters that differ.
     """
     if thrusters.frame:
         layout = layout_named(thrusters.frame)
@@ -183,11 +179,7 @@ def _body(name: str, where: str) -> Any:
 
 
 def with_sensor(model: Model, name: str, part: SensorPart) -> Craft:
-    """A craft with one more of its sensors.
-
-    Raises:
-        InputError: no craft, a model of a sensor that is not known, or a place or axes of none.
-    """
+    """A craft with one more of its sensors."""
     if not isinstance(model, Craft):
         raise InputError(
             f"[sensors] belongs to a craft, and the model is '{model.name}'.",

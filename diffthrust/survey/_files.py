@@ -63,11 +63,7 @@ class Files:
 
 
 def files_at(paths: Sequence[Path]) -> Files:
-    """Read the contents of files, and of those in folders.
-
-    Raises:
-        InputError: there is no log, or none can be read.
-    """
+    """Read the contents of files, and of those in folders."""
     files: list[Path] = []
     for path in paths:
         if path.is_dir() and not is_bag(path):

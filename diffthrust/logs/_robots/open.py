@@ -40,11 +40,7 @@ def series_in(
 def all_fields(
     path: Path, kind: Kind
 ) -> tuple[tuple[Field, ...], tuple[str, ...], Mapping[str, float]]:
-    """All numbers of a robot's log, notes on what is damaged or left out, and its parameters.
-
-    Raises:
-        InputError: the file cannot be read at all.
-    """
+    """All numbers of a robot's log, notes on what is damaged or left out, and its parameters."""
     _check_file(path, kind)
     read = {DATAFLASH: dataflash_fields, TELEMETRY: telemetry_fields, ULOG: ulog_fields}
     gathered, notes, parameters = read.get(kind, bag_fields)(path)

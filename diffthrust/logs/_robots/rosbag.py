@@ -79,12 +79,7 @@ def read_bag(
 
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
-    """Open a bag with its reader.
-
-    Raises:
-        InputError: rosbags is not installed, or the bag exceeds the memory limit of a log; or it is
-            damaged, which may show only while it is read.
-    """
+    """Open a bag with its reader."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

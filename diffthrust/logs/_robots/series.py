@@ -56,11 +56,7 @@ def column_place(file: str, column: str, detail: str = "") -> Place:
 
 
 def split_column(file: str, column: str) -> tuple[str, str]:
-    """Split ``MESSAGE.FIELD`` at its first dot.
-
-    Raises:
-        InputError: there is no dot, or one side is empty.
-    """
+    """Split ``MESSAGE.FIELD`` at its first dot."""
     message, _, field = column.partition(".")
     if not message or not field:
         raise InputError.at(

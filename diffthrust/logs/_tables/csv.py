@@ -285,11 +285,7 @@ class Head:
 
 
 def head_of(file: str, lines: Sequence[str], wanted: Collection[str]) -> Head:
-    """Find the header.
-
-    Raises:
-        InputError: there is none.
-    """
+    """Find the header."""
     kept: Sequence[int] = range(len(lines))
     if any("#" in line for line in lines):
         kept = [i for i in kept if not lines[i].lstrip().startswith("#")]

@@ -113,11 +113,7 @@ class TableRequest:
         )
 
     def _unit_notes(self, table: Table, source: OpenTable) -> list[str]:
-        """Notes on columns that are read in another unit than the file states.
-
-        Raises:
-            InputError: no unit is given, and the file states another unit than the channel's.
-        """
+        """Notes on columns that are read in another unit than the file states."""
         notes = []
         clock = {} if self.clock is None or table.dates else {"time": self.clock}
         for channel, column in {**clock, **self.columns}.items():
@@ -165,11 +161,7 @@ class TableRequest:
 
 
 def _without_repeats(table: Table, stamps: np.ndarray, clock: Column | None) -> np.ndarray:
-    """Skip rows that were written twice; report a clock that is coarser than the samples.
-
-    Raises:
-        InputError: many time stamps repeat the previous stamp.
-    """
+    """Skip rows that were written twice; report a clock that is coarser than the samples."""
     repeated = np.append(False, np.diff(stamps) == 0)
     count = int(repeated.sum())
     if clock is None or not count:

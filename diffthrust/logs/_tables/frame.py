@@ -44,11 +44,7 @@ def read_frame(frame: Any, name: str) -> OpenTable:
 
 
 def time_of(frame: Any, name: str) -> str:
-    """The name by which the index of a data frame is read as the time.
-
-    Raises:
-        InputError: the index only counts rows, or has several levels.
-    """
+    """The name by which the index of a data frame is read as the time."""
     import pandas as pd
 
     index = frame.index

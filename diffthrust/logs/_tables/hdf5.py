@@ -30,11 +30,7 @@ _WORDS = {
 
 
 def read_hdf5(path: Path) -> OpenTable:
-    """Open an HDF5 file; groups (structs in MATLAB) are named ``a.b``.
-
-    Raises:
-        InputError: the file is damaged.
-    """
+    """Open an HDF5 file; groups (structs in MATLAB) are named ``a.b``."""
     import h5py
 
     leaves: list[tuple[str, Any]] = []

@@ -47,11 +47,7 @@ class Unread:
 
 
 def read_mat(path: Path) -> OpenTable:
-    """Open a MATLAB file up to version 7; structs are reached as ``a.b``.
-
-    Raises:
-        InputError: the file is damaged, or takes more memory than a log may.
-    """
+    """Open a MATLAB file up to version 7; structs are reached as ``a.b``."""
     budget = MemoryBudget(path)
     budget.take(path.stat().st_size)
     try:

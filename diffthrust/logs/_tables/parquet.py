@@ -13,11 +13,7 @@ from diffthrust.logs._tables.table import damaged
 
 
 def read_parquet(path: Path) -> OpenTable:
-    """Open a Parquet file.
-
-    Raises:
-        InputError: the file is damaged, or takes more memory than a log may.
-    """
+    """Open a Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

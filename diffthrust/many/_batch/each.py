@@ -100,10 +100,6 @@ def divided(
     """Call ``work(members, names, common)`` in several processes, some members at a time.
 
     One process runs one thread of Python, for the sake of the GIL.
-
-    Raises:
-        InputError: an argument cannot be sent to another process, such as a model defined in the
-            main script.
     """
     started, count, finished = time.monotonic(), len(members), 0
     share = max(1, min(_MEMBERS_AT_A_TIME, -(-count // processes)))

@@ -147,11 +147,7 @@ def gathered(names: Iterable[str], outcomes: Sequence[Outcome], started: float) 
 
 
 def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:
-    """A unique name for each member; duplicates are numbered.
-
-    Raises:
-        InputError: the number of names differs from that of the members.
-    """
+    """A unique name for each member; duplicates are numbered."""
     chosen = [str(name) for name in otherwise]
     if names is not None:
         wanted = [str(name) for name in names]

@@ -88,9 +88,6 @@ def fingerprint(spec: Spec, job: Job) -> str:
 
     It covers the text of the spec, the content of its logs and scripts, the task with its options,
     and the version of the library, but not modules imported by a script.
-
-    Raises:
-        InputError: a log cannot be read.
     """
     from diffthrust import __version__
 

@@ -57,9 +57,6 @@ def folders(specs: dict[Path, str]) -> dict[Path, str]:
 
     Folders are siblings, so that none is inside another, and no two differ only in case: results
     can be copied to any file system.
-
-    Raises:
-        InputError: two specs would write to one folder; both are named.
     """
     taken: dict[str, Path] = {}
     names = {}

@@ -65,11 +65,7 @@ def store(
 
 
 def stored(job: Job) -> dict[str, Any] | None:
-    """The stored status of a task; ``None`` if its folder is missing or incomplete.
-
-    Raises:
-        InputError: the folder holds the result of another task or another spec.
-    """
+    """The stored status of a task; ``None`` if its folder is missing or incomplete."""
     try:
         status = json.loads((Path(job.folder) / STATUS).read_text(encoding="utf-8"))
         task, stored_spec = status["task"], status["row"]["spec"]

@@ -48,11 +48,7 @@ def arrow_table(rows: Sequence[ResultRow]) -> pa.Table:
 
 
 def write_table(path: Path, rows: Sequence[ResultRow]) -> None:
-    """Write the table as Parquet, whole or not at all.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write the table as Parquet, whole or not at all."""
     import pyarrow.parquet as pq
 
     out = BytesIO()

@@ -69,11 +69,7 @@ class Entry(Brief):
 
 
 def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
-    """The entries, and notes on fits that were left out.
-
-    Raises:
-        InputError: the source holds no fits, or names or times do not match them.
-    """
+    """The entries, and notes on fits that were left out."""
     if isinstance(source, Many | Mapping | Sequence) and not isinstance(source, str):
         names, fits, vehicles, notes = _fits(source, vehicle)
         names = list(named_members(None, names))

@@ -89,11 +89,7 @@ def first_guess(evidence: Sequence[VehicleEvidence]) -> Guess:
 def gather_evidence(
     fleet: Estimates, ruler: Ruler, logs: Mapping[str, Any]
 ) -> tuple[list[VehicleEvidence], list[str]]:
-    """The evidence of each vehicle that has any of the parameters, and notes.
-
-    Raises:
-        InputError: a vehicle with logs has no single fit, or its logs are not those of its fit.
-    """
+    """The evidence of each vehicle that has any of the parameters, and notes."""
     unknown = [name for name in logs if name not in fleet.vehicles]
     if unknown:
         raise InputError(

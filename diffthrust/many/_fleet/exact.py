@@ -95,9 +95,6 @@ def expand(
         middle: their coordinates at z = 0.
         towards: start of the search, in z.
         law: of the fleet, in z.
-
-    Raises:
-        InputError: the logs are not those of the fit.
     """
     names = [axis.name for axis in axes]
     # `posterior_of` refuses a fit that is not identifiable, whose posterior is improper. The law of

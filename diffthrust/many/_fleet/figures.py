@@ -29,11 +29,7 @@ _MARKS = "osD^v"
 
 
 def spread_figure(fleet: Estimates, outliers: Any) -> Figure:
-    """Each vehicle's 95 % interval; behind it the mean of the fleet and its spread.
-
-    Raises:
-        InputError: no parameter has estimates of two vehicles.
-    """
+    """Each vehicle's 95 % interval; behind it the mean of the fleet and its spread."""
     far = set(outliers[outliers["outlier"]][["vehicle", "parameter"]].itertuples(index=False))
     shared = [
         axis for name, axis in fleet.axes.items() if len(vehicle_means(fleet, name).vehicles) > 1
@@ -62,11 +58,7 @@ def spread_figure(fleet: Estimates, outliers: Any) -> Figure:
 
 
 def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
-    """Each fit over time; vehicles that drift in colour, with their straight lines.
-
-    Raises:
-        InputError: no times were given, or no vehicle has fits at two times.
-    """
+    """Each fit over time; vehicles that drift in colour, with their straight lines."""
     if drift.empty:
         raise InputError("No vehicle has fits at two times.", "There is no drift to show.")
     drifts = drift[drift["drifts"]]
@@ -109,11 +101,7 @@ def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
 
 
 def effects_figure(table: Any) -> Figure:
-    """The share of each vehicle's fits that have an effect.
-
-    Raises:
-        InputError: no fit has one.
-    """
+    """The share of each vehicle's fits that have an effect."""
     from matplotlib.figure import Figure
 
     names = [name for name in table.columns if name != "fits"]

@@ -328,11 +328,7 @@ def _share(what: str, value: Any) -> float:
 
 
 def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
-    """Times as numbers, and their unit; dates become days since the first.
-
-    Raises:
-        InputError: a time is neither a number nor a date.
-    """
+    """Times as numbers, and their unit; dates become days since the first."""
     import pandas as pd
 
     if all(time is None for time in times):

@@ -26,9 +26,6 @@ def plain_description(where: str, described: Any) -> str | dict[str, Any]:
         where: the parameter, for messages.
         described: a unit, a `Parameter`, or a mapping of its fields with "unit".
 
-    Raises:
-        InputError: something else, or fields that a parameter does not have.
-
     Example:
         >>> plain_description("p", dft.parameter(1.5, bounds=(0.5, 3)))
         {'unit': '', 'value': 1.5, 'bounds': (0.5, 3)}
@@ -59,11 +56,7 @@ def plain_description(where: str, described: Any) -> str | dict[str, Any]:
 
 
 def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of `parameter` that plain data describe.
-
-    Raises:
-        InputError: a prior, bounds or probes that are none.
-    """
+    """The arguments of `parameter` that plain data describe."""
     if isinstance(described, str):
         return {"unit": described}
     fields: dict[str, Any] = {"unit": "", **described}

@@ -37,11 +37,7 @@ class MadeEffect(Effect):
     def _make(
         self, name: str, port: str, declared: Mapping[str, Parameter], reads: tuple[str, ...] = ()
     ) -> None:
-        """Take name, port, parameters, and the signals that are read.
-
-        Raises:
-            InputError: a name or a port that is none, or a parameter out of its bounds.
-        """
+        """Take name, port, parameters, and the signals that are read."""
         for what, value in (("name", name), ("port", port)):
             self._check_word(what, value)
         self._set(name=name, port=port, ports=(port,), reads=reads, declared=dict(declared))

@@ -21,11 +21,7 @@ that folder yet."""
 
 @lru_cache(maxsize=1)
 def catalogue() -> Mapping[str, type[Effect]]:
-    """All known effects by name: the library's in the order of its files, then those of packages.
-
-    Raises:
-        InputError: an entry point that is not an effect, or one with a name that is taken.
-    """
+    """All known effects by name: the library's in the order of its files, then packages'."""
     import_module(_GROUP)
     # sorted, since the order of registration follows what happens to be imported first
     classes = dict(sorted(EFFECTS.items(), key=lambda e: (e[1].__module__, e[1].__qualname__)))
@@ -47,11 +43,7 @@ def catalogue() -> Mapping[str, type[Effect]]:
 
 
 def effect_named(name: str) -> Effect:
-    """The effect of a canonical name, as its class declares it.
-
-    Raises:
-        InputError: there is none of that name.
-    """
+    """The effect of a canonical name, as its class declares it."""
     classes = catalogue()
     if name not in classes:
         raise InputError(

@@ -221,11 +221,7 @@ def _of_posterior(
 
 
 def posterior_data(source: Any) -> Any:
-    """The posterior's data set in the result of `sample`.
-
-    Raises:
-        InputError: it is not a posterior, or has no draws.
-    """
+    """The posterior's data set in the result of `sample`."""
     posterior = getattr(source, "posterior", None)
     if posterior is None or not hasattr(posterior, "data_vars"):
         raise InputError(

@@ -59,11 +59,7 @@ def prediction_figure(
 
 
 def curves_figure(quantities: Mapping[str, DerivedQuantity], level: float) -> Figure:
-    """Derived curves with their bands, one panel each.
-
-    Raises:
-        InputError: there is no curve.
-    """
+    """Derived curves with their bands, one panel each."""
     from matplotlib.figure import Figure
 
     curves = [q.shown for q in quantities.values() if q.grid is not None and q.grid.size > 1]

@@ -114,11 +114,7 @@ def check_sizes(where: str, pitch: float, area: float, density: float) -> None:
 def torque_driven(
     where: str, model: Model, values: Mapping[str, Any] | None = None
 ) -> QuadraticLoad:
-    """The torque against a quadratic load that a model is, at these values of its parameters.
-
-    Raises:
-        InputError: a model with other equations.
-    """
+    """The torque against a quadratic load that a model is, at these values of its parameters."""
     thruster = model.bind(values or {}).quadratic_load
     if thruster is None:
         raise InputError(

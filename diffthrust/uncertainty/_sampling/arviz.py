@@ -29,11 +29,7 @@ def arviz() -> Any:
 
 
 def write_posterior(post: Any, path: Path | str) -> None:
-    """Write a posterior as netCDF (``post.to_netcdf``), atomically.
-
-    Raises:
-        InputError: the name does not end in ``.nc``, or the file cannot be written.
-    """
+    """Write a posterior as netCDF (``post.to_netcdf``), atomically."""
     path = Path(path)
     ending(path, ".nc")
     try:
@@ -53,11 +49,7 @@ def write_posterior(post: Any, path: Path | str) -> None:
 
 
 def read_posterior(path: Path) -> Any:
-    """Read a posterior from a netCDF file of ArviZ.
-
-    Raises:
-        InputError: there is no such file, or it holds no posterior.
-    """
+    """Read a posterior from a netCDF file of ArviZ."""
     if not path.is_file():
         raise InputError(f"{path}: expected a posterior, found no such file.", "Correct the name.")
     try:

@@ -79,10 +79,6 @@ def run_ensemble(
 
     With a ``file`` the run is saved every few seconds, and a killed run resumes from its last save:
     steps and final file are identical to those of an uninterrupted run.
-
-    Raises:
-        InputError: the file belongs to another problem or cannot be written, or the density is not
-            finite around the fit.
     """
     report = reporter(progress)
     lanes, total = lanes_of(walkers), warmup + draws

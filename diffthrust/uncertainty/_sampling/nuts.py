@@ -230,11 +230,7 @@ def run_nuts(
     seed: int,
     progress: Progress | None = None,
 ) -> Chains:
-    """Sample a posterior by NUTS.
-
-    Raises:
-        InputError: BlackJAX is not installed.
-    """
+    """Sample a posterior by NUTS."""
     available()
     box = Box(
         tuple(map(bool, np.isfinite(posterior.low))), tuple(map(bool, np.isfinite(posterior.high)))
