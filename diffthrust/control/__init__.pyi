@@ -28,10 +28,10 @@ from ._reference import Step as Step
 from ._reference import Trajectory as Trajectory
 from ._sliding import AdaptiveSliding as AdaptiveSliding
 from ._sliding import Sliding as Sliding
-from ._track_result import PathError as PathError
-from ._track_result import SolveTime as SolveTime
-from ._track_result import TrackRun as TrackRun
 from ._tune import Effort as Effort
 from ._tune import Tuning as Tuning
 from ._tune import tune as tune
+from ._vessel_loop import PathError as PathError
+from ._vessel_loop import SolveTime as SolveTime
+from ._vessel_loop import TrackRun as TrackRun
 from ._vessel_loop import VesselLoop as VesselLoop

@@ -9,7 +9,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
 from diffthrust.models._base.model import Model
-from diffthrust.specs._lines import line_of
+from diffthrust.specs._file import line_of
 from diffthrust.specs._parts import ChannelPart, SpecFile
 
 

@@ -16,8 +16,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
-from diffthrust.specs._file import parse_toml, read_spec_text
-from diffthrust.specs._lines import line_of, with_place
+from diffthrust.specs._file import line_of, parse_toml, read_spec_text, with_place
 from diffthrust.specs._parts import (
     ChannelPart,
     CraftPart,

@@ -7,8 +7,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.logs._kinds import EXCEL, HDF5, MAT, PARQUET, Kind
 from diffthrust.logs._tables.csv import read_csv
 from diffthrust.logs._tables.excel import read_excel
-from diffthrust.logs._tables.hdf5 import read_hdf5
-from diffthrust.logs._tables.mat import read_mat
+from diffthrust.logs._tables.mat import read_hdf5, read_mat
 from diffthrust.logs._tables.parquet import read_parquet
 from diffthrust.logs._tables.source import OpenTable
 
