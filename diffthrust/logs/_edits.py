@@ -191,7 +191,7 @@ class LogEdits(ABC):
         used = len(self) // samples * samples
 
         def mean(name: str, values: np.ndarray) -> np.ndarray:
-            blocks = _unwrapped(values, self.units[name])[:used].reshape(-1, samples)
+            blocks = unwrapped(values, self.units[name])[:used].reshape(-1, samples)
             finite = np.isfinite(blocks)
             counts = finite.sum(axis=1)
             sums = np.where(finite, blocks, 0.0).sum(axis=1)
@@ -235,7 +235,7 @@ class LogEdits(ABC):
         steps = _EvenSteps.of(self.time, rate, self.name)
 
         def mean(name: str, values: np.ndarray) -> np.ndarray:
-            plain = _unwrapped(values, self.units[name])
+            plain = unwrapped(values, self.units[name])
             if self.hold.get(name) == "zero":
                 return steps.held_means(self.time, plain)
             if name in self.inputs:
@@ -268,7 +268,7 @@ def _moved(
         read = values[np.clip(index, 0, time.size - 1)]
         outside = index < 0
     else:
-        read, outside = np.interp(at, time, _unwrapped(values, unit)), at < time[0] - 1e-9
+        read, outside = np.interp(at, time, unwrapped(values, unit)), at < time[0] - 1e-9
     return np.where(outside | (at > time[-1] + 1e-9), np.nan, read)
 
 
@@ -358,7 +358,7 @@ class _EvenSteps:
         return (until - np.interp(self.time, ends, integral)) / self.width
 
 
-def _unwrapped(values: np.ndarray, unit: str) -> np.ndarray:
+def unwrapped(values: np.ndarray, unit: str) -> np.ndarray:
     """Angles across their jumps: a heading from 359 to 1 degree would average to 180."""
     if unit not in _TURN:
         return values

@@ -12,6 +12,7 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.visible import in_line
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, fields_of_columns
+from diffthrust.logs._edits import unwrapped
 from diffthrust.logs._identity import log_file
 from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
@@ -19,8 +20,6 @@ from diffthrust.logs._robots.open import series_in
 from diffthrust.logs._robots.resample import resample
 from diffthrust.logs._robots.series import Series, column_place
 from diffthrust.logs._validate import is_finite, window
-
-_TURNS = {"rad": 2 * np.pi, "deg": 360.0}
 
 
 def read_robot_log(
@@ -192,10 +191,8 @@ def _numbers(file: Path, words: Sequence[str | float]) -> list[float]:
 def _unwrapped(series: Series, column: Column, channel: str) -> Series:
     """Unwrap an angle, so that nothing is interpolated between pi and -pi."""
     standard = CHANNELS[channel].unit if channel in CHANNELS else ""
-    turn = _TURNS.get(column.unit or standard)
-    if turn is None:
-        return series
-    values = np.unwrap(series.values, period=turn)
-    jumps = int((np.abs(np.diff(values - series.values)) > turn / 2).sum())
+    values = unwrapped(series.values, column.unit or standard)
+    # where an angle was unwrapped it differs by turns, of 6.28 or 360
+    jumps = int((np.abs(np.diff(values - series.values)) > 1.0).sum())
     notes = (*series.notes, f"{jumps} jumps of a full turn were removed") if jumps else series.notes
     return Series(series.place, series.time, values, notes)
