@@ -3,7 +3,7 @@ from ._classical import DeadZone as DeadZone
 from ._classical import Relay as Relay
 from ._classical import Saturation as Saturation
 from ._element import Nonlinearity as Nonlinearity
-from ._figures import plot_pole_motion as plot_pole_motion
+from ._figures_pole import plot_pole_motion as plot_pole_motion
 from ._find import limit_cycles as limit_cycles
 from ._model_element import ModelElement as ModelElement
 from ._oscillation import LimitCycle as LimitCycle

@@ -201,7 +201,7 @@ class ThrusterLoop(Result):
     @showing
     def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
         """Command and thrust from rest beside the set point (the paper's figure 14)."""
-        from diffthrust.cycles._figures import course_figure
+        from diffthrust.cycles._figures_course import course_figure
 
         levels = {"printed formula": self.printed, "consistent formula": self.consistent}
         if len(self.found):
@@ -215,7 +215,7 @@ class ThrusterLoop(Result):
     @showing
     def plot_poles(self) -> Figure:
         """How the closed loop's poles move as the command grows (the paper's figure 13)."""
-        from diffthrust.cycles._figures import pole_figure
+        from diffthrust.cycles._figures_pole import pole_figure
 
         f = self.found
         top = 8.0 * max([c.amplitude for c in f], default=self.consistent / self.newton)

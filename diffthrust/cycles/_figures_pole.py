@@ -1,136 +1,21 @@
-"""Figures of limit cycles: the Nyquist plot, poles over the amplitude, a simulated course."""
+"""Figure of the closed loop's poles as the amplitude grows (Yoerger et al. 1990, figure 13)."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, showing, styled
+from diffthrust._support.figures import literal, showing, styled
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.cycles._crossings import grid_of, loop_poles
 from diffthrust.cycles._element import Nonlinearity
 from diffthrust.cycles._find import element_of, range_of
-from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-
-_MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
-
-
-def nyquist_figure(
-    transfer: Transfer,
-    element: Nonlinearity,
-    cycles: Sequence[LimitCycle],
-    *,
-    amplitudes: tuple[float, float],
-    frequencies: tuple[float, float],
-    nearest: tuple[float, float, float],
-    unit: str,
-) -> Figure:
-    """The polar plot of the linear part and of the element, their crossings labelled.
-
-    The window is laid around the crossings, or without any around the place where the two come
-    nearest; parts of the curves far outside are not drawn.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.4, 6.8), layout="constrained")
-    axes = figure.add_subplot()
-    w = np.geomspace(*frequencies, 4000)
-    a = np.geomspace(*amplitudes, 400 if element.lags else 2000)
-    if not element.lags and element.scale:
-        a = np.unique(np.concatenate([a, element.least + element.scale * np.geomspace(1e-6, 50)]))
-    places = [complex(transfer(1j * c.frequency)) for c in cycles]
-    if not places:
-        places = [complex(transfer(1j * nearest[2]))]
-    radius = 2.5 * max(max(abs(p) for p in places), 1e-12)
-    _drawn(axes, transfer(1j * w), radius, BLUE, "G(jw)", "-")
-    crossings = list(dict.fromkeys(c.frequency for c in cycles)) or [nearest[2]]
-    for i, frequency in enumerate(crossings if element.lags else crossings[:1]):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            curve = -1.0 / element.describing(a, frequency)
-        label = f"-1/N(A, {frequency:.3g} rad/s)" if element.lags else "-1/N(A)"
-        _drawn(axes, curve, radius, VERMILLION, label, ("-", "--", ":", "-.")[i % 4])
-    for number, (c, place) in enumerate(zip(cycles, places, strict=False), 1):
-        mark, face = _MARKS[c.verdict]
-        best, side = c.best, _clear_side(transfer, c.frequency)
-        axes.plot(
-            [place.real],
-            [place.imag],
-            mark,
-            color="black",
-            markerfacecolor=face,
-            markersize=7,
-            zorder=4,
-            label=f"{number}. {c.verdict}: amplitude {best.amplitude:.4g}{unit}, "
-            f"{best.frequency:.4g} rad/s",
-        )
-        axes.annotate(
-            str(number),
-            (place.real, place.imag),
-            xytext=(6, side + math.copysign(11 * ((number - 1) % 3), side)),
-            textcoords="offset points",
-            fontsize=9,
-            fontweight="bold",
-            zorder=5,
-        )
-    axes.axhline(0.0, color="0.5", linewidth=0.7, zorder=0)
-    axes.axvline(0.0, color="0.5", linewidth=0.7, zorder=0)
-    title = f"G = {transfer}\nN: {literal(str(element))}"
-    styled(axes, title, "real part", "imaginary part")
-    for limits, parts in (
-        (axes.set_xlim, [p.real for p in places]),
-        (axes.set_ylim, [p.imag for p in places]),
-    ):
-        limits(min(0.0, *parts, 0.0) - 0.5 * radius, max(0.0, *parts, 0.0) + 0.5 * radius)
-    axes.set_aspect("equal")
-    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-    if not cycles:
-        axes.text(
-            0.02, 0.98, "no limit cycle in the range", transform=axes.transAxes, va="top",
-            fontsize=10,
-        )  # fmt: skip
-    return figure
-
-
-def _clear_side(transfer: Transfer, w: float) -> int:
-    """Height of a label [points] that keeps off G's curve: below where that rises to the right."""
-    ahead = complex(transfer(1.001j * w) - transfer(1j * w))
-    return -14 if ahead.real * ahead.imag > 0 else 7
-
-
-def _drawn(
-    axes: Axes, curve: np.ndarray, radius: float, colour: str, label: str, style: str
-) -> None:
-    """A curve where it is finite and not far outside the window, an arrow in its direction."""
-    near = np.isfinite(curve) & (np.abs(curve) < 4.0 * radius)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-    named = False
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        z = curve[first:last]
-        axes.plot(
-            np.real(z), np.imag(z), style, color=colour, linewidth=1.5, label="" if named else label
-        )
-        named = True
-        inside = np.flatnonzero(np.abs(z) < 0.9 * radius)
-        if inside.size > 4:
-            length = np.cumsum(np.abs(np.diff(z[inside], prepend=z[inside[0]])))
-            k = int(inside[np.searchsorted(length, 0.6 * length[-1])])
-            k = min(max(k, 1), z.size - 1)
-            if abs(z[k] - z[k - 1]) > 1e-12 * radius:
-                axes.annotate(
-                    "", (z[k].real, z[k].imag), (z[k - 1].real, z[k - 1].imag),
-                    arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16},
-                )  # fmt: skip
-
 
 _COUNT = 64
 
@@ -280,25 +165,3 @@ def _window(transfer: Transfer, poles: np.ndarray) -> float:
     if near.size:
         return 1.3 * float(min(near.max(), 4.0 * np.median(near)))
     return 2.0 * float(transfer.corners[-1])
-
-
-def course_figure(course: LoopCourse, levels: Mapping[str, float], title: str) -> Figure:
-    """Command and thrust over time, with what the formulas and the balance say of the peak."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.4, 4.4), layout="constrained")
-    axes = figure.add_subplot()
-    axes.plot(course.time, course.output, color=GREY, linewidth=1.6, label="thrust")
-    axes.plot(course.time, course.input, color=BLUE, linewidth=1.3, label="command")
-    for style, (name, level) in zip((":", "--", "-"), levels.items(), strict=False):
-        for side in (level, -level):
-            axes.axhline(
-                side,
-                color=VERMILLION,
-                linestyle=style,
-                linewidth=0.9,
-                label=f"{name}: {level:.2f} N" if side > 0 else "",
-            )
-    styled(axes, title, "time [s]", "force [N]")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8.5)
-    return figure

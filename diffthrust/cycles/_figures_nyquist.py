@@ -1,0 +1,127 @@
+"""Figure of a loop's limit cycles: G(jw) against -1/N(A, w)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
+from diffthrust._support.transfer import Transfer
+from diffthrust.cycles._element import Nonlinearity
+from diffthrust.cycles._oscillation import LimitCycle
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
+
+
+def nyquist_figure(
+    transfer: Transfer,
+    element: Nonlinearity,
+    cycles: Sequence[LimitCycle],
+    *,
+    amplitudes: tuple[float, float],
+    frequencies: tuple[float, float],
+    nearest: tuple[float, float, float],
+    unit: str,
+) -> Figure:
+    """The polar plot of the linear part and of the element, their crossings labelled.
+
+    The window is laid around the crossings, or without any around the place where the two come
+    nearest; parts of the curves far outside are not drawn.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.4, 6.8), layout="constrained")
+    axes = figure.add_subplot()
+    w = np.geomspace(*frequencies, 4000)
+    a = np.geomspace(*amplitudes, 400 if element.lags else 2000)
+    if not element.lags and element.scale:
+        a = np.unique(np.concatenate([a, element.least + element.scale * np.geomspace(1e-6, 50)]))
+    places = [complex(transfer(1j * c.frequency)) for c in cycles]
+    if not places:
+        places = [complex(transfer(1j * nearest[2]))]
+    radius = 2.5 * max(max(abs(p) for p in places), 1e-12)
+    _drawn(axes, transfer(1j * w), radius, BLUE, "G(jw)", "-")
+    crossings = list(dict.fromkeys(c.frequency for c in cycles)) or [nearest[2]]
+    for i, frequency in enumerate(crossings if element.lags else crossings[:1]):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            curve = -1.0 / element.describing(a, frequency)
+        label = f"-1/N(A, {frequency:.3g} rad/s)" if element.lags else "-1/N(A)"
+        _drawn(axes, curve, radius, VERMILLION, label, ("-", "--", ":", "-.")[i % 4])
+    for number, (c, place) in enumerate(zip(cycles, places, strict=False), 1):
+        mark, face = _MARKS[c.verdict]
+        best, side = c.best, _clear_side(transfer, c.frequency)
+        axes.plot(
+            [place.real],
+            [place.imag],
+            mark,
+            color="black",
+            markerfacecolor=face,
+            markersize=7,
+            zorder=4,
+            label=f"{number}. {c.verdict}: amplitude {best.amplitude:.4g}{unit}, "
+            f"{best.frequency:.4g} rad/s",
+        )
+        axes.annotate(
+            str(number),
+            (place.real, place.imag),
+            xytext=(6, side + math.copysign(11 * ((number - 1) % 3), side)),
+            textcoords="offset points",
+            fontsize=9,
+            fontweight="bold",
+            zorder=5,
+        )
+    axes.axhline(0.0, color="0.5", linewidth=0.7, zorder=0)
+    axes.axvline(0.0, color="0.5", linewidth=0.7, zorder=0)
+    title = f"G = {transfer}\nN: {literal(str(element))}"
+    styled(axes, title, "real part", "imaginary part")
+    for limits, parts in (
+        (axes.set_xlim, [p.real for p in places]),
+        (axes.set_ylim, [p.imag for p in places]),
+    ):
+        limits(min(0.0, *parts, 0.0) - 0.5 * radius, max(0.0, *parts, 0.0) + 0.5 * radius)
+    axes.set_aspect("equal")
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    if not cycles:
+        axes.text(
+            0.02, 0.98, "no limit cycle in the range", transform=axes.transAxes, va="top",
+            fontsize=10,
+        )  # fmt: skip
+    return figure
+
+
+def _clear_side(transfer: Transfer, w: float) -> int:
+    """Height of a label [points] that keeps off G's curve: below where that rises to the right."""
+    ahead = complex(transfer(1.001j * w) - transfer(1j * w))
+    return -14 if ahead.real * ahead.imag > 0 else 7
+
+
+def _drawn(
+    axes: Axes, curve: np.ndarray, radius: float, colour: str, label: str, style: str
+) -> None:
+    """A curve where it is finite and not far outside the window, an arrow in its direction."""
+    near = np.isfinite(curve) & (np.abs(curve) < 4.0 * radius)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    named = False
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        z = curve[first:last]
+        axes.plot(
+            np.real(z), np.imag(z), style, color=colour, linewidth=1.5, label="" if named else label
+        )
+        named = True
+        inside = np.flatnonzero(np.abs(z) < 0.9 * radius)
+        if inside.size > 4:
+            length = np.cumsum(np.abs(np.diff(z[inside], prepend=z[inside[0]])))
+            k = int(inside[np.searchsorted(length, 0.6 * length[-1])])
+            k = min(max(k, 1), z.size - 1)
+            if abs(z[k] - z[k - 1]) > 1e-12 * radius:
+                axes.annotate(
+                    "", (z[k].real, z[k].imag), (z[k - 1].real, z[k - 1].imag),
+                    arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16},
+                )  # fmt: skip
