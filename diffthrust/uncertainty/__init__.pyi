@@ -11,7 +11,7 @@ from ._prediction.quantities import Quantities as Quantities
 from ._prediction.quantities import quantities as quantities
 from ._profile import profile as profile
 from ._profile_curve import Profile as Profile
-from ._profile_curve import Profiles as Profiles
+from ._profile_result import Profiles as Profiles
 from ._sampling.convergence import Convergence as Convergence
 from ._sampling.convergence import convergence as convergence
 from ._sampling.figures import plot_corner as plot_corner

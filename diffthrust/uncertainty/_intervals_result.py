@@ -11,7 +11,7 @@ from diffthrust._support.report import Report
 from diffthrust._support.results import Result, report_of
 from diffthrust.uncertainty._directions import Directions
 from diffthrust.uncertainty._intervals_row import Row
-from diffthrust.uncertainty._profile_curve import Profiles
+from diffthrust.uncertainty._profile_result import Profiles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,7 +17,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._prediction.physical import derived
-from diffthrust.uncertainty._profile_curve import Better, Profile, Profiles
+from diffthrust.uncertainty._profile_curve import Profile
 from diffthrust.uncertainty._profile_lines import (
     Function,
     Line,
@@ -25,6 +25,7 @@ from diffthrust.uncertainty._profile_lines import (
     ProfilePoint,
     QuantityLine,
 )
+from diffthrust.uncertainty._profile_result import Better, Profiles
 from diffthrust.uncertainty._profile_walk import DeeperError, Side, walk
 from diffthrust.uncertainty._sandwich import converged, quantile
 
