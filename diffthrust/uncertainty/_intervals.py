@@ -20,7 +20,8 @@ from diffthrust.uncertainty._directions import directions_of
 from diffthrust.uncertainty._intervals_result import Intervals
 from diffthrust.uncertainty._intervals_row import Interval, Row
 from diffthrust.uncertainty._profile import check_level, profiles_of, threshold_of
-from diffthrust.uncertainty._profile_curve import LOPSIDED, Profile, Profiles
+from diffthrust.uncertainty._profile_curve import LOPSIDED, Profile
+from diffthrust.uncertainty._profile_result import Profiles
 from diffthrust.uncertainty._sandwich import Sandwich, converged, quantile, sandwich_of
 from diffthrust.uncertainty._scores import sample_scores
 
