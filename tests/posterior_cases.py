@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from diffthrust.uncertainty._profile_result import (  # private: made by a call
-    Better,
-    Profiles,
-)
 from reference import inputs, thruster
 
 import diffthrust as dft
@@ -37,6 +33,10 @@ from diffthrust.uncertainty._profile_lines import (  # private: a line of one's 
     ProfilePoint,
     QuantityLine,
     spread,
+)
+from diffthrust.uncertainty._profile_result import (  # private: made by a call
+    Better,
+    Profiles,
 )
 from diffthrust.uncertainty._profile_walk import (  # private: the walk alone
     DeeperError,
