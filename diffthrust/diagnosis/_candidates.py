@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 import jax
@@ -16,7 +16,7 @@ from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Signals, UnknownSignal
 from diffthrust.simulation._dependence import enters
 from diffthrust.simulation._linearise import Reading, slopes_at
 from diffthrust.simulation._record import Record, are_tables
@@ -89,10 +89,12 @@ def candidates_of(
             untestable[effect.name] = (
                 f"reads the channel {listing(unread)}, which the model {model.name} does not take"
             )
-        elif timeless and _takes_time(model, effect, inputs):
-            untestable[effect.name] = TAKES_TIME
         elif all(p in model.outputs and p not in measured for p in effect.ports):
             untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
+        elif effect.name not in named and (absent := _absent_signal(model, effect, inputs)):
+            untestable[effect.name] = f"reads the signal {absent}, which the model does not have"
+        elif timeless and _takes_time(model, effect, inputs):
+            untestable[effect.name] = TAKES_TIME
         elif remembered:
             untestable[effect.name] = (
                 f"reads the past of {listing(remembered)}, by which the trials correct the model"
@@ -120,6 +122,21 @@ def _without_null(effect: Effect) -> InputError:
 def _takes_time(model: Model, effect: Effect, inputs: Collection[str]) -> bool:
     """Whether an effect has states, remembers, or reads the clock."""
     return bool(effect.states) or effect.memory or enters("time", model + effect, inputs)
+
+
+def _absent_signal(model: Model, effect: Effect, inputs: Set[str]) -> str:
+    """A signal that an effect reads where it acts and that is not there; "" if all are.
+
+    A thruster on a craft that is a curve of its command has the port of the propeller, whose other
+    effects read the speed of a shaft.
+    """
+    if inputs >= {*effect.ports}:  # such an effect takes the recorded series alone
+        return ""
+    try:
+        enters("time", model + effect, inputs)
+    except UnknownSignal as error:
+        return error.signal
+    return ""
 
 
 def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, ...]:

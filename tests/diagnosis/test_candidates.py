@@ -322,3 +322,16 @@ def test_it_stands_beside_the_catalogue_and_is_tried_for_what_it_needs():
     assert asked().name not in [
         e.name for e in candidates_of(model + asked(), bind(model + asked(), (train,)), asked())[0]
     ]
+
+
+def test_an_effect_that_reads_what_a_static_thruster_lacks_is_not_tried():
+    """A curve of the command has the port of a propeller, but no speed of a shaft."""
+    law = dft.actuators.StaticThruster()
+    boat = dft.Craft(dft.bodies.Axis(), a=law.at((-1, 0, 0)), b=law.at((1, 0, 0)), share=["ab"])
+    time = 0.1 * np.arange(40)
+    inputs = dict.fromkeys(boat.inputs, np.sin(time))
+    log = dft.Log(time, inputs, {"velocity": 0.1 * np.sin(time)}, units=dict(boat.inputs))
+    tried, untestable = candidates_of(boat, bind(boat, [log]))
+    for name in ("cavitation", "a.cavitation"):
+        assert "reads the signal speed" in untestable[name]
+    assert {"b.command_deadband", "thrust_degradation"} <= {effect.name for effect in tried}

@@ -42,6 +42,22 @@ RatesAndOutputs: TypeAlias = tuple[Mapping[str, Rate], Mapping[str, Signal]]
 """What the equations of a model give: the rates of its states, and its outputs."""
 
 
+class UnknownSignal(InputError):
+    """Equations read a signal that neither the log nor the model has.
+
+    Attributes:
+        signal: its name.
+    """
+
+    def __init__(self, signal: str, present: Iterable[str]) -> None:
+        self.signal = signal
+        super().__init__(
+            f"The equations read the signal '{signal}', which this log and model do not have; "
+            f"there are {listing(n for n in present if '.' not in n)}.",
+            f"Give the log an input '{signal}', or use a model or effect that does without it.",
+        )
+
+
 class Signals(Mapping[str, Signal]):
     """Named signals at one instant (numbers) or over a whole log (arrays).
 
@@ -63,11 +79,7 @@ class Signals(Mapping[str, Signal]):
         try:
             return self._values[name]
         except KeyError:
-            raise InputError(
-                f"The equations read the signal '{name}', which this log and model do not have; "
-                f"there are {listing(n for n in self._values if '.' not in n)}.",
-                f"Give the log an input '{name}', or use a model or effect that does without it.",
-            ) from None
+            raise UnknownSignal(name, self._values) from None
 
     def __getitem__(self, name: str) -> Signal:
         return self._values[name]
