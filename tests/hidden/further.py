@@ -10,6 +10,7 @@
     dominated      a channel is moved by what no model explains, by more than by the plant: an
                    effect on the others must be added all the same, and nothing without one
     periodic_force, periodic_none   a force that is periodic in time, and what looks like it
+    craft, craft_none   what is wrong with one thruster of many, wiring, trim or sea (`crafts`)
 
 The plants are those of the bench, or simulated in NumPy (`tanks`, `hull`).
 """
@@ -27,7 +28,7 @@ from scipy.signal import lfilter
 
 import diffthrust as dft
 
-from . import excitation, hull, periodic, plants, sets, tanks
+from . import crafts, excitation, hull, periodic, plants, sets, tanks
 from .plants import Plant
 from .sets import HiddenSet
 
@@ -55,6 +56,8 @@ FURTHER: sets.Classes = {
     "dominated_none": ((), 4),
     "periodic_force": (("alone", "gusty", "command_deadband", "vessel"), 5),
     "periodic_none": (("gusty", "turns", "sines"), 4),
+    "craft": (crafts.WRONG, 6),
+    "craft_none": ((), 12),
 }
 
 
@@ -65,7 +68,7 @@ class FurtherSet(HiddenSet):
     Attributes:
         candidates: what the diagnosis is to try; the catalogue where ``None``.
         asks: what must be said: "effect", "added", "not adequate", "held", "odd", "group",
-            "nothing", "periodic", "not periodic".
+            "nothing", "periodic", "not periodic", "doubt", "sound".
         about: the names that it must be said of.
     """
 
@@ -248,6 +251,12 @@ def _periodic_none(rng: np.random.Generator, name: str, seed: int) -> FurtherSet
     return replace(_as_further(periodic.unforced(rng, name)), asks="not periodic")
 
 
+def _craft(rng: np.random.Generator, name: str, seed: int) -> FurtherSet:
+    drawn = crafts.drawn(rng, name or "nothing")
+    made = _made(drawn.model, drawn.train, drawn.unseen, truth=drawn.truth)
+    return replace(made, asks=drawn.asks, about=drawn.about)
+
+
 _MAKERS: dict[str, Callable[[np.random.Generator, str, int], FurtherSet]] = {
     "unmeasured": _unmeasured,
     "constants": _constants,
@@ -262,4 +271,6 @@ _MAKERS: dict[str, Callable[[np.random.Generator, str, int], FurtherSet]] = {
     "dominated_none": _dominated,
     "periodic_force": _periodic_force,
     "periodic_none": _periodic_none,
+    "craft": _craft,
+    "craft_none": _craft,
 }

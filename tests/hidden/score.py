@@ -54,6 +54,8 @@ TARGETS: dict[str, float] = {
     "dominated_none": 0.95,
     "periodic_force": 0.90,
     "periodic_none": 0.97,
+    "craft": 0.90,
+    "craft_none": 0.97,
 }
 LABELS = (
     "right",
@@ -153,6 +155,8 @@ def _further(hidden: FurtherSet, diag: Any) -> Outcome:
         right = _paired(hidden.about, [*groups, *map(set, diag.detectable_groups)]) is not None
         label = "right" if right and added else "missed" if not added else "false alarm"
         return Outcome(label == "right", label, f"{said}, groups {data['groups']}")
+    if hidden.asks in ("doubt", "sound"):
+        return _wired(hidden, diag, said)
     if hidden.asks.endswith("periodic"):
         return _periodic(hidden, diag, said)
     if hidden.asks == "group":
@@ -169,6 +173,26 @@ def _further(hidden: FurtherSet, diag: Any) -> Outcome:
     if named != about or added - same:
         return Outcome(False, "false alarm", said)
     return Outcome(True, "right", said)
+
+
+def _wired(hidden: FurtherSet, diag: Any, said: str) -> Outcome:
+    """The one doubt, its kind and its commands; or none, and no effect or constant besides.
+
+    Beside a doubt that is right, effects are of the logs as they are, and are not judged.
+    """
+    doubts = [
+        (doubt.kind, *(name.partition(".")[0] for name in doubt.readings[0].sources))
+        for doubt in diag.doubts
+    ]
+    said = f"{said}; held {sorted(diag.held)}; doubts {doubts}, asked {hidden.about}"
+    if hidden.asks == "sound":
+        told = bool(doubts or diag.added or diag.held)
+        return Outcome(not told, "false alarm" if told else "right", said)
+    if not doubts:
+        return Outcome(False, "missed", said)
+    kind, *names = hidden.about
+    right = len(doubts) == 1 and (doubts[0][0], {*doubts[0][1:]}) == (kind, {*names})
+    return Outcome(right, "right" if right else "wrong name", said)
 
 
 def _periodic(hidden: FurtherSet, diag: Any, said: str) -> Outcome:
@@ -194,7 +218,7 @@ def held_out_ratio(hidden: HiddenSet, diag: Any) -> float:
     """Held-out error of the last stage over that of the true structure fitted to the same logs."""
     model = hidden.model
     for name in hidden.truth:
-        model = model + dft.effects.EFFECTS[name]()
+        model = model + name
     truth = dft.fit(model, hidden.train, holdout=hidden.unseen)
     assert truth.holdout is not None
     return diag.stages[-1].holdout.nrmse / truth.holdout.nrmse

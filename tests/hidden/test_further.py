@@ -11,6 +11,7 @@ import diffthrust as dft
 from . import bench, further, hull, score, sets
 
 KINDS = tuple(sets.kinds(further.FURTHER))
+DRAWN_SLOWLY = ("too_small", "craft")
 
 
 def told(verdict="adequate", groups=(), held=(), odd=(), detectable=()):
@@ -24,7 +25,7 @@ def told(verdict="adequate", groups=(), held=(), odd=(), detectable=()):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", [k for k in KINDS if not k.startswith("too_small")])
+@pytest.mark.parametrize("kind", [k for k in KINDS if not k.startswith(DRAWN_SLOWLY)])
 def test_a_set_is_the_same_for_the_same_seed(kind):
     first, again = bench.drawn(kind, 2), bench.drawn(kind, 2)
     for a, b in zip((*first.train, first.unseen), (*again.train, again.unseen), strict=True):
@@ -143,6 +144,34 @@ def test_the_score_of_periodic_forces():
     none = replace(waves, asks="not periodic")
     assert score.score(none, found(["a"])).right
     assert score.score(none, found(["periodic_force"])).label == "false alarm"
+
+
+def test_the_score_of_crafts():
+    two = replace(bench.drawn("gaps_none", 0), asks="doubt", about=("exchanged", "t2", "t5"))
+
+    def doubting(*doubts, **more):
+        said = told(**more)
+        said.held = ()
+        said.doubts = [
+            SimpleNamespace(kind=kind, readings=[SimpleNamespace(sources=dict.fromkeys(names))])
+            for kind, *names in doubts
+        ]
+        return said
+
+    exchanged = ("exchanged", "t5.command", "t2.command")
+    for said, label in (
+        (doubting(exchanged, verdict="effects_found", groups=[["wind"]]), "right"),
+        (doubting(("exchanged", "t5.command", "t1.command")), "wrong name"),
+        (doubting(exchanged, ("sign", "t1.command")), "wrong name"),
+        (doubting(), "missed"),
+    ):
+        assert score.score(two, said).label == label
+    sound = replace(two, asks="sound", about=())
+    assert score.score(sound, doubting()).right
+    assert score.score(sound, doubting(exchanged)).label == "false alarm"
+    assert score.score(sound, doubting(verdict="effects_found", groups=[["wind"]])).label == (
+        "false alarm"
+    )
 
 
 def test_a_periodic_set_has_its_line_and_the_ripple_its_turns():

@@ -61,13 +61,20 @@ class Actuator:
     rates: Callable[[Sequence[float], Sequence[float]], list[float]] = lambda x, u: []
     start: tuple[float, ...] = ()
     reaction: float = 0.0
+    columns: tuple[Array, Array, Array] = field(init=False)
+
+    def __post_init__(self) -> None:
+        d, r = np.array(self.pointing), np.array(self.place)
+        aside = np.cross([0.0, 0.0, 1.0], d)
+        columns = [np.concatenate([f, np.cross(r, f)]) for f in (d, aside)]
+        torque = np.concatenate([np.zeros(3), self.reaction * d])
+        object.__setattr__(self, "columns", (columns[0], columns[1], torque))
 
     def wrench(self, x: Sequence[float], u: Sequence[float], v: Array) -> Array:
         """Force and moment on the craft about its origin."""
-        d, r = np.array(self.pointing), np.array(self.place)
-        along, aside = self.force(x, u, float(d @ (v[:3] + np.cross(v[3:], r))))
-        f = along * d + aside * np.cross([0.0, 0.0, 1.0], d)
-        return np.concatenate([f, np.cross(r, f) + self.reaction * along * d])
+        ahead, right, torque = self.columns  # by the first the water past it is seen as well
+        along, aside = self.force(x, u, float(ahead @ v))
+        return along * (ahead + torque) + aside * right
 
 
 @dataclass(frozen=True)
@@ -92,24 +99,26 @@ class Body:
     lift: Sequence[float] = (0.0, 0.0, 0.0)
     free: Sequence[int] = (0, 1, 2, 3, 4, 5)
     mass_matrix: Array = field(init=False)
+    mobility: Array = field(init=False)
+    shifts: tuple[Array, Array, Array] = field(init=False)
 
     def __post_init__(self) -> None:
         h = shift(self.centre)
         object.__setattr__(self, "mass_matrix", h.T @ np.diag(self.masses) @ h)
+        at, mobility = np.ix_(self.free, self.free), np.zeros((6, 6))
+        mobility[at] = np.linalg.inv(self.mass_matrix[at])
+        object.__setattr__(self, "mobility", mobility)
+        shifts = tuple(shift(place) for place in (self.resistance, self.centre, self.lift))
+        object.__setattr__(self, "shifts", shifts)
 
     def acceleration(self, v: Array, rotation: Array, applied: Array) -> Array:
         """v' of the free axes, zero for the others."""
-        h = shift(self.resistance)
+        h, centre, lift = self.shifts
         at = h @ v
         damping = h.T @ ((np.array(self.linear) + np.array(self.quadratic) * np.abs(at)) * at)
         down = rotation.T @ [0.0, 0.0, 1.0]
-        for force, place in ((self.weight, self.centre), (-self.buoyancy, self.lift)):
-            applied = applied + shift(place).T @ np.concatenate([force * down, np.zeros(3)])
-        net = applied - coriolis(self.mass_matrix, v) @ v - damping
-        rows = np.array(self.free)
-        out = np.zeros(6)
-        out[rows] = np.linalg.solve(self.mass_matrix[np.ix_(rows, rows)], net[rows])
-        return out
+        applied = applied + (self.weight * centre - self.buoyancy * lift)[:3].T @ down
+        return self.mobility @ (applied - coriolis(self.mass_matrix, v) @ v - damping)
 
 
 def simulate(
