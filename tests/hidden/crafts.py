@@ -87,6 +87,8 @@ def _vehicle(rng: np.random.Generator, wrong: str) -> Drawn:
         free=(0, 1, 2, 5),
     )
     one, other = (f"t{k + 1}" for k in rng.permutation(8)[:2])
+    if wrong == "exchanged":  # the four that lift do the same here, and no log tells two apart
+        one = f"t{rng.choice([k for k in range(1, 5) if f't{k}' != other])}"
     strength = {one: rng.uniform(0.6, 0.85)} if wrong == "weak" else {}
     late = int(rng.integers(2, 6))
     band = rng.uniform(0.12, 0.25)
