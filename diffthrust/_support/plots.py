@@ -20,6 +20,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 
 from diffthrust._support.figures import BLUE
+from diffthrust._support.words import humanize
 
 _LOW = 90
 """Display: height of a figure [px] below which more than three ticks collide."""
@@ -122,7 +123,7 @@ class Staircase:
         ``logs`` says which err so much, "unseen logs"; an error ``top`` must be within the picture,
         too. The first ``unfitted`` have values that were not fitted: they are hatched.
         """
-        labels = [fill(name.replace("_", " "), _WORDS) for name in names]
+        labels = [fill(humanize(name), _WORDS) for name in names]
         self.factors.factors = labels
         shown = [f"{error:.3g}" for error in errors]
         hatch = ["/" if k < unfitted else " " for k in range(len(labels))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 
 _SPELT = {"deadband": "dead band", "coulomb": "Coulomb", "dc": "DC"}
@@ -52,7 +53,7 @@ def humanize(name: str) -> str:
         >>> humanize("command_deadband")
         'command dead band'
     """
-    words = " ".join(_SPELT.get(word, word) for word in name.split("_"))
+    words = re.sub(r"\w+", lambda word: _SPELT.get(word[0], word[0]), name.replace("_", " "))
     return words.replace("half width", "half-width")
 
 

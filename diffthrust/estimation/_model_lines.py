@@ -36,7 +36,7 @@ def python_lines(model: Model) -> str:
         })
     """
     parts = (model, *model.effects)
-    lines = [*_hints(parts), f"model = {' + '.join(map(_code, parts))}"]
+    lines = [*_hints(parts), f"model = {' + '.join(map(code_of, parts))}"]
     fields = _differing(model)
     if fields:
         entries = [f"    {as_python(n)}: {_entry_code(entry)}," for n, entry in fields.items()]
@@ -84,10 +84,10 @@ def effects_line(effects: Iterable[Effect | str]) -> str:
     return ToCopy(f"effects = [{', '.join(map(_word, effects))}]")
 
 
-def _code(component: Component) -> str:
+def code_of(component: Component) -> str:
     """A model without its effects, or an effect, as it is constructed."""
     by_name = isinstance(component, Effect) and catalogue().get(component.name) is type(component)
-    if code := component.as_code(_code):
+    if code := component.as_code(code_of):
         return code
     chosen = _chosen(component)
     if by_name and not chosen:

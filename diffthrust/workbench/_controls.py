@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from html import escape
 
 from bokeh.layouts import column
@@ -48,7 +48,7 @@ class Controls:
 
     Args:
         model: as it was opened.
-        addable: the effects that may be added.
+        addable: the effects that may be added, by name.
         shown: the units of the logs.
         on_tick: is told the names of the effects that are ticked.
         on_slide: is told a parameter and its value, at each move.
@@ -58,17 +58,17 @@ class Controls:
     def __init__(
         self,
         model: Model,
-        addable: Sequence[Effect],
+        addable: Mapping[str, Effect],
         shown: ShownUnits,
         *,
         on_tick: Callable[[str, bool], None],
         on_slide: Callable[[str, float], None],
         on_release: Callable[[], None],
     ) -> None:
-        self.addable = {effect.name: effect for effect in addable}
+        self.addable = addable
         self.shown, self.on_tick = shown, on_tick
         self.on_slide, self.on_release = on_slide, on_release
-        ports = dict.fromkeys(port for effect in addable for port in effect.ports)
+        ports = dict.fromkeys(port for effect in addable.values() for port in effect.ports)
         self.path = PathFigure(signal_path(model), list(ports), self._choose)
         self.port = Select(
             title="Effects to add or take away",
@@ -99,9 +99,14 @@ class Controls:
 
     # -- effects ---------------------------------------------------------------------------------
 
-    def show_effects(self, effects: tuple[str, ...], worth: Mapping[str, Worth]) -> None:
-        """Show which effects the model has, and what each is worth."""
-        self.effects, self.worth = effects, worth
+    def show_effects(
+        self,
+        addable: Mapping[str, Effect],
+        effects: tuple[str, ...],
+        worth: Mapping[str, Worth],
+    ) -> None:
+        """Show which effects may be added, which the model has, and what each is worth."""
+        self.addable, self.effects, self.worth = addable, effects, worth
         self._list_effects()
 
     def _choose(self, port: str) -> None:
@@ -178,7 +183,7 @@ class Controls:
     def _slider(self, name: str, parameter: Parameter, model: Model) -> tuple[Slider, float]:
         per, unit = shown_unit(parameter, model, self.shown)
         low, high = slider_range(parameter)
-        words = name.replace("_", " ").replace(".", ", ")
+        words = humanize(name.replace(".", ", "))
         quantity = f"{words} [{unit}]" if unit else words
         longer = f"{words}, {parameter.doc}" + (f" [{unit}]" if unit else "")
         slider = Slider(

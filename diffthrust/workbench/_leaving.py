@@ -19,7 +19,7 @@ from diffthrust._support.literals import as_python
 from diffthrust._support.page import image
 from diffthrust.checks._check import run_again
 from diffthrust.comparison._page import comparisons_of, write_comparison_page
-from diffthrust.estimation._model_lines import python_lines
+from diffthrust.estimation._model_lines import code_of, effects_line, python_lines
 from diffthrust.specs._file import NAME
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec
@@ -59,7 +59,9 @@ def spec_text(session: Session, folder: Path) -> str:
             document["channels"][name] = {"column": channel}
         document["channels"][name]["shift"] = seconds
     kept = zip(spec.model.effects, document.get("effects", []), strict=True)
-    entries = {effect.name: entry for effect, entry in kept}
+    entries: dict[str, Any] = {effect.name: entry for effect, entry in kept}
+    laws = tomlkit.parse(effects_line(session.laws.values()))["effects"]
+    entries |= dict(zip(session.laws, laws, strict=True))
     home, words = spec.path.parent, [entries.get(name, name) for name in setup.effects]
     document["model"] = _word(document["model"], home, folder)
     document["effects"] = [_word(w, home, folder) if isinstance(w, str) else w for w in words]
@@ -155,7 +157,8 @@ def _model_code(session: Session) -> list[str]:
     source, setup = session.source, session.setup
     had = [effect.name for effect in source.model.effects]
     terms = [f" - {as_python(name)}" for name in had if name not in setup.effects]
-    terms += [f" + {as_python(name)}" for name in setup.effects if name not in had]
+    added = (session.effects[name] for name in setup.effects if name not in had)
+    terms += [f" + {code_of(effect)}" for effect in added]
     lines = [f"model = spec.model{''.join(terms)}"]
     if setup.moved:
         lines.append(f"model = model.replace({as_python(_moved(session))})")

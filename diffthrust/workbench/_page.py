@@ -16,9 +16,11 @@ from bokeh.models import RadioGroup
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
+from diffthrust._support.words import humanize
 from diffthrust.comparison._compare import Comparison
 from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.comparison._regimes import Regime
+from diffthrust.diagnosis._report.summary import TO_COPY
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.simulation._runs import Run, shown_of
@@ -31,7 +33,7 @@ from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task
 from diffthrust.workbench._tools import Tools
 
-_FITTING = "fitting"
+_FITTING, _DIAGNOSING = "fitting", "looking for what is missing"
 
 
 class Page:
@@ -54,14 +56,14 @@ class Page:
         self.shown = 0
         self.sliding: dict[str, float] = {}
         self.doing = ""
-        self.after_fit: Callable[[], None] | None = None
+        self.next: tuple[str, Callable[[], None]] | None = None
         self.regimes: tuple[Regime, ...] = ()
         self.stretch: tuple[float, float] | None = None
         self.plots = Plots(comparison.runs, self.select)
         self.results = Results(self.plots.light_up)
         self.controls = Controls(
             session.task.model,
-            session.addable[0],
+            session.effects,
             shown_of(comparison.runs),
             on_tick=self._tick,
             on_slide=self._slide,
@@ -127,10 +129,10 @@ class Page:
         self.logs.on_change("active", lambda attr, old, new: self._show_log(new))
         wide: dict[str, Any] = {"width": LEFT - 20}
         half: dict[str, Any] = {"width": LEFT // 2 - 14}
-        diagnose = partial(self._once_fitted, self._diagnose)
+        diagnose = partial(self._in_turn, _DIAGNOSING, self._diagnose)
         self.diagnosing = button("Diagnose: what is missing?", diagnose, "primary", **wide)
         self.adding = button("Add what was found", self._add_found, "success", **wide)
-        self.fitting = button("Fit", self._fit, **half)
+        self.fitting = button("Fit", partial(self._in_turn, _FITTING, self._fit), **half)
         self.stopping = button("Stop", self._stop, **half)
         self.undoing = button("Undo", partial(self.edit, session.undo), **half)
         self.redoing = button("Redo", partial(self.edit, session.redo), **half)
@@ -203,22 +205,19 @@ class Page:
     def _fitted(self, task: Task, result: Fit) -> None:
         self.session.accept(task, result)
         self._refresh()
-        begin, self.after_fit = self.after_fit, None
-        if begin:
-            begin()
 
-    def _once_fitted(self, begin: Callable[[], None]) -> None:
-        """Begin a diagnosis, where something is being fitted after that: it would be lost."""
-        if self.doing == _FITTING:
-            self.after_fit = begin
-            self._show_progress(_FITTING, 0.0)
-        else:
+    def _in_turn(self, doing: str, begin: Callable[[], None]) -> None:
+        """Begin something, after other work that is being done: minutes of it would be lost."""
+        if self.doing in ("", doing):
             begin()
+        else:
+            self.next = doing, begin
+            self._show_progress(self.doing, 0.0)
 
     def _diagnose(self) -> None:
         task, start = self.session.task, self.session.fit if self.session.fitted else None
         work = partial(task.diagnose, start)
-        self._ask(work, partial(self._diagnosed, task), "looking for what is missing")
+        self._ask(work, partial(self._diagnosed, task), _DIAGNOSING)
 
     def _diagnosed(self, task: Task, diagnosis: Diagnosis) -> None:
         self.session.accept_diagnosis(task, diagnosis)
@@ -230,13 +229,14 @@ class Page:
         if self.stretch is None:
             self._say("Select a stretch first.", "bad")
             return
-        self._once_fitted(partial(self._diagnose_stretch, Stretch(self.log_shown, *self.stretch)))
-
-    def _diagnose_stretch(self, stretch: Stretch) -> None:
-        task = self.session.task
+        stretch = Stretch(self.log_shown, *self.stretch)
         where = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
-        show = partial(self.results.show_stretch, where=where)
-        self._ask(partial(task.diagnose_stretch, stretch), show, f"looking at {where}")
+        doing, show = f"looking at {where}", partial(self.results.show_stretch, where=where)
+
+        def begin() -> None:
+            self._ask(partial(self.session.task.diagnose_stretch, stretch), show, doing)
+
+        self._in_turn(doing, begin)
 
     def _ask(
         self, work: Callable[[Progress], Any], then: Callable[[Any], None], doing: str
@@ -245,6 +245,9 @@ class Page:
             self.doing = ""
             self._show_progress("", -1.0)
             then(result)
+            following, self.next = self.next, None
+            if following:
+                following[1]()
 
         self.doing = doing  # what was stopped ends where it next reports, which takes seconds
         waiting = "waiting until the stopped work lets go"
@@ -254,14 +257,14 @@ class Page:
     def _stop(self) -> None:
         """Stop what is fitted or diagnosed; a program that is being compiled is finished first."""
         self.long.stop()
-        self.doing, self.after_fit = "", None
+        self.doing, self.next = "", None
         self._say("stopping at the next step")
 
     def _failed(self, error: Exception) -> None:
         if isinstance(error, Stopped) and self.doing:
             self._show_progress(self.doing, 0.0)  # begins now
             return
-        self.doing, self.after_fit = "", None
+        self.doing, self.next = "", None
         self._show_progress("", -1.0)
         if isinstance(error, Stopped):
             self._say("stopped")
@@ -288,9 +291,7 @@ class Page:
         self.edit(partial(self.session.tick if added else self.session.untick, name))
 
     def _add_found(self) -> None:
-        diagnosis = self.session.diagnosis
-        if diagnosis:
-            self.edit(partial(self.session.tick_all, diagnosis.added))
+        self.edit(partial(self.session.tick_all, self.session.found))
 
     def _fit_if_needed(self) -> None:
         if self.session.fit is None:
@@ -298,14 +299,14 @@ class Page:
 
     def edit(self, change: Callable[[], None]) -> None:
         """Make a change of the effects or of the logs, and the fit that it asks for."""
-        if self.attempt(change):
-            self._fit_if_needed()
+        if self.attempt(change) and self.session.fit is None:
+            self._in_turn(_FITTING, self._fit_if_needed)
 
     def _slide(self, name: str, value: float) -> None:
         self.sliding[name] = value
         setup = self.session.setup
         moved = replace(setup, values={**setup.values, **self.sliding}, moved=True)
-        task, like, index = Task(self.session.source, moved), self._like(setup), self.shown
+        task, like, index = replace(self.session.task, setup=moved), self._like(setup), self.shown
         if like is not None:
             answer = partial(self._followed, moved, index)
             self.quick.ask(lambda _: task.follow(like, index), answer, self._complain)
@@ -341,7 +342,7 @@ class Page:
         model, current = session.task.model, self._like(session.setup) is not None
         self.title.text = (
             f"<h1>{escape(session.source.name)}</h1>"
-            f"<p>{escape(str(model).replace('_', ' '))}</p>{self._status()}"
+            f"<p>{escape(humanize(str(model)))}</p>{self._status()}"
         )
         runs, count = self.comparison.runs, len(session.source.train)
         self.logs.labels = [
@@ -349,16 +350,17 @@ class Page:
             for i, run in enumerate(runs)
         ]
         worth = {**diagnosis.possible, **diagnosis.worth} if diagnosis else {}
-        self.controls.show_effects(session.setup.effects, worth)
+        worth |= {law.effect.name: law.worth for law in diagnosis.laws} if diagnosis else {}
+        self.controls.show_effects(session.effects, session.setup.effects, worth)
         self.controls.show_parameters(model, awake=current)
         now = self._error(self.comparison) if session.setup.moved else None
         has_unseen = bool(session.source.unseen)
         self.results.show_steps(session.staircase, self.opened, now, unseen=has_unseen)
         self.undoing.disabled, self.redoing.disabled = not session.earlier, not session.undone
-        found = diagnosis.added if diagnosis else ()
-        self.adding.visible = not set(found) <= set(session.setup.effects)
-        if diagnosis:
-            self.verdict.text = paragraphs(diagnosis.summary)
+        self.adding.visible = not set(session.found) <= set(session.setup.effects)
+        if diagnosis:  # the lines that are copied from a report are here a button
+            lines = [line for line in diagnosis.summary.splitlines() if TO_COPY not in line]
+            self.verdict.text = paragraphs("\n".join(lines))
         self.tools.show_setup(session.setup)
 
     def _error(self, comparison: Comparison) -> float:
@@ -374,13 +376,14 @@ class Page:
         if self.session.setup.moved:
             return '<p class="quiet">sliders were moved since the fit: "Fit" goes back to it</p>'
         kind = "quiet" if fit.status.ok else "bad"
-        return f'<p class="{kind}">fit: {escape(fit.status.value.replace("_", " "))}</p>'
+        return f'<p class="{kind}">fit: {escape(humanize(fit.status.value))}</p>'
 
     def _show_progress(self, message: str, share: float) -> None:
         working = (share >= 0.0 and self.long.busy) or bool(message)
         self.stopping.disabled = not working
+        self.diagnosing.disabled = self.doing == _DIAGNOSING
         bar = f'<div class="bar"><div style="width:{100 * max(share, 0.02):.0f}%"></div></div>'
-        after = '<p class="quiet">Diagnosed once it is fitted.</p>' if self.after_fit else ""
+        after = paragraphs(f"Then: {self.next[0]}. Stop ends both." if self.next else "", "quiet")
         self.progress.text = f"<p>{escape(message)}</p>{bar}{after}" if working else ""
 
     def _say(self, words: str, kind: str = "quiet") -> None:

@@ -81,10 +81,17 @@ class Step:
 
 @dataclass(frozen=True)
 class Task:
-    """A setup with its model and logs: what fits, comparisons and diagnoses are made of."""
+    """A setup with its model and logs: what fits, comparisons and diagnoses are made of.
+
+    Args:
+        source: what was opened.
+        setup: what was chosen.
+        laws: the learned laws among the effects, by name.
+    """
 
     source: Source
     setup: Setup
+    laws: Mapping[str, Effect] = field(default_factory=dict)
 
     @cached_property
     def model(self) -> Model:
@@ -96,7 +103,7 @@ class Task:
         present = [effect.name for effect in model.effects]
         for name in effects:
             if name not in present:
-                model = model + name
+                model = model + self.laws.get(name, name)
         has = model.parameters
         return model.replace({n: v for n, v in self.setup.values.items() if n in has})
 
@@ -184,6 +191,7 @@ class Session:
         self.earlier: list[Setup] = []
         self.fits: dict[tuple[object, ...], Fit] = {}
         self.diagnosis: Diagnosis | None = None
+        self.laws: dict[str, Effect] = {}
         self._sliding: tuple[object, ...] = ()
         self._task: Task | None = None
         if source.fit is not None:
@@ -195,7 +203,7 @@ class Session:
     def task(self) -> Task:
         """The present setup, to be worked on."""
         if self._task is None or self._task.setup is not self.setup:
-            self._task = Task(self.source, self.setup)
+            self._task = Task(self.source, self.setup, self.laws)
         return self._task
 
     @cached_property
@@ -212,6 +220,17 @@ class Session:
         catalogued = {effect.name for effect in tried}
         own = tuple(effect for effect in model.effects if effect.name not in catalogued)
         return (*own, *tried), untestable
+
+    @property
+    def effects(self) -> Mapping[str, Effect]:
+        """By name the effects that may be added, with the laws that were learned."""
+        return {effect.name: effect for effect in self.addable[0]} | self.laws
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Names of what the diagnosis has found: effects and learned laws."""
+        model = self.diagnosis.improved if self.diagnosis else self.source.model
+        return tuple(effect.name for effect in model.effects if effect.name in self.effects)
 
     @property
     def fit(self) -> Fit | None:
@@ -249,7 +268,7 @@ class Session:
         """
         if name in self.setup.effects:
             return
-        if name not in [effect.name for effect in self.addable[0]]:
+        if name not in self.effects:
             why = self.addable[1].get(name, "the model has no port for it")
             raise InputError(f"The effect {name!r} cannot be added: {why}.", "Choose another.")
         self._change(replace(self.setup, effects=(*self.setup.effects, name)), replace_values=True)
@@ -310,7 +329,8 @@ class Session:
     def _change(self, setup: Setup, *, replace_values: bool = False) -> None:
         if setup == self.setup:
             return
-        _ = Task(self.source, setup).logs, Task(self.source, setup).model  # says what is wrong
+        task = Task(self.source, setup, self.laws)
+        _ = task.logs, task.model  # says what is wrong
         if replace_values and (known := self.fits.get(setup.fitted_by)):
             setup = replace(setup, values=_values(known), moved=False)
         self.earlier.append(self.setup)
@@ -338,14 +358,15 @@ class Session:
             self.setup = replace(self.setup, values=_values(result), moved=False)
 
     def accept_diagnosis(self, task: Task, diagnosis: Diagnosis) -> None:
-        """Keep a diagnosis, and the fits of its stages, which are steps of the staircase."""
+        """Keep a diagnosis, and the fits of its stages and laws: steps of the staircase."""
         self.diagnosis = diagnosis
-        testable = {effect.name for effect in self.addable[0]}
-        for stage in diagnosis.stages:
-            effects = (*task.setup.effects, *stage.effects)
-            if set(stage.effects) <= testable:
-                key = replace(task.setup, effects=effects).fitted_by
-                self.fits.setdefault(key, stage.fit)
+        laws = [law.reported for law in diagnosis.laws]
+        effects = [effect for result in laws for effect in result.model.effects]
+        self.laws |= {e.name: e for e in effects if e.name not in self.effects}
+        for result in (*(stage.fit for stage in diagnosis.stages), *laws):
+            names = tuple(effect.name for effect in result.model.effects)
+            if set(names) <= {*self.effects, *task.setup.effects}:
+                self.fits.setdefault(replace(task.setup, effects=names).fitted_by, result)
 
 
 def _estimated(run: Run) -> dict[str, float]:

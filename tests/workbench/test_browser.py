@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import http.client
+import os
 import re
 from contextlib import closing
 from pathlib import Path
 
+import chromium
 import command_line
 import example_names
+import nbformat
 import pytest
 from chromium import NEEDED
+from nbclient import NotebookClient
 
 from diffthrust.cli._demo_logs import hidden_folder  # private: the demo's command writes by it
 from tests.workbench.page import explored, lacking_folder, looked_at, served
@@ -55,12 +59,12 @@ def test_the_clicks_from_the_error_to_what_is_saved(lacking, monkeypatch):
         page.get_by_role("button", name="Diagnose: what is missing?").click()
         page.get_by_text("Found: commands within").wait_for()
         page.get_by_text("command dead band: removes").first.click()
-        page.get_by_text("thruster + command deadband").wait_for()
+        page.get_by_text("thruster + command dead band").wait_for()
         page.get_by_text("fit: converged").wait_for()
         page.get_by_role("button", name="Undo").click()
         page.get_by_text("thruster", exact=True).wait_for()
         page.get_by_role("button", name="Add what was found").click()
-        page.get_by_text("thruster + command deadband").wait_for()
+        page.get_by_text("thruster + command dead band").wait_for()
         page.get_by_text(re.compile(r"unseen\) 0\.0")).wait_for()
         after = errors_shown(page)
         assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
@@ -87,7 +91,7 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
         page.get_by_role("button", name="Undo").click()
         page.get_by_text("thruster", exact=True).wait_for()
         page.get_by_role("button", name="Add what was found").click()
-        page.get_by_text("thruster + command deadband + reverse thrust asymmetry").wait_for()
+        page.get_by_text("thruster + command dead band + reverse thrust asymmetry").wait_for()
         page.get_by_text(re.compile(r"unseen\) 0\.00")).wait_for()
         after = errors_shown(page)
         assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
@@ -177,6 +181,30 @@ LIT = """() => [...Bokeh.documents[0]._all_models.values()]
   .filter(model => model.type == "ColumnDataSource")
   .reduce((most, source) => Math.max(most, source.selected.indices.length), 0)
 """
+
+
+CELLS = """import example_names, diffthrust as dft
+bench = dft.explore(example_names.fit())
+bench
+"""
+
+
+@pytest.mark.thorough
+def test_the_cell_of_a_real_notebook_shows_the_page_and_follows(tmp_path, monkeypatch):
+    tests = Path(__file__).resolve().parents[1]
+    monkeypatch.setenv("PYTHONPATH", f"{tests}{os.pathsep}{tests.parent}")
+    cell = nbformat.v4.new_code_cell(CELLS)
+    client = NotebookClient(nbformat.v4.new_notebook(cells=[cell]), kernel_name="python3")
+    with client.setup_kernel():
+        client.execute_cell(cell, 0)
+        shown = tmp_path / "notebook.html"  # a page of another origin, as a notebook's is
+        shown.write_text(cell.outputs[-1]["data"]["text/html"])
+        with chromium.looked_at(shown.as_uri(), r"file://|(http|ws)://127\.0\.0\.1:") as page:
+            frame = page.frame_locator("iframe")
+            frame.get_by_text("fit: converged").wait_for()
+            frame.locator(".noUi-handle").first.focus()
+            page.keyboard.press("ArrowRight")
+            frame.get_by_text("sliders were moved since the fit").wait_for()
 
 
 def test_without_its_token_there_is_no_page_and_no_connection():

@@ -178,11 +178,33 @@ def test_a_diagnosis_waits_for_the_fit_that_is_made_and_says_so(page, monkeypatc
     monkeypatch.setattr(Task, "diagnose", lambda task, start, progress: start)
     page._fit()
     assert begun.wait(120)
-    page._once_fitted(page._diagnose)
-    assert "Diagnosed once it is fitted" in page.progress.text
+    page._in_turn("looking for what is missing", page._diagnose)
+    assert "Then: looking for what is missing" in page.progress.text
     end.set()
     page.document.run_until(lambda: bool(asked))
     assert asked == [fit]  # it begins with what was fitted
+
+
+def test_a_tick_stops_no_diagnosis_and_is_fitted_after_it(page, monkeypatch):
+    end, diagnosed, fitted = threading.Event(), [], []
+    page._diagnosed = lambda task, diagnosis: diagnosed.append(diagnosis)
+    page._fitted = lambda task, fit: fitted.append(fit)
+
+    def diagnosing(task, start, progress):
+        assert end.wait(120)
+        progress("on", 0.5)  # raises where it was stopped
+        return start
+
+    monkeypatch.setattr(Task, "diagnose", diagnosing)
+    monkeypatch.setattr(Task, "fit", lambda task, progress: task.setup.effects)
+    page._diagnose()
+    assert page.diagnosing.disabled
+    page._tick("command_deadband", True)
+    assert "Then: fitting. Stop ends both." in page.progress.text
+    end.set()
+    page.document.run_until(lambda: bool(fitted))
+    assert len(diagnosed) == 1
+    assert fitted == [("command_deadband",)]
 
 
 @pytest.mark.thorough
@@ -281,7 +303,7 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
     model, moved = Session(opened(model, log)).task.model, []
     controls = Controls(
         model,
-        (),
+        {},
         ShownUnits([log.written]),
         on_tick=lambda name, added: None,
         on_slide=lambda name, value: moved.append((name, value)),
@@ -293,7 +315,7 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
         for name in ("command_deadband.half_width", "speed_sensor_offset.offset")
     )
     assert (width.title, width.start, width.value) == (
-        "command deadband, half width [us]", 0.0, pytest.approx(20.0)
+        "command dead band, half-width [us]", 0.0, pytest.approx(20.0)
     )  # fmt: skip
     assert offset.title == "speed sensor offset, offset [rpm]"
     width.value = 30.0

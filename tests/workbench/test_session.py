@@ -7,10 +7,13 @@ from pathlib import Path
 
 import command_line
 import example_names
+import made_diagnosis
 import numpy as np
 import pytest
 
 import diffthrust as dft
+from diffthrust.diagnosis._explained_share import Worth  # private: what a law is worth
+from diffthrust.diagnosis._learned import LearnedLaw  # private: what a diagnosis learns
 from diffthrust.workbench._leaving import save, script, spec_text  # private: the page's buttons
 from diffthrust.workbench._session import Session, Stretch  # private: what the page shows
 from diffthrust.workbench._source import Source, opened  # private: `explore` opens by it
@@ -233,6 +236,28 @@ def test_what_is_saved_is_accepted_by_check_and_opened_again(session, tmp_path):
     fitted(again)
     save(again, tmp_path / "explored")  # it may overwrite its own
     assert "command_deadband" not in (tmp_path / "explored" / "fit.toml").read_text()
+
+
+@pytest.mark.thorough
+def test_a_learned_law_is_added_with_its_fit_and_saved(session, tmp_path):
+    task = session.task
+    curve = dft.effects.Curve(
+        "drive", "command", -3.0, 3.0, unit="rad/s^2", pieces=4, size=20.0, name="learned"
+    )
+    fit = dft.fit(task.model + curve, task.train, holdout=task.unseen, starts=1)
+    law = LearnedLaw(curve, fit, Worth(0.9, 0.8, 0.95), 9.0)
+    session.accept_diagnosis(task, replace(made_diagnosis.unexplained(), laws=(law,)))
+    assert session.found == ("learned",)
+    session.tick_all(session.found)
+    assert session.fit is fit  # it is not fitted again
+    assert session.setup.values["learned.level"] == fit.parameters["learned.level"].value
+    save(session, tmp_path / "explored")
+    command_line.run("check", tmp_path / "explored")
+    again = opened(tmp_path / "explored" / "fit.json")
+    assert [effect.name for effect in again.model.effects] == ["learned"]
+    names: dict = {}
+    exec(script(session), names)
+    assert names["fit"].holdout.nrmse == pytest.approx(fit.holdout.nrmse, rel=0.1)
 
 
 @pytest.mark.thorough

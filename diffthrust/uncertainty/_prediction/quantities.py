@@ -235,7 +235,7 @@ def _add_responses(
         over = steps, f"step of {drive}", unit, 1.0, "", size * steps, shown_unit
         add("step_time", "s", answers.time[:, count:], *over)
     if not np.all(np.isfinite(answers.time[:, count:])):
-        notes.append("step_time is infinite (inf) where a step moves nothing, as in a deadband.")
+        notes.append("step_time is infinite (inf) where a step moves nothing, as in a dead band.")
     if answers.unsettled > 0:
         notes.append(
             f"In {100 * answers.unsettled:.2g} % of the draws a response had not settled at the "
