@@ -20,7 +20,6 @@ from diffthrust._support.words import humanize
 from diffthrust.comparison._compare import Comparison
 from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.comparison._regimes import Regime
-from diffthrust.diagnosis._report.summary import TO_COPY
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.simulation._runs import Run, shown_of
@@ -69,7 +68,14 @@ class Page:
             on_slide=self._slide,
             on_release=self._release,
         )
-        self.tools = Tools(self, Lane(document.add_next_tick_callback))
+        self.tools = Tools(
+            session,
+            Lane(document.add_next_tick_callback),
+            log_shown=lambda: self.log_shown,
+            on_edit=self.edit,
+            on_select=self.select,
+            on_diagnose=self.diagnose_stretch,
+        )
         self._left()
         self.fails = column(sizing_mode="stretch_width")
         middle = column(
@@ -79,8 +85,9 @@ class Page:
             sizing_mode="stretch_width",
             styles={"min-width": "min(430px, 100%)", "flex": "1 1 430px"},
         )
+        figures = [*self.plots.figures, self.results.stairs.figure, self.results.scatter]
         document.title = f"{session.source.name}: diffthrust"
-        document.js_on_event(DocumentReady, once_ready(self.plots.figures))
+        document.js_on_event(DocumentReady, once_ready(figures))
         # begun earlier, work costs the page seconds to load: Python runs one thread at a time
         document.on_event(DocumentReady, lambda _: self._begin())
         self._compared_by = session.setup.fitted_by
@@ -358,8 +365,10 @@ class Page:
         self.results.show_steps(session.staircase, self.opened, now, unseen=has_unseen)
         self.undoing.disabled, self.redoing.disabled = not session.earlier, not session.undone
         self.adding.visible = not set(session.found) <= set(session.setup.effects)
-        if diagnosis:  # the lines that are copied from a report are here a button
-            lines = [line for line in diagnosis.summary.splitlines() if TO_COPY not in line]
+        if diagnosis:
+            lines = diagnosis.summary.splitlines()
+            if session.found and not diagnosis.helpful_mends:  # what it says to copy is a button
+                lines = [line for line in lines if not line.startswith("Copy: ")]
             self.verdict.text = paragraphs("\n".join(lines))
         self.tools.show_setup(session.setup)
 

@@ -57,7 +57,6 @@ class Plots:
         self.run: Run = runs[0]
         self._columns: dict[str, np.ndarray] = {}
         self._sent, self._span, self._asked = np.array([0, 1]), (0.0, 0.0), False
-        self.show(runs[0])
         self.x_range.on_change("start", self._on_range)
         self.x_range.on_change("end", self._on_range)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from bokeh.layouts import column, row
 from bokeh.models import CheckboxGroup, CustomJS, Spinner, TextInput, UIElement
@@ -18,55 +18,48 @@ from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text, 
 from diffthrust.workbench._session import Session, Setup, Stretch
 
 
-class Desk(Protocol):
-    """What the tools ask of the page."""
-
-    session: Session
-
-    @property
-    def log_shown(self) -> str:
-        """Name of the log that is shown."""
-        ...
-
-    def edit(self, change: Callable[[], None]) -> None:
-        """Make a change of the session that changes the logs."""
-        ...
-
-    def select(self, start: float | None, stop: float = 0.0) -> None:
-        """Select a stretch of the log that is shown."""
-        ...
-
-    def diagnose_stretch(self) -> None:
-        """Diagnose the stretch alone."""
-        ...
-
-
 class Tools:
     """The lower part of the left-hand side.
 
     Args:
-        page: whose session is changed.
+        session: what is changed.
         saving: a lane of its own: in that of fits a save stopped a diagnosis of minutes, and a
             tick before its turn took its place.
+        log_shown: gives the name of the log that is shown.
+        on_edit: makes a change of the session that changes the logs.
+        on_select: selects a stretch of the log that is shown.
+        on_diagnose: diagnoses it alone.
     """
 
-    def __init__(self, page: Desk, saving: Lane) -> None:
-        self.page, self.saving = page, saving
+    def __init__(
+        self,
+        session: Session,
+        saving: Lane,
+        *,
+        log_shown: Callable[[], str],
+        on_edit: Callable[[Callable[[], None]], None],
+        on_select: Callable[[float, float], None],
+        on_diagnose: Callable[[], None],
+    ) -> None:
+        self.session, self.saving = session, saving
+        self.log_shown, self.edit, self.select = log_shown, on_edit, on_select
         wide: dict[str, Any] = {"width": LEFT - 20}
         half: dict[str, Any] = {"width": LEFT // 2 - 14}
         self.start = Spinner(title="From [s]", low=0.0, step=0.5, value=0.0, **half)
         self.stop = Spinner(title="To [s]", low=0.0, step=0.5, value=0.0, **half)
         for spinner in (self.start, self.stop):
             spinner.on_change("value", lambda attr, old, new: self._typed())
-        self.note = TextInput(title="Because", placeholder="weed in the propeller", **wide)
+        self.note = TextInput(
+            title="Reason to leave it out", placeholder="weed in the propeller", **wide
+        )
         self.left_out = column(**wide)
-        channels = list(dict.fromkeys(n for log in page.session.task.logs for n in log.units))
+        channels = list(dict.fromkeys(n for log in session.task.logs for n in log.units))
         channels = [name for name in channels if name != "time"]
         self.names = channels
         self.channels = CheckboxGroup(labels=channels, active=[], inline=True, **wide)
-        self.seconds = Spinner(title="By [s]", step=0.01, value=0.0, **half)
+        self.seconds = Spinner(title="Later by [s]", step=0.01, value=0.0, **half)
         self.shifts = text()
-        source = page.session.source
+        source = session.source
         beside = source.spec.path.parent if source.spec and not source.drafted else None
         folder = str(beside / "explored") if beside else f"{source.name}_explored"
         self.folder = TextInput(title="Folder", value=folder, **wide)
@@ -82,13 +75,15 @@ class Tools:
             ),
             self.said,
             self.copied,
-            heading("A stretch of this log"),
+            heading(
+                "A stretch of this log: type it, or draw it with the dashed square of the plots"
+            ),
             row(self.start, self.stop),
-            button("What is wrong here?", page.diagnose_stretch, **wide),
+            button("What is wrong here?", on_diagnose, **wide),
             self.note,
             button("Leave it out", self._leave_out, **wide),
             self.left_out,
-            heading("Clocks that disagree: channels that come late"),
+            heading("Clocks that disagree: move channels later (below 0: earlier)"),
             self.channels,
             row(self.seconds, button("Shift", self._shift, **half)),
             self.shifts,
@@ -114,14 +109,14 @@ class Tools:
         for index, stretch in enumerate(setup.left_out):
             words = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
             words += f": {stretch.note}" if stretch.note else ""
-            take_in = partial(self.page.session.take_in, index)
-            again = button("Take in", partial(self.page.edit, take_in), width=70)
+            take_in = partial(self.session.take_in, index)
+            again = button("Take in", partial(self.edit, take_in), width=70)
             rows.append(row(text(paragraphs(f"Left out: {words}"), width=LEFT - 100), again))
         return rows
 
     def save(self) -> None:
         """Write spec, fit, report and script into the folder, in the background."""
-        session, folder = copy.copy(self.page.session), Path(self.folder.value)
+        session, folder = copy.copy(self.session), Path(self.folder.value)
         self._say("saving")
         self.saving.ask(lambda _: save(session, folder), self._saved, self._not_saved)
 
@@ -144,17 +139,16 @@ class Tools:
     def _typed(self) -> None:
         start, stop = self._ends
         if not self._setting and start < stop:
-            self.page.select(start, stop)
+            self.select(start, stop)
 
     def _leave_out(self) -> None:
-        page = self.page
-        stretch = Stretch(page.log_shown, *self._ends, self.note.value)
-        page.edit(partial(page.session.leave_out, stretch))
+        stretch = Stretch(self.log_shown(), *self._ends, self.note.value)
+        self.edit(partial(self.session.leave_out, stretch))
 
     def _shift(self) -> None:
-        session, channels = self.page.session, [self.names[i] for i in self.channels.active]
-        self.page.edit(partial(session.shift, float(self.seconds.value or 0.0), *channels))
+        session, channels = self.session, [self.names[i] for i in self.channels.active]
+        self.edit(partial(session.shift, float(self.seconds.value or 0.0), *channels))
 
     def _copy(self) -> None:
-        lines = script(self.page.session)
+        lines = script(self.session)
         self.said.text, self.copied.tags = f"<pre>{escape(lines)}</pre>", [lines]
