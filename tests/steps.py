@@ -155,6 +155,7 @@ from diffthrust.diagnosis._report.remaining_text import (  # private: one senten
     missing_words,
 )
 from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
+    beginnings,
     caution_words,
     diagnosis_page,
 )
@@ -311,6 +312,7 @@ __all__ = [
     "alike_when_refitted",
     "as_estimated",
     "as_formula",
+    "beginnings",
     "best_match",
     "bind",
     "candidates_of",

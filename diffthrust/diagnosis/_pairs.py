@@ -93,6 +93,23 @@ def with_proven(
     return state
 
 
+def upheld(
+    context: SearchContext, state: SearchState, singles: Mapping[str, TrialFit]
+) -> dict[str, Worth]:
+    """The effects that are possible which a fit to whole runs bears out, with what it removes.
+
+    Trials end where they may: of an Otter one promised 23 % of the squared error of unseen runs by
+    a propeller's inflow, with which the fit erred more there than without.
+    """
+    if not context.unseen:
+        return {**state.possible}
+    last = state.stages[-1]
+    with context.clock("pairs"):
+        refitted = {name: _refitted(context, state, singles[name]) for name in state.possible}
+    worths = {name: _removed(last, stage) for name, stage in refitted.items()}
+    return {name: worth for name, worth in worths.items() if worth.sure}
+
+
 # -- which pairs are fitted from several starts ----------------------------------------------------
 
 

@@ -207,7 +207,7 @@ def _stuck(
         channel,
         "stuck",
         f"{log.name}: {channel} stays at {value_shown(log, channel, value)} for {length} samples "
-        f"from t = {number(first)} s on, while other channels move.",
+        f"from t = {number(first)} s on, while inputs or other readings move.",
         f"leave these samples of {channel} empty (nan), or cut the log there.",
     )
 

@@ -24,6 +24,7 @@ from steps import (
     Stage,
     Worth,
     added_bound_words,
+    beginnings,
     growth_words,
     headroom_between,
     missing_words,
@@ -398,6 +399,23 @@ def test_what_has_no_size_does_not_show():
         f"something enters there shows by the errors' dependence on {remaining.depends_on}"
         in beside
     )
+
+
+def test_what_no_channel_measures_is_fitted_at_the_start_of_unseen_runs_too():
+    """An Otter's sway began at -3 m/s there, and "unseen runs begin at measured states" stood."""
+    fit = SimpleNamespace(
+        holdout=True,
+        begins_freely=True,
+        model=SimpleNamespace(states=("surge", "sway")),
+        train=SimpleNamespace(channels={"surge": None}),
+        initial=({"surge": 0.0, "sway": 0.0},),
+    )
+    words = beginnings(fit)
+    assert words.endswith(
+        "unseen runs at measured ones, but for the sway, which no channel measures."
+    )
+    fit.train.channels["sway"] = None
+    assert beginnings(fit).endswith("unseen runs at measured ones.")
 
 
 def test_two_measures_that_name_two_signals_are_told_in_one_sentence():

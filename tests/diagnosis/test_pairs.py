@@ -164,6 +164,24 @@ def test_without_unseen_logs_no_pair_is_fitted(searched):
     assert fitted == []
 
 
+@pytest.mark.parametrize(
+    ("size", "unseen", "left"), [(0.5, True, 0.75), (1.1, True, None), (1.1, False, 0.9)]
+)
+def test_what_a_fit_to_whole_runs_does_not_bear_out_is_not_possible(
+    monkeypatch, size, unseen, left
+):
+    """A trial promised 0.9; without unseen logs nothing can refute it."""
+    monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
+    monkeypatch.setattr(pairs_module, "refitted_stage", lambda *_, **__: stage(size, "a"))
+    promised = {"a": SimpleNamespace(share=0.9)}
+    given = SearchState(SimpleNamespace(trial=Trial(())), (stage(1.0),), {}, possible=promised)
+    context = Context(("C",) if unseen else ())
+    possible = pairs_module.upheld(context, given, {"a": Trial(("a",))})
+    assert {n: round(worth.share, 2) for n, worth in possible.items()} == (
+        {"a": left} if left else {}
+    )
+
+
 def test_one_that_does_nothing_alone_is_not_fitted_from_more_starts(searched):
     _, fitted = searched({("a", "b"): 0.1, ("a",): 0.3, ("b",): 1.05})
     assert fitted == [("a", "b"), ("a",)]

@@ -45,6 +45,7 @@ from diffthrust.diagnosis._report.text import (
 )
 from diffthrust.estimation._model_lines import python_lines, spec_lines
 from diffthrust.estimation._per_log import per_log_section
+from diffthrust.estimation._result import Fit
 from diffthrust.experiments._result import Experiment
 
 if TYPE_CHECKING:
@@ -165,6 +166,19 @@ def _explained(rows: Rows, explanation: str) -> tuple[Part, ...]:
     return (OnPage(explanation), rows) if rows else ()
 
 
+def beginnings(fit: Fit) -> str:
+    """At what states runs begin, where training runs and unseen ones differ in it."""
+    if fit.holdout is None or not fit.begins_freely:
+        return ""
+    hidden = [n for n in fit.model.states if n not in fit.train.channels and n in fit.initial[0]]
+    but = (
+        f", but for the {joined(map(humanize, hidden))}, which no channel measures"
+        if hidden
+        else ""
+    )
+    return f"Training runs begin at states that were fitted, unseen runs at measured ones{but}."
+
+
 def _stages(diag: Findings) -> Section:
     several = len(diag.stages) > 1
     again = " as it was given, and again with each effect that was added" if several else ""
@@ -176,9 +190,7 @@ def _stages(diag: Findings) -> Section:
             "those of a simulation over whole logs; unseen logs took no part in the fits."
         ),
         tables.stage_rows(diag),
-        "Training runs begin at states that were fitted, unseen runs at measured ones."
-        if diag.stages[0].holdout and diag.stages[0].fit.begins_freely
-        else "",
+        beginnings(diag.stages[0].fit),
         f"Added and later removed, superfluous beside a later effect: {removed}."
         if removed
         else "",
