@@ -89,7 +89,7 @@ def test_where_nothing_can_be_raised():
 def test_what_an_interrupt_breaks_is_not_taken_for_a_defect():
     program = """
         import os, signal
-        from diffthrust.cli import _effects, _app
+        from diffthrust.cli import _lists, _app
         from diffthrust.cli._session import session
         def command():
             with session():
