@@ -161,8 +161,8 @@ def _polished(task: Task, optimum: Optimum) -> Optimum:
     in the place of a curve took half of their time for it on the BlueBoat.
     """
     search = polished(optimum.search, optimum.problem) if task.checked else optimum.search
-    if search is optimum.search:
-        return optimum
+    if np.array_equal(search.best.z, optimum.best.z):
+        return replace(optimum, search=search)
     parts = (optimum.horizon, optimum.silent, optimum.notes)
     return _ended(task, search, optimum.problem, *parts)
 
