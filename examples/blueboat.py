@@ -9,9 +9,10 @@ of one run end before its clock does. The basic model fails here, and
 the comparison shows it: out come the errors by channel, how far the modelled motion follows the
 measured one, that one channel does not mean what its header says, and a figure of the unseen runs.
 With ``--diagnose`` the search for what is missing follows, on means over half a second; it takes
-some ten minutes of processor time. It says of the channel what the comparison says, adds exchanged
-thrusters, a quadratic drag and a wind (unseen NRMSE 1.4 to 0.8), and names what remains: the surge,
-which follows one thruster's force otherwise than its static map has it.
+some fifteen minutes of processor time. It says of the channel what the comparison says, adds
+exchanged thrusters, a quadratic drag and a coupling of sway and yaw (unseen NRMSE 1.4 to 0.64), and
+names what remains: the surge, which follows one thruster's force otherwise than its static map has
+it.
 Data: J. Kristiansen, BlueBoatSystemIdentification.
 
     python examples/blueboat.py [FOLDER FOR THE FIGURE] [--diagnose]
