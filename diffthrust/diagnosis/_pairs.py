@@ -68,45 +68,50 @@ def with_proven(
     singles: Mapping[str, TrialFit],
     lowering: Sequence[str],
 ) -> SearchState:
-    """The search with what surely lowers the errors of whole unseen runs, or as it was.
+    """The search with what surely lowers the errors of whole unseen runs.
+
+    Where there is nothing of the kind, with those effects alone possible that a fit bears out.
 
     Args:
         context: what the search works with.
         state: the search, at a stage with poor whole runs to which no single was added that lowers
             the one-step errors, too.
         base: the last stage, fitted to whole runs.
-        singles: the same with one effect more each.
-        lowering: those of them that lower the errors of whole unseen runs enough, the best first.
+        singles: the same with one effect more each, or with one that is detectable.
+        lowering: those of them that are new and lower the errors of whole unseen runs enough, the
+            best first.
     """
     if not context.unseen:  # nothing could prove them
         return state
     context.say("fitting pairs of effects to whole runs", state.share(0.8))
     with context.clock("pairs"):
-        started = _started(context, state, base, singles)[: SETTINGS.pairs.most_fitted]
+        new = {name: trial for name, trial in singles.items() if name not in state.detectable}
+        started = _started(context, state, base, new)[: SETTINGS.pairs.most_fitted]
         for trial in started:
-            if proven := _proven_pair(context, state, base, trial, singles):
+            if proven := _proven_pair(context, state, base, trial, new):
                 return _added(context, state, proven)
-        for name in lowering[:1]:
-            stage = _refitted(context, state, singles[name])
+        refitted = {name: _refitted(context, state, singles[name]) for name in lowering[:1]}
+        for name, stage in refitted.items():
             if _is_proven_alone(state.stages[-1], stage):
                 return _added(context, state, Proven((name,), (stage,)))
-    return state
+        return replace(state, possible=_borne_out(context, state, singles, refitted))
 
 
-def upheld(
-    context: SearchContext, state: SearchState, singles: Mapping[str, TrialFit]
+def _borne_out(
+    context: SearchContext,
+    state: SearchState,
+    singles: Mapping[str, TrialFit],
+    refitted: Mapping[str, FittedStage],
 ) -> dict[str, Worth]:
     """The effects that are possible which a fit to whole runs bears out, with what it removes.
 
     Trials end where they may: of an Otter one promised 23 % of the squared error of unseen runs by
     a propeller's inflow, with which the fit erred more there than without.
     """
-    if not context.unseen:
-        return {**state.possible}
-    last = state.stages[-1]
-    with context.clock("pairs"):
-        refitted = {name: _refitted(context, state, singles[name]) for name in state.possible}
-    worths = {name: _removed(last, stage) for name, stage in refitted.items()}
+    worths = {}
+    for name in state.possible:
+        stage = refitted.get(name) or _refitted(context, state, singles[name])
+        worths[name] = _removed(state.stages[-1], stage)
     return {name: worth for name, worth in worths.items() if worth.sure}
 
 

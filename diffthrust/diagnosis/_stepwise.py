@@ -19,7 +19,7 @@ from diffthrust.diagnosis._criteria import OverRuns
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, TriedEffect
 from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
-from diffthrust.diagnosis._pairs import upheld, with_proven
+from diffthrust.diagnosis._pairs import with_proven
 from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
@@ -162,11 +162,8 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
             alone = _without_detectable(context, state)
             if outcome := _admitted(context, alone, name, simulated, proven):
                 return outcome
-    new = {name: trial for name, trial in singles.items() if name not in state.detectable}
-    proven = with_proven(context, state, base, new, [name for name in proving if name in new])
-    if proven.accepted != state.accepted:
-        return proven
-    return replace(proven, possible=upheld(context, proven, singles))
+    new = [name for name in proving if name not in state.detectable]
+    return with_proven(context, state, base, singles, new)
 
 
 def _admitted(

@@ -77,7 +77,7 @@ class Context:
 def searched(monkeypatch):
     """The search after pairs, where whole runs err by so much with each set of effects."""
 
-    def after(sizes, unseen=("C",), lowering=()):
+    def after(sizes, unseen=("C",), lowering=(), possible=()):
         fitted = []
 
         def refitted(context, state, starts, substeps=0):
@@ -101,7 +101,10 @@ def searched(monkeypatch):
         monkeypatch.setattr(pairs_module, "share_between", share_between)
         monkeypatch.setattr(pairs_module, "_started", lambda *_: [Trial(names) for names in pair])
         given = SearchState(
-            SimpleNamespace(trial=Trial(())), (stage(1.0, unseen=bool(unseen)),), {}
+            SimpleNamespace(trial=Trial(())),
+            (stage(1.0, unseen=bool(unseen)),),
+            {},
+            possible=dict(possible),
         )
         singles = {name: Trial((name,)) for name in lowering}
         context = Context(unseen)
@@ -165,21 +168,15 @@ def test_without_unseen_logs_no_pair_is_fitted(searched):
 
 
 @pytest.mark.parametrize(
-    ("size", "unseen", "left"), [(0.5, True, 0.75), (1.1, True, None), (1.1, False, 0.9)]
+    ("size", "unseen", "left"),
+    [(0.8, ("C",), [0.36]), (1.1, ("C",), []), (1.1, (), [0.9])],
 )
-def test_what_a_fit_to_whole_runs_does_not_bear_out_is_not_possible(
-    monkeypatch, size, unseen, left
-):
+def test_what_a_fit_to_whole_runs_does_not_bear_out_is_not_possible(searched, size, unseen, left):
     """A trial promised 0.9; without unseen logs nothing can refute it."""
-    monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
-    monkeypatch.setattr(pairs_module, "refitted_stage", lambda *_, **__: stage(size, "a"))
     promised = {"a": SimpleNamespace(share=0.9)}
-    given = SearchState(SimpleNamespace(trial=Trial(())), (stage(1.0),), {}, possible=promised)
-    context = Context(("C",) if unseen else ())
-    possible = pairs_module.upheld(context, given, {"a": Trial(("a",))})
-    assert {n: round(worth.share, 2) for n, worth in possible.items()} == (
-        {"a": left} if left else {}
-    )
+    state, fitted = searched({("a",): size}, unseen, ("a",), possible=promised)
+    assert [round(worth.share, 2) for worth in state.possible.values()] == left
+    assert fitted == [("a",)] * len(unseen)  # once
 
 
 def test_one_that_does_nothing_alone_is_not_fitted_from_more_starts(searched):

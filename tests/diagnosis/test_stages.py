@@ -211,7 +211,6 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     worth = Worth(0.5, low, 0.8)
     monkeypatch.setattr(f"{STEPWISE}._lowering", lambda *_: {name: (worth, None)})
     monkeypatch.setattr(f"{STEPWISE}.with_proven", lambda context, state, *_: state)
-    monkeypatch.setattr(f"{STEPWISE}.upheld", lambda context, state, *_: state.possible)
     trial = settled(("exponent", "lag"), {"lag": 0.1}, None, None)
     state = SearchState(CurrentModel(fitter, trial), (object(),), {}, detectable=("lag",))
     assert from_simulation(context, state).detectable == ("lag",)  # where nothing is added
