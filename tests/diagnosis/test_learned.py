@@ -102,7 +102,7 @@ LAWS = {
 }
 
 
-def judged(law, times=""):
+def judged(law, readings=None):
     """What samples of a law with noise say of the shapes over their signal, by plain least squares.
 
     The noise is a hundredth of the law's scatter, which a constant does not have: without noise
@@ -110,6 +110,8 @@ def judged(law, times=""):
     """
     rng = np.random.default_rng(11)
     samples = rng.uniform(-40.0, 40.0, 4000)
+    if readings is not None:
+        samples = rng.choice(readings, 4000)
     fine = Curve("load", "speed", -40.0, 40.0, pieces=29)
     values = law(samples)
     noise = 0.01 * max(np.std(values), 0.01 * np.max(np.abs(values)))
@@ -118,7 +120,8 @@ def judged(law, times=""):
     gradient = (rows * errors).sum(axis=1)
     x = np.linspace(-40.0, 40.0, 241)
     projection = np.linalg.pinv(fine.basis(x).T)
-    return evidence.LinearizedEvidence(x, projection, rows @ rows.T, gradient, 23.0)
+    readings = np.unique(samples)
+    return evidence.LinearizedEvidence(x, projection, rows @ rows.T, gradient, readings, 23.0)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -173,10 +176,25 @@ def test_whole_runs_may_ask_for_a_constant_that_one_step_errors_do_not_show():
     assert with_companion(scaled, dry, offset, np.log(4000.0)) is scaled
 
 
+def test_no_wave_is_seen_between_readings_and_no_form_of_as_many_parameters_as_readings():
+    ripple, hump, line = (
+        next(form for form in FORMS if form.name == name) for name in ("ripple", "hump", "line")
+    )
+    law = LAWS["ripple"]  # 12.6 from wave to wave
+    assert best_match(ripple, judged(law)).gain > 0.0
+    assert best_match(ripple, judged(law, np.linspace(-40.0, 40.0, 17))).gain > 0.0
+    uneven = np.sort(np.concatenate([np.linspace(-40.0, 40.0, 4) + d for d in (-0.01, 0.01)]))
+    assert best_match(ripple, judged(law, uneven)).gain == 0.0  # 8 values, in 4 places
+    at_three = judged(law, np.array([-40.0, -10.0, 40.0]))
+    assert best_match(hump, at_three).gain == 0.0
+    assert best_match(line, at_three).gain > 0.0
+
+
 def test_the_gain_of_two_shapes_is_that_of_both_fitted_together():
     rows = np.random.default_rng(8).standard_normal((3, 50))
     errors = 0.7 * rows[0] - 0.4 * rows[1] + 0.1 * np.random.default_rng(9).standard_normal(50)
-    seen = evidence.LinearizedEvidence(np.arange(3.0), np.eye(3), rows @ rows.T, rows @ errors, 1.0)
+    x = np.arange(3.0)
+    seen = evidence.LinearizedEvidence(x, np.eye(3), rows @ rows.T, rows @ errors, x, 1.0)
     amplitudes, misfit, _, _ = np.linalg.lstsq(rows[:2].T, -errors, rcond=None)
     gain, best = seen.gain_of(np.eye(3)[:2])
     np.testing.assert_allclose(best, amplitudes)
@@ -282,7 +300,7 @@ def test_a_form_at_an_end_of_its_range_is_within_its_rounded_bounds(end):
     curve = Curve("load", "speed", 0.0, end)
     form = next(one for one in FORMS if one.name == "saturating")
     for share in (0.01, 2.0):
-        match = Match(form, {"a": 1.0, "c": share * end}, 10.0, end)
+        match = Match(form, {"a": 1.0, "c": share * end}, 10.0, end, np.inf)
         made = as_formula(match, curve, "rad/s^2", "rad/s", "")
         assert made.c == pytest.approx(share * end, rel=1e-4)
 
@@ -306,7 +324,7 @@ def friction_as_told(name, values, curve, speeds):
     """A diagnosis with a law at the load whose form is told, with an offset beside it."""
     form = next(one for one in FORMS if one.name == name)
     form = next(one for one in form.companions if one.companion == "constant")
-    formula = as_formula(Match(form, values, 10.0, 1.0), curve, "rad/s^2", "rad/s", "speed")
+    formula = as_formula(Match(form, values, 10.0, 1.0, np.inf), curve, "rad/s^2", "rad/s", "speed")
     fit = made.found().fit
     width = fit.parameters["command_deadband.half_width"]
     sizes = {

@@ -262,6 +262,7 @@ class LinearizedEvidence(NamedTuple):
         projection: gives the coefficients of the basis that best represent a shape over ``x``.
         information: on these coefficients, without what the model's parameters do.
         gradient: of the negative log-likelihood by them, likewise.
+        readings: the distinct values that the signal takes in the logs, sorted.
         reference: root mean square of the signal.
     """
 
@@ -269,7 +270,19 @@ class LinearizedEvidence(NamedTuple):
     projection: Float[np.ndarray, "K N"]
     information: Float[np.ndarray, "K K"]
     gradient: Float[np.ndarray, " K"]
+    readings: Float[np.ndarray, " R"]
     reference: float
+
+    @property
+    def largest_wave_number(self) -> float:
+        """The largest that the readings resolve: half a wave from one to the next (Nyquist).
+
+        That of the gap to which the middle of the range belongs, if gaps are laid out by size.
+        """
+        gaps = np.sort(np.diff(self.readings))
+        if not gaps.size:
+            return 0.0
+        return np.pi / float(gaps[np.searchsorted(np.cumsum(gaps), 0.5 * gaps.sum())])
 
     def gain(self, shape: Float[np.ndarray, " N"]) -> tuple[float, float]:
         """The likelihood ratio for a shape at its best amplitude, and that amplitude."""
@@ -307,7 +320,7 @@ def linearized_evidence(fitter: CandidateFitter, trial: TrialFit, term: Term) ->
     x = np.linspace(low, high, _GRID_POINTS)
     projection = np.linalg.pinv(fine.basis(x).T)
     reference = float(np.sqrt(np.mean(pooled**2)))
-    return LinearizedEvidence(x, projection, information, gradient, reference)
+    return LinearizedEvidence(x, projection, information, gradient, np.unique(pooled), reference)
 
 
 def evidence_of_fit(law: LearnedLaw) -> LinearizedEvidence:
@@ -317,8 +330,10 @@ def evidence_of_fit(law: LearnedLaw) -> LinearizedEvidence:
     information = np.linalg.pinv(covariance, hermitian=True)
     estimated = np.array([getattr(curve, curve.coefficients[i]) for i in which])
     projection = np.linalg.pinv(curve.basis(x).T)[which]
-    reference = float(np.sqrt(np.mean(law.samples**2)))
-    return LinearizedEvidence(x, projection, information, -information @ estimated, reference)
+    reference, gradient = float(np.sqrt(np.mean(law.samples**2))), -information @ estimated
+    return LinearizedEvidence(
+        x, projection, information, gradient, np.unique(law.samples), reference
+    )
 
 
 def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
