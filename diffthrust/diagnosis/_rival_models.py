@@ -154,9 +154,12 @@ def _searched(
     context: SearchContext, state: SearchState, rival: _Rival, catalogue: bool
 ) -> FittedStage | None:
     """The last stage of a search with few candidates; ``None`` where it added nothing."""
-    fit, present = rival.stage.fit, state.current.trial.effects
+    fit, present = rival.stage.fit, state.stages[-1].effects
     gained = {c.effect for c in state.ranking if c.delta_bic < 0}
-    names = {*present, *state.possible, *gained} & {*context.fitter.candidates}
+    # what changed nothing over whole runs was tried again: half of a diagnosis of the NGS's bench
+    useless = {*state.detectable, *(n for n, (why, _) in state.turned_down.items()
+                                    if why.by_whole_runs)}  # fmt: skip
+    names = {*present, *state.possible, *(gained - useless)} & {*context.fitter.candidates}
     candidates = [context.fitter.candidates[name] for name in sorted(names)]
     # where a periodic force begins, the rival's records do not say: its trials would have more
     # initial states than the rest, and fail

@@ -84,20 +84,22 @@ class Search:
         away = [np.abs(solved.z - self.best.z)[:k] * length for solved, _ in self.optima]
         return sum(n for (_, n), d in zip(self.optima, away, strict=True) if np.all(d <= 1.0))
 
-    def followed(self, problem: Problem, passing: bool = False) -> Search:
+    def followed(
+        self, problem: Problem, passing: bool = False, with_guesses: bool = True
+    ) -> Search:
         """The search carried on to a related problem from its best few optima and the guesses.
 
         A problem that is only ``passing``, on the way to another, is not solved to its end: on the
         BlueBoat one fit crept for minutes through segments of 2 and 7 s, whose optimum nobody asks
         for.
         """
-        carried = self.optima[:_CARRIED]
-        starts = [*(solved.z for solved, _ in carried), *self.guesses]
+        carried, guesses = self.optima[:_CARRIED], self.guesses if with_guesses else ()
+        starts = [*(solved.z for solved, _ in carried), *guesses]
         if passing:
             ended = [solve(problem, z, _LOOK_STEPS, _CLOSE) for z in starts]
         else:
             ended = all_carried_on(problem, starts)
-        counts = [*(n for _, n in carried), *(0 for _ in self.guesses)]  # these are counted already
+        counts = [*(n for _, n in carried), *(0 for _ in guesses)]  # these are counted already
         counted = distinct(list(zip(ended, counts, strict=True)))
         optima = [(solved, max(n, 1)) for solved, n in counted]
         ends = tuple(optima)
