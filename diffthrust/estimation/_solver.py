@@ -83,7 +83,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         move, remaining = self._move(y, q, damping)
         predicted = -(q.gradient @ move + 0.5 * move @ q.information @ move)
         stuck = (damping >= 1e13) & ~accept
-        since, full = state.since + accept, state.since + accept >= _CREEPING
+        since = state.since + jnp.where(accept, 1, 0)
+        full = since >= _CREEPING
         creeps = full & (state.mark - q.cost < _CREPT)
         since, mark = jnp.where(full | first, 0, since), jnp.where(full | first, q.cost, state.mark)
         settled = jnp.isfinite(q.cost) & ((remaining < self.atol) | creeps)
