@@ -92,6 +92,7 @@ class Doubt:
         readings: how channels are read where the mistake is undone, the likeliest first; several
             where these logs cannot tell which it was, none where no other reading undoes it.
         logs: names of the logs that it concerns; empty for all of them.
+        also: other channels of which the same is true.
 
     Example:
         >>> reversed_sign = dft.Log(
@@ -108,6 +109,7 @@ class Doubt:
     mend: str
     readings: tuple[Reading, ...] = ()
     logs: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
 
     @property
     def harmless(self) -> bool:

@@ -70,7 +70,8 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         suspected = [doubt for at, doubt in findings if at == place]
         if any(doubt.kind == "time_base" for doubt in suspected):
             continue  # and so would another clock
-        held = {doubt.channel for doubt in suspected if doubt.kind == "stuck"}
+        stuck = [doubt for doubt in suspected if doubt.kind == "stuck"]
+        held = {channel for doubt in stuck for channel in (doubt.channel, *doubt.also)}
         findings += [(place, doubt) for doubt in _of_ties(r, each, {*logs[place].railed}, held)]
         if model is not None and model.quadratic_load is not None:
             # the load shows by the law of the shaft that `misloaded` takes for granted

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,15 @@ _REGULAR = 0.8
 """Share of the waits between two readings that must be equal (or differ by one sample)."""
 
 
+class _Stuck(NamedTuple):
+    """A stretch in which a channel stays at a value: from when on, and how many samples."""
+
+    channel: str
+    begin: float
+    length: int
+    value: float
+
+
 class _Runs(NamedTuple):
     """Stretches of equal values: where they begin, how long they are, their value."""
 
@@ -40,6 +49,7 @@ def repeating(log: Log) -> Iterator[Doubt]:
     """Doubts on measured channels that hold their values. Inputs may hold theirs."""
     moving = [c for c, v in {**log.inputs, **log.measured}.items() if _span(v) > 0]
     drives = [c for c in moving if c in log.inputs and c not in _SURROUNDINGS]
+    stuck: list[_Stuck] = []
     for channel, samples in log.measured.items():
         values = samples[np.isfinite(samples)]
         if values.size < 3 * _LEAST:
@@ -71,7 +81,9 @@ def repeating(log: Log) -> Iterator[Doubt]:
                 doubt = _stuck(log, channel, values, runs, inputs)
         if doubt is None and ends is not None and channel not in log.rails:
             doubt = _saturated(log, channel, ends)
-        if doubt:
+        if isinstance(doubt, _Stuck):
+            stuck.append(doubt)
+        elif doubt:
             yield doubt
         elif channel in _ANSWERS and drives and _only_noise(log, drives, values):
             yield Doubt(
@@ -81,6 +93,8 @@ def repeating(log: Log) -> Iterator[Doubt]:
                 "moved.",
                 f"look at the wiring of {channel}, and whether it is the right column.",
             )
+    for stretch in dict.fromkeys((s.begin, s.length) for s in stuck):
+        yield _stopped(log, [s for s in stuck if (s.begin, s.length) == stretch])
 
 
 _ANSWERS = ("speed", "thrust", "velocity", "surge", "position")
@@ -186,7 +200,7 @@ def _saturated(log: Log, channel: str, ends: Railed) -> Doubt:
 
 def _stuck(
     log: Log, channel: str, values: np.ndarray, runs: _Runs, companions: list[np.ndarray]
-) -> Doubt | None:
+) -> _Stuck | None:
     """One stretch of one value, far longer than any other, while other channels move."""
     longest = int(np.argmax(runs.length))
     length = int(runs.length[longest])
@@ -203,12 +217,21 @@ def _stuck(
     if not _others_moved(companions, during) or (resting and not _driven_hard(log, during)):
         return None
     first = float(log.time[np.flatnonzero(np.isfinite(log.measured[channel]))[begin]])
+    return _Stuck(channel, first, length, value)
+
+
+def _stopped(log: Log, stuck: Sequence[_Stuck]) -> Doubt:
+    """One doubt on all channels that stay in the same stretch: the recorder stood still."""
+    channel, begin, length, _ = stuck[0]
+    at = joined(f"{s.channel} at {value_shown(log, s.channel, s.value)}" for s in stuck)
+    stay = "stays" if len(stuck) == 1 else "stay"
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: {channel} stays at {value_shown(log, channel, value)} for {length} samples "
-        f"from t = {number(first)} s on, while inputs or other readings move.",
-        f"leave these samples of {channel} empty (nan), or cut the log there.",
+        f"{log.name}: for {length} samples from t = {number(begin)} s on {at} {stay} as "
+        f"{'it is' if len(stuck) == 1 else 'they are'}, while inputs or other readings move.",
+        "leave these samples empty (nan), or cut the log there.",
+        also=tuple(s.channel for s in stuck[1:]),
     )
 
 

@@ -172,7 +172,7 @@ def test_a_doubt_leads_unless_nothing_is_to_be_mended(mend, leads):
     diag = made.found()
     first = replace(diag.stages[0], fit=replace(diag.stages[0].fit, doubts=(doubt,)))
     told = replace(diag, stages=(first, *diag.stages[1:]))
-    assert told.summary.startswith("Check the logs: speed is stuck for a while.") is leads
+    assert told.summary.startswith("Check the logs: readings of speed are repeated.") is leads
     assert claims.contradictions(told, text=told.summary) == []
 
 

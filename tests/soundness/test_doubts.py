@@ -218,6 +218,17 @@ def test_a_bad_sensor_is_named(log, change, kind):
     assert kinds(changed(log, speed=change)) == {("speed", kind)}
 
 
+def test_a_recorder_that_stands_still_is_one_doubt(boat):
+    def still(v):
+        v[300:400] = v[300]
+        return v
+
+    (doubt,) = doubts(changed(boat, surge=still, yaw_rate=still, heading=still), None)
+    assert (doubt.channel, doubt.kind, doubt.also) == ("surge", "stuck", ("yaw_rate", "heading"))
+    assert "for 100 samples from t = 30.00 s on surge at " in doubt.evidence
+    assert doubt.evidence.endswith("stay as they are, while inputs or other readings move.")
+
+
 def test_a_sentinel_is_told_as_the_file_has_it(tmp_path, log):
     path = tmp_path / "run.csv"
     rpm = log.measured["speed"] * 30 / np.pi

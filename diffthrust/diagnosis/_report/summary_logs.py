@@ -15,7 +15,7 @@ _SUSPECT = {
     "unit": "the unit of {} looks wrong",
     "time_base": "the unit of the clock looks wrong",
     "lag": "{} arrives late",
-    "stuck": "{} is stuck for a while",
+    "stuck": "readings of {} are repeated",
     "saturated": "{} is saturated in places",
     "sentinel": "{} has samples that mark lost ones",
 }
@@ -67,7 +67,7 @@ def _logs(diag: Findings) -> Part:
         words = f"First mend the logs, then diagnose again: {error}"
         return as_part((10, words), (13, f"First diagnose again {mend}"))
     suspects = [
-        _SUSPECT[doubt.kind].format(humanize(doubt.channel))
+        _SUSPECT[doubt.kind].format(humanize(doubt.channel) + " and others" * bool(doubt.also))
         for doubt in grave_doubts(diag)
         if not doubt.harmless
     ]
