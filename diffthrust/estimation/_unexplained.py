@@ -17,19 +17,20 @@ from diffthrust.soundness._doubts import doubts as doubts_of
 from diffthrust.soundness._late import late_readings
 from diffthrust.soundness._record import jumps
 
-_LITTLE = 20.0
-"""A channel that is explained to less than so many per cent is not described by the model."""
+_LITTLE = 0.36
+"""A channel of whose variance less is explained is not described by the model: an NRMSE of 0.8, a
+fit of a fifth."""
 
 
 def little_explained(errors: Errors) -> dict[str, str]:
-    """Channels that a fit explains to less than `_LITTLE` per cent, and to how many."""
-    shares = {name: e.fit_percent for name, e in errors.channels.items()}
-    return {name: percent(max(s, 0.0) / 100) for name, s in shares.items() if s < _LITTLE}
+    """Channels of whose variance a fit explains less than `_LITTLE`, and the share."""
+    shares = {name: 1.0 - e.nrmse**2 for name, e in errors.channels.items()}
+    return {name: percent(max(share, 0.0)) for name, share in shares.items() if share < _LITTLE}
 
 
 def hint_at(little: Mapping[str, str]) -> str:
     """What to add to the message of a fit that explains little of some channels."""
-    words = joined([f"{share} of {name}" for name, share in little.items()])
+    words = joined([f"{share} of the variance of {name}" for name, share in little.items()])
     return f" But it explains {words}: look at the doubts first." if little else ""
 
 
@@ -66,7 +67,7 @@ def silent_doubts(
         Doubt(
             name,
             "silent",
-            f"the fit explains {share} of {name}: it does not move as the model's does.",
+            f"the fit explains {share} of the variance of {name}: it does not move as the model's does.",
             f"look at dft.compare(fit, logs).plot(), at the sign, unit and column of {name} and "
             f"of the inputs, and at what dft.diagnose(fit, logs) finds missing.{held}",
         )
