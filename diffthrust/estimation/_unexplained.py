@@ -67,7 +67,8 @@ def silent_doubts(
         Doubt(
             name,
             "silent",
-            f"the fit explains {share} of the variance of {name}: it does not move as the model's does.",
+            f"the fit explains {share} of the variance of {name}: it does not move as the model's "
+            "does.",
             f"look at dft.compare(fit, logs).plot(), at the sign, unit and column of {name} and "
             f"of the inputs, and at what dft.diagnose(fit, logs) finds missing.{held}",
         )
