@@ -24,7 +24,7 @@ _TITLE = 42
 """Display: characters beside the value of a slider."""
 _STEPS = 400
 """Display: positions of a slider, more than the pixels that it has."""
-FOUND = "Found or added"
+FOUND, CONSTANTS = "Found or added", "Constants that the model holds"
 
 
 def slider_range(parameter: Parameter) -> tuple[float, float]:
@@ -49,6 +49,7 @@ class Controls:
     Args:
         model: as it was opened.
         addable: the effects that may be added, by name.
+        constants: what is said of the constants that may be estimated, by name.
         shown: the units of the logs.
         on_tick: is told the names of the effects that are ticked.
         on_slide: is told a parameter and its value, at each move.
@@ -59,20 +60,21 @@ class Controls:
         self,
         model: Model,
         addable: Mapping[str, Effect],
+        constants: Mapping[str, str],
         shown: ShownUnits,
         *,
         on_tick: Callable[[str, bool], None],
         on_slide: Callable[[str, float], None],
         on_release: Callable[[], None],
     ) -> None:
-        self.addable = addable
+        self.addable, self.constants = addable, constants
         self.shown, self.on_tick = shown, on_tick
         self.on_slide, self.on_release = on_slide, on_release
         ports = dict.fromkeys(port for effect in addable.values() for port in effect.ports)
         self.path = PathFigure(signal_path(model), list(ports), self._choose)
         self.port = Select(
             title="Effects to add or take away",
-            options=[FOUND, *((port, f"At {port}") for port in ports)],
+            options=[FOUND, *((port, f"At {port}") for port in ports), CONSTANTS],
             value=FOUND,
             width=RIGHT - 20,
         )
@@ -92,6 +94,7 @@ class Controls:
             width=RIGHT,
         )
         self.effects: tuple[str, ...] = ()
+        self.found: tuple[str, ...] = ()
         self.worth: Mapping[str, Worth] = {}
         self._listed: list[str] = []
         self._setting = False
@@ -102,11 +105,14 @@ class Controls:
     def show_effects(
         self,
         addable: Mapping[str, Effect],
+        constants: Mapping[str, str],
         effects: tuple[str, ...],
+        found: tuple[str, ...],
         worth: Mapping[str, Worth],
     ) -> None:
-        """Show which effects may be added, which the model has, and what each is worth."""
-        self.addable, self.effects, self.worth = addable, effects, worth
+        """Show what may be added or estimated, what the model has of it, what each is worth."""
+        self.addable, self.constants = addable, constants
+        self.effects, self.found, self.worth = effects, found, worth
         self._list_effects()
 
     def _choose(self, port: str) -> None:
@@ -114,11 +120,10 @@ class Controls:
 
     def _list_effects(self) -> None:
         at = self.port.value
-        names = [
-            name
-            for name, effect in self.addable.items()
-            if at in effect.ports or (at == FOUND and (name in self.effects or name in self.worth))
-        ]
+        ports = {name: effect.ports for name, effect in self.addable.items()}
+        ports |= dict.fromkeys(self.constants, (CONSTANTS,))
+        found = {*self.effects, *self.found, *self.worth} if at == FOUND else set()
+        names = [name for name, places in ports.items() if at in places or name in found]
         names.sort(key=lambda n: (n not in self.effects, -self._share(n)))
         self._listed, self._setting = names, True
         self.boxes.labels = [self._label(name) for name in names]
@@ -145,9 +150,10 @@ class Controls:
         return humanize(name) + (f": removes {worth.cells[0]}" if worth else "")
 
     def _about(self, name: str) -> str:
-        """The first sentence of what an effect is, and what it is worth."""
-        paragraph = (type(self.addable[name]).__doc__ or "").strip().partition("\n\n")[0]
-        sentence = " ".join(paragraph.split()).partition(". ")[0].rstrip(".")
+        """The first sentence of what an effect or a constant is, and what it is worth."""
+        if (sentence := self.constants.get(name, "")) == "":
+            paragraph = (type(self.addable[name]).__doc__ or "").strip().partition("\n\n")[0]
+            sentence = " ".join(paragraph.split()).partition(". ")[0].rstrip(".")
         worth = self.worth.get(name)
         return sentence + (f". Removes {worth} of the squared error of whole runs" if worth else "")
 

@@ -62,7 +62,8 @@ def spec_text(session: Session, folder: Path) -> str:
     entries: dict[str, Any] = {effect.name: entry for effect, entry in kept}
     laws = tomlkit.parse(effects_line(session.laws.values()))["effects"]
     entries |= dict(zip(session.laws, laws, strict=True))
-    home, words = spec.path.parent, [entries.get(name, name) for name in setup.effects]
+    added = [name for name in setup.effects if name not in _freed(session)]
+    home, words = spec.path.parent, [entries.get(name, name) for name in added]
     document["model"] = _word(document["model"], home, folder)
     document["effects"] = [_word(w, home, folder) if isinstance(w, str) else w for w in words]
     _set_parameters(document, session)
@@ -105,23 +106,37 @@ def _set_list(table: Any, key: str, entries: list[dict[str, Any]]) -> None:
 
 
 def _set_parameters(document: Any, session: Session) -> None:
-    """Drop those of effects that are gone; sliders that were moved say where a fit begins."""
+    """Drop those of effects that are gone; write what is estimated, and where a fit begins."""
     parameters = document.get("parameters", {})
     gone = {effect.name for effect in session.source.model.effects} - {*session.setup.effects}
     for name in list(parameters):
         if name in gone or name.partition(".")[0] in gone:
             del parameters[name]
-    if session.setup.moved:
-        document.setdefault("parameters", tomlkit.table())
-        for name, value in _moved(session).items():
-            effect, dot, of_effect = name.partition(".")
-            table, key = document["parameters"], name
-            if dot and effect in table:
-                table, key = table[effect], of_effect
-            if isinstance(table.get(key), Mapping):
-                table[key]["value"] = value
-            else:
-                table[key] = value
+    document.setdefault("parameters", tomlkit.table())
+    for name in _freed(session):
+        table, key = _place(document["parameters"], name)
+        if not isinstance(table.get(key), Mapping):  # absent, or i33 = 1.7, the value alone
+            table[key] = {"value": table[key]} if key in table else {}
+        table[key]["fixed"] = False
+    for name, value in _moved(session).items() if session.setup.moved else ():
+        table, key = _place(document["parameters"], name)
+        if isinstance(table.get(key), Mapping):
+            table[key]["value"] = value
+        else:
+            table[key] = value
+    if not document["parameters"]:
+        del document["parameters"]
+
+
+def _place(table: Any, name: str) -> tuple[Any, str]:
+    """The table and the key of a parameter: those of an effect may have a table of their own."""
+    effect, dot, of_effect = name.partition(".")
+    return (table[effect], of_effect) if dot and effect in table else (table, name)
+
+
+def _freed(session: Session) -> list[str]:
+    """The constants that are estimated now."""
+    return [name for name in session.setup.effects if name in session.constants]
 
 
 def _moved(session: Session) -> dict[str, float]:
@@ -157,9 +172,12 @@ def _model_code(session: Session) -> list[str]:
     source, setup = session.source, session.setup
     had = [effect.name for effect in source.model.effects]
     terms = [f" - {as_python(name)}" for name in had if name not in setup.effects]
-    added = (session.effects[name] for name in setup.effects if name not in had)
+    free = _freed(session)
+    added = (session.effects[name] for name in setup.effects if name not in (*had, *free))
     terms += [f" + {code_of(effect)}" for effect in added]
     lines = [f"model = spec.model{''.join(terms)}"]
+    if free:
+        lines.append(f"model = model.free({', '.join(map(as_python, free))})")
     if setup.moved:
         lines.append(f"model = model.replace({as_python(_moved(session))})")
     return lines

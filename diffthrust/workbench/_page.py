@@ -63,6 +63,7 @@ class Page:
         self.controls = Controls(
             session.task.model,
             session.effects,
+            self._constants(),
             shown_of(comparison.runs),
             on_tick=self._tick,
             on_slide=self._slide,
@@ -358,7 +359,7 @@ class Page:
         ]
         worth = {**diagnosis.possible, **diagnosis.worth} if diagnosis else {}
         worth |= {law.effect.name: law.worth for law in diagnosis.laws} if diagnosis else {}
-        self.controls.show_effects(session.effects, session.setup.effects, worth)
+        self.controls.show_effects(session.effects, self._constants(), session.setup.effects, worth)
         self.controls.show_parameters(model, awake=current)
         now = self._error(self.comparison) if session.setup.moved else None
         has_unseen = bool(session.source.unseen)
@@ -371,6 +372,16 @@ class Page:
                 lines = [line for line in lines if not line.startswith("Copy: ")]
             self.verdict.text = paragraphs("\n".join(lines))
         self.tools.show_setup(session.setup)
+
+    def _constants(self) -> dict[str, str]:
+        """What is said of each constant of the model: where it is held, and where it should be."""
+        diagnosis, words = self.session.diagnosis, {}
+        held = diagnosis.held if diagnosis else {}
+        for name, p in self.session.constants.items():
+            words[name] = f"{p.doc or 'a constant'}, held at {p.value:.4g} {p.unit}".rstrip()
+            if name in held:
+                words[name] += f"; these logs suggest {held[name].wanted:.4g}"
+        return words
 
     def _error(self, comparison: Comparison) -> float:
         """NRMSE over the unseen logs, or over all where there are none."""

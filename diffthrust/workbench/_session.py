@@ -21,6 +21,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._record import bind
 from diffthrust.simulation._runs import Run
@@ -42,7 +43,8 @@ class Setup:
     """What a user has chosen; undo and redo go from one to another.
 
     Args:
-        effects: names of the effects in the model, in the order in which they were added.
+        effects: names of the effects in the model, and of constants that it held and are estimated
+            now, in the order in which they were added.
         values: parameters that are not as they were opened, by full name, in the model's units.
         moved: some of these were moved since the last fit.
         left_out: stretches that do not count as measured.
@@ -102,7 +104,9 @@ class Task:
                 model = model - effect.name
         present = [effect.name for effect in model.effects]
         for name in effects:
-            if name not in present:
+            if name in model.parameters:
+                model = model.free(name)
+            elif name not in present:
                 model = model + self.laws.get(name, name)
         has = model.parameters
         return model.replace({n: v for n, v in self.setup.values.items() if n in has})
@@ -226,11 +230,23 @@ class Session:
         """By name the effects that may be added, with the laws that were learned."""
         return {effect.name: effect for effect in self.addable[0]} | self.laws
 
+    @cached_property
+    def constants(self) -> Mapping[str, Parameter]:
+        """By name what the model as it was opened holds, and may estimate."""
+        model = self.source.model
+        of_effects = {effect.name for effect in model.effects}
+        named = model.parameters.items()
+        return {n: p for n, p in named if p.fixed and n.partition(".")[0] not in of_effects}
+
     @property
     def found(self) -> tuple[str, ...]:
-        """Names of what the diagnosis has found: effects and learned laws."""
-        model = self.diagnosis.improved if self.diagnosis else self.source.model
-        return tuple(effect.name for effect in model.effects if effect.name in self.effects)
+        """Names of what the diagnosis has found: effects, constants and learned laws."""
+        if self.diagnosis is None:
+            return tuple(effect.name for effect in self.source.model.effects)
+        held, stage = {*self.diagnosis.held}, self.diagnosis.stages[-1].effects
+        present = [effect.name for effect in self.diagnosis.improved.effects]
+        kept = {*present, *held} & {*self.effects, *self.constants}
+        return tuple(name for name in dict.fromkeys((*stage, *present)) if name in kept)
 
     @property
     def fit(self) -> Fit | None:
@@ -261,22 +277,23 @@ class Session:
     # -- changes, each of which can be undone ----------------------------------------------------
 
     def tick(self, name: str) -> None:
-        """Add an effect.
+        """Add an effect, or estimate a constant.
 
         Raises:
             InputError: it is not one of those that can be added.
         """
         if name in self.setup.effects:
             return
-        if name not in self.effects:
+        if name not in self.effects and name not in self.constants:
             why = self.addable[1].get(name, "the model has no port for it")
             raise InputError(f"The effect {name!r} cannot be added: {why}.", "Choose another.")
         self._change(replace(self.setup, effects=(*self.setup.effects, name)), replace_values=True)
 
     def untick(self, name: str) -> None:
-        """Take an effect back."""
+        """Take an effect back, or hold a constant again where the model held it."""
         kept = tuple(effect for effect in self.setup.effects if effect != name)
-        self._change(replace(self.setup, effects=kept), replace_values=True)
+        values = {n: v for n, v in self.setup.values.items() if n != name}
+        self._change(replace(self.setup, effects=kept, values=values), replace_values=True)
 
     def tick_all(self, names: Sequence[str]) -> None:
         """Add several effects as one change, as those that a diagnosis has found."""
@@ -363,9 +380,15 @@ class Session:
         laws = [law.reported for law in diagnosis.laws]
         effects = [effect for result in laws for effect in result.model.effects]
         self.laws |= {e.name: e for e in effects if e.name not in self.effects}
-        for result in (*(stage.fit for stage in diagnosis.stages), *laws):
-            names = tuple(effect.name for effect in result.model.effects)
-            if set(names) <= {*self.effects, *task.setup.effects}:
+        given, addable = task.setup.effects, {*self.effects, *self.constants, *task.setup.effects}
+        fits = {(*given, *stage.effects): stage.fit for stage in diagnosis.stages}
+        last = diagnosis.stages[-1].effects
+        for result in laws:
+            present = [effect.name for effect in result.model.effects]
+            names = dict.fromkeys((*given, *last, *present))
+            fits[tuple(n for n in names if n in present or n in self.constants)] = result
+        for names, result in fits.items():
+            if set(names) <= addable:
                 self.fits.setdefault(replace(task.setup, effects=names).fitted_by, result)
 
 

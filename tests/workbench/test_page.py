@@ -304,6 +304,7 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
     controls = Controls(
         model,
         {},
+        {},
         ShownUnits([log.written]),
         on_tick=lambda name, added: None,
         on_slide=lambda name, value: moved.append((name, value)),

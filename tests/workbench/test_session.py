@@ -13,6 +13,7 @@ import pytest
 
 import diffthrust as dft
 from diffthrust.diagnosis._explained_share import Worth  # private: what a law is worth
+from diffthrust.diagnosis._findings import HeldValue  # private: what a diagnosis says of constants
 from diffthrust.diagnosis._learned import LearnedLaw  # private: what a diagnosis learns
 from diffthrust.workbench._leaving import save, script, spec_text  # private: the page's buttons
 from diffthrust.workbench._session import Session, Stretch  # private: what the page shows
@@ -331,6 +332,49 @@ def test_sliders_say_where_a_fit_begins_and_comments_stay(session, lacking, tmp_
     written = spec_text(bounded, tmp_path)
     assert "alpha = { value = 0.05, bounds = [0, 1] }  # of the sheet" in written
     assert "ct = 0.018" in written
+
+
+@pytest.fixture
+def held(lacking) -> Session:
+    """Of a thruster whose ct is held at half of what it is."""
+    text = (lacking / "fit.toml").read_text()
+    text += "\n[parameters]\nct = { value = 0.01, fixed = true }  # of the sheet\n"
+    (lacking / "held.toml").write_text(text)
+    return Session(opened(lacking / "held.toml"))
+
+
+def test_a_constant_is_estimated_with_a_tick_and_held_again_without(held, tmp_path):
+    fitted(held)
+    assert "ct" in held.constants
+    held.tick("ct")
+    fitted(held)
+    first, second = held.staircase
+    assert second.added == "ct"
+    assert second.unseen < 0.7 * first.unseen
+    assert held.task.model.ct > 0.015
+    written = spec_text(held, tmp_path)
+    assert "ct = { value = 0.01, fixed = false }  # of the sheet" in written
+    names: dict = {}
+    exec(script(held), names)
+    assert names["fit"].parameters["ct"].value == pytest.approx(held.task.model.ct, rel=1e-6)
+    held.untick("ct")
+    assert held.task.model.ct == 0.01
+    assert held.task.model.parameters["ct"].fixed
+    with pytest.raises(dft.InputError, match="cannot be added"):
+        held.tick("beta")  # is estimated already
+
+
+def test_a_constant_that_a_diagnosis_wants_elsewhere_is_among_what_was_found(held):
+    task = held.task
+    fit = dft.fit(task.model.free("ct"), task.train, holdout=task.unseen, starts=1)
+    diag = made_diagnosis.found()
+    stages = (diag.stages[0], replace(diag.stages[0], effects=("ct",), fit=fit))
+    wanted = HeldValue(0.01, fit.model.ct, 1e-4)
+    diag = replace(diag, stages=stages, held={"ct": wanted}, best=(), laws=())
+    held.accept_diagnosis(task, diag)
+    assert held.found == ("ct",)
+    held.tick_all(held.found)
+    assert held.fit is fit
 
 
 def test_the_script_does_the_same(session, tmp_path):
