@@ -24,11 +24,6 @@ from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run, runs_over, step_choice
 from diffthrust.simulation._step_size import MOST_SUBSTEPS
 
-_QUICK = 30_000
-"""Numerics: a search compiles quickly if its integrator steps times its coordinates are no more.
-For a thruster on 3 000 samples that saved 2.6 s, a step of the search took 3.5 ms for 1.5, and
-there are some hundred. For a vessel on as many (33 000) it saved 1.7 s, and a step took 26 ms for
-6."""
 _MORE = 4
 """Numerics: times as many integrator steps where most starts could not be simulated."""
 
@@ -221,9 +216,7 @@ def _arranged(task: Task, substeps: int, model: Model) -> Problem:
         segmented=any(h is not None for h in task.horizons),
         likelihood=task.likelihood,
     )
-    steps = sum(map(len, task.records)) * substeps
-    small = steps * (len(problem.layout.free) + problem.each) <= _QUICK
-    return replace(problem, quick_compile=task.quick_compile and small)
+    return replace(problem, quick_compile=task.quick_compile)
 
 
 def _run_on(task: Task, optimum: Optimum) -> Optimum:

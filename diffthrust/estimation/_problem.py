@@ -107,8 +107,8 @@ class Problem:
         held: measured initial states stay at their measured values.
         nuisance: parameters of the observer or of the noise, estimated with the model's.
         chosen: the coordinates that are moved, where the layout has a width.
-        quick_compile: it is solved for one model among many, each of which is compiled anew: to
-            compile counts more than to run.
+        quick_compile: it is solved for one model among many, each of which is compiled anew: as
+            long as little was run, to compile counts more.
     """
 
     model: Model
@@ -120,6 +120,12 @@ class Problem:
     nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
     chosen: tuple[str, ...] | None = None
     quick_compile: bool = False
+
+    @property
+    def work(self) -> int:
+        """Integrator steps of a pass, times the coordinates by which it is differentiated."""
+        steps = sum(map(len, self.records)) * self.substeps
+        return steps * (len(self.layout.free) + self.each)
 
     @property
     def substeps(self) -> int:
