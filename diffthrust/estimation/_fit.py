@@ -228,7 +228,7 @@ def fit_records(
         guesses=tuple(options.guesses),
         rng=np.random.default_rng(options.seed),
         tell=reporter(progress),
-        quick_compile=first_substeps is not None,
+        refit=first_substeps is not None,
         checked=not (first_substeps and substeps),
     )
     optimum, notes = optimum_of(task, model, substeps, first_substeps or 1)

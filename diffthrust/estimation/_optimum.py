@@ -41,7 +41,7 @@ class Task(NamedTuple):
         guesses: values of parameters that are starts, too.
         rng: draws the other starts.
         tell: is called with the progress.
-        quick_compile: see `Problem`.
+        refit: one of many of a diagnosis, with good guesses.
         checked: whether it is looked at if the optimum needs finer steps.
     """
 
@@ -54,7 +54,7 @@ class Task(NamedTuple):
     guesses: tuple[Mapping[str, float], ...]
     rng: np.random.Generator
     tell: Progress
-    quick_compile: bool = False
+    refit: bool = False
     checked: bool = True
 
 
@@ -199,9 +199,10 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
     search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
     length = horizons[-1]
     if task.automatic and horizons != (None,):
-        (length, search, final), notes = by_left_out(
-            Ended(length, search, final), task.starts, task.rng
-        )
+        # a refit's guesses were begun with at every horizon, and know more than what is drawn
+        drawn = 0 if task.refit else task.starts
+        ended, notes = by_left_out(Ended(length, search, final), drawn, task.rng)
+        length, search, final = ended
     if task.likelihood.corrects:
         search, final = refined(search, final)
     return _ended(task, *with_widths(search, final), length, silent, notes)
@@ -216,7 +217,7 @@ def _arranged(task: Task, substeps: int, model: Model) -> Problem:
         segmented=any(h is not None for h in task.horizons),
         likelihood=task.likelihood,
     )
-    return replace(problem, quick_compile=task.quick_compile)
+    return replace(problem, quick_compile=task.refit)
 
 
 def _run_on(task: Task, optimum: Optimum) -> Optimum:
