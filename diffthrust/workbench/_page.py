@@ -359,7 +359,8 @@ class Page:
         ]
         worth = {**diagnosis.possible, **diagnosis.worth} if diagnosis else {}
         worth |= {law.effect.name: law.worth for law in diagnosis.laws} if diagnosis else {}
-        self.controls.show_effects(session.effects, self._constants(), session.setup.effects, worth)
+        added, found = session.setup.effects, session.found
+        self.controls.show_effects(session.effects, self._constants(), added, found, worth)
         self.controls.show_parameters(model, awake=current)
         now = self._error(self.comparison) if session.setup.moved else None
         has_unseen = bool(session.source.unseen)

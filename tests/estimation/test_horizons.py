@@ -100,7 +100,9 @@ def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_v
     )
     end = horizons_module._over_whole_runs(None, 4, None)
     assert end.search is {"anew": anew, "followed": followed}[taken]
-    assert begun == [("whole runs", 4, [followed.best.z, "a user's guess"])]
+    assert begun == [("whole runs", 4, [followed.best.z])]  # the guess was followed there
+    assert horizons_module._over_whole_runs(None, 0, None).search is followed  # none is drawn
+    assert len(begun) == 1
 
 
 def test_a_way_to_whole_runs_ends_there_once():

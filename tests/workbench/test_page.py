@@ -21,7 +21,7 @@ from diffthrust.comparison._regime_search import SignalRange  # private: what is
 from diffthrust.comparison._regimes import Regime  # private: likewise
 from diffthrust.logs import PWM, Written
 from diffthrust.logs._written import ShownUnits  # private: what the page takes from runs
-from diffthrust.workbench._controls import Controls  # private: a part of the page
+from diffthrust.workbench._controls import CONSTANTS, Controls  # private: a part of the page
 from diffthrust.workbench._page import Page  # private: what `explore` shows
 from diffthrust.workbench._results import Results  # private: a part of it
 from diffthrust.workbench._session import Session, Step, Task  # private: what the page shows
@@ -321,6 +321,31 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
     assert offset.title == "speed sensor offset, offset [rpm]"
     width.value = 30.0
     assert moved == [("command_deadband.half_width", pytest.approx(0.075))]
+
+
+def test_constants_are_listed_and_those_that_a_diagnosis_wants_elsewhere_are_found():
+    model = dft.SpeedLoopThruster().fix("time_constant")
+    log = dft.Log(np.arange(3.0), {"command": np.ones(3)}, {"speed": np.ones(3)})
+    ticked, words = [], {"time_constant": "held at 0.1 s; these logs suggest 0.2"}
+    controls = Controls(
+        model,
+        {},
+        words,
+        ShownUnits([log.written]),
+        on_tick=lambda *tick: ticked.append(tick),
+        on_slide=lambda name, value: None,
+        on_release=lambda: None,
+    )
+    controls.show_effects({}, words, (), (), {})
+    assert controls.boxes.labels == []
+    controls.show_effects({}, words, (), ("time_constant",), {})
+    assert controls.boxes.labels == ["time constant"]
+    assert "these logs suggest 0.2" in controls.about.text
+    controls.boxes.active = [0]
+    assert ticked == [("time_constant", True)]
+    controls.show_effects({}, words, (), (), {})
+    controls.port.value = CONSTANTS
+    assert controls.boxes.labels == ["time constant"]
 
 
 def test_low_plots_have_three_ticks():
