@@ -133,7 +133,7 @@ FORMS = (
     ),
     Form(
         "dead zone", "a * sign(x) * max(abs(x) - b, 0)", 1,
-        "goes in proportion to {x}, beyond {b}", ("linear", "dry"), even=True,
+        "goes in proportion to {x}, beyond {b}", ("linear",), even=True,
     ),
     Form("ramp above", "a * max(x - b, 0)", 1, "goes in proportion to {x}, above {b}", ("linear",)),
     Form("ramp below", "a * max(b - x, 0)", 1, "goes in proportion to {x}, below {b}", ("linear",)),
