@@ -59,7 +59,7 @@ def _counted(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"Found (?P<place>(?:in|at) [^:\n]+): a (?P<kind>factor|term) that (?P<what>[^\n]+?)"
-       rf"(?:, up to (?P<reach>{NUMBER}) (?P<unit>% (?:less|more)|[^,\n]+?))?"
+       rf"(?:, (?:up to )?(?P<reach>{NUMBER}) (?P<unit>% (?:less|more)|[^,\n]+?))?"
        rf"(?:, valid from (?P<low>{NUMBER}) to (?P<high>{NUMBER})(?: [^,\n]+?)?)?\.")  # fmt: skip
 def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     laws = [law for law in diag.laws if (law.manner == "scales") == (m["kind"] == "factor")

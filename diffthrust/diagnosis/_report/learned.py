@@ -108,8 +108,9 @@ def reach_words(law: LearnedLaw) -> str:
         return ""
     low, middle, high = _spread(_values_of(law))
     if _times_of(law) == "":
-        most = max(abs(low), abs(high))
-        return "" if _shared(law, most) else f"up to {number(most, 2)} {law.port_unit}".rstrip()
+        most, level = max(abs(low), abs(high)), law.form is not None and law.form.name == "dry"
+        size = f"{'' if level else 'up to '}{number(most, 2)} {law.port_unit}".rstrip()
+        return "" if _shared(law, most) else size
     less, more = ((1.0 + end) / (1.0 + middle) - 1.0 for end in (low, high))
     if not -1.0 <= less <= more:
         return ""
