@@ -121,6 +121,7 @@ from diffthrust.diagnosis._periodic_stage import (  # private: without a search
     unexplained_line,
 )
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
+    added,
     error_changes,
     predicted_gains,
     shift_of,
@@ -305,6 +306,7 @@ __all__ = [
     "TriedForm",
     "Wording",
     "Worth",
+    "added",
     "added_bound_words",
     "admission_module",
     "adopted",

@@ -87,7 +87,7 @@ def criterion(fitter: CandidateFitter, trial: TrialFit) -> float:
         )
         if 2 * (without.cost - trial.cost) < len(noise.parameters) * price:
             trial, still = without, fewer
-    model_parameters = sum(name not in fitter.nuisance for name in trial.names)
+    model_parameters = trial.count([n for n in trial.names if n not in fitter.nuisance])
     return 2 * trial.cost + price * (model_parameters + len(fitter.nuisance) - len(still))
 
 
@@ -104,7 +104,7 @@ def wald(trial: TrialFit, names: Sequence[str]) -> float:
 
 def price_of(fitter: CandidateFitter, trial: TrialFit, effect: str | None = None) -> float:
     """The penalty of the criterion for an effect of a trial, by default the last one."""
-    return len(trial.parameters_of(effect)) * math.log(fitter.samples)
+    return trial.count(trial.parameters_of(effect)) * math.log(fitter.samples)
 
 
 # -- one-step errors on unseen logs ----------------------------------------------------------------

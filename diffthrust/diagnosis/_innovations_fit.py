@@ -27,7 +27,7 @@ from diffthrust.estimation._observer import (
     is_memory,
     uncorrected,
 )
-from diffthrust.estimation._one_step import Pass, cost, passes, with_clip
+from diffthrust.estimation._one_step import Pass, cost, passes, with_clip, with_own_values
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import solve
 from diffthrust.models._base.model import Model
@@ -108,6 +108,14 @@ class TrialFit:
         effect = effect or self.effects[-1]
         return [n for n in self.names if of_effect(n, effect)]
 
+    def count(self, names: Collection[str]) -> int:
+        """How many numbers some of its parameters are: one for each log where they differ by log.
+
+        Their mean is one more, and as their spread about it is sought as well, no number more.
+        """
+        differing = {name for name, _ in self.problem.layout.per_log}
+        return sum(len(self.problem.records) if name in differing else 1 for name in names)
+
     @property
     def problem(self) -> Problem:
         """The training logs, as they were compiled."""
@@ -120,9 +128,11 @@ class TrialFit:
 
     @property
     def unseen(self) -> Problem | None:
-        """The unseen logs at these values, if there are any."""
+        """The unseen logs at these values, if there are any; what differs by log is their own."""
         unseen = self.program.unseen
-        return None if unseen is None else self.clip.on(unseen.focus(self.names, self.values))
+        if unseen is None:
+            return None
+        return with_own_values(self.clip.on(unseen.focus(self.names, self.values)))
 
     def _focused(self, problem: Problem) -> Problem:
         return self.clip.on(problem.focus(self.names, self.values, self.initial_states))

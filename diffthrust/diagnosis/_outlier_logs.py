@@ -161,7 +161,8 @@ def _refitted(
             passed(deviation.others + share * (deviation.own - deviation.others)).errors
             / sigma[:, None]
         )
-        return float(np.sum(np.log1p(errors[~np.isnan(errors)] ** 2 / TAIL)))
+        with np.errstate(over="ignore"):  # of a run that diverges
+            return float(np.sum(np.log1p(errors[~np.isnan(errors)] ** 2 / TAIL)))
 
     optimum: Any = minimize_scalar(cost, bounds=_SHARES, method="bounded", options={"xatol": 0.01})
     share = float(optimum.x)
@@ -174,7 +175,7 @@ def _fall(passed: Callable[[np.ndarray], Pass], deviation: Deviation) -> float:
     for move in (deviation.others, deviation.own):
         errors = passed(move)
         size = np.nanvar(errors.measured, axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             sums.append(float(np.nansum(np.nanmean(errors.errors**2, axis=1) / size)))
     return sums[1] / sums[0] if 0 < sums[0] < np.inf else 1.0
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from diffthrust._support._running.programs import program
 from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
-from diffthrust.diagnosis._step_slopes import Passing
+from diffthrust.diagnosis._step_slopes import StepSlopes
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._integrate import integrate
@@ -171,27 +171,42 @@ def shift_of(response: LinearResponse, effect: Effect, values: Point) -> Shift:
     out: Shift = {}
     for place in effect.ports:
         if place in response.slopes[0].places:
-            parts = [_added(place, effect, s.at_samples, s.at_next) for s in response.slopes]
+            parts = [added(*_seen(place, effect, s)) for s in response.slopes]
             out[place] = tuple([np.asarray(p[i]) for p in parts] for i in (0, 1))
     return out
 
 
+def _seen(place: str, effect: Effect, slopes: StepSlopes) -> tuple[Any, ...]:
+    """What `added` takes: an effect on an actuator of a craft sees what that actuator has.
+
+    It is the same for each of eight thrusters, and one program serves all of them.
+    """
+    passings = slopes.at_samples, slopes.at_next
+    values, visible = zip(*(passing.places[place] for passing in passings), strict=True)
+    acting = [
+        effect.acting(place, Signals({**passing.series, **told}))
+        for passing, told in zip(passings, visible, strict=True)
+    ]
+    ends = [(value, dict(a.signals)) for value, a in zip(values, acting, strict=True)]
+    return acting[0].port, acting[0].effect, *ends
+
+
 @program(1)
-def _added(place: str, effect: Effect, early: Passing, late: Passing) -> Any:
+def added(place: str, effect: Effect, early: Any, late: Any) -> Any:
     """What an effect adds at a port, at each sample and just before the next, ``(B, T)`` each.
 
-    Compiled once for each port and effect.
+    Both ends are the signal that arrives there, and what the effect may read. Compiled once for
+    each port and effect.
     """
-    ends = [(passing.places[place][0], {**passing.series, **passing.places[place][1]})
-            for passing in (early, late)]  # fmt: skip
+    ends = early, late
     if effect.states:
         return jax.vmap(partial(_integrated, place, effect))(*ends)
 
-    def added(value: Any, signals: Mapping[str, Any]) -> Any:
+    def difference(value: Any, signals: Mapping[str, Any]) -> Any:
         return effect.at(place, value, Signals(signals)) - value
 
-    added = jax.vmap(added) if effect.memory else added
-    return tuple(jnp.broadcast_to(added(*end), end[0].shape) for end in ends)
+    difference = jax.vmap(difference) if effect.memory else difference
+    return tuple(jnp.broadcast_to(difference(*end), end[0].shape) for end in ends)
 
 
 def _integrated(place: str, effect: Effect, early: Any, late: Any) -> Any:

@@ -307,6 +307,8 @@ def start_search(
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
     levels = levels_when_asked(first.model, train)
     effects = [effect.scaled(levels) for effect in effects]
+    if len(train) > 1:
+        effects = [effect.differing() for effect in effects]
     say("compiling the trials", FITTED)
     with clock("compile"):
         constants = constants_of(first.model, wanted)

@@ -14,7 +14,8 @@ import numpy as np
 from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, ResidualClip, TrialFit
-from diffthrust.estimation._one_step import passes
+from diffthrust.estimation._one_step import passes, with_own_values
+from diffthrust.estimation._problem import Problem
 from diffthrust.simulation._errors import Errors, errors
 
 _FEW = 8
@@ -148,20 +149,18 @@ def _runs(fitter: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
     Both are then integrated by the same code, and rounding makes no difference between them.
     """
     program = simulation_fitter(fitter).ready({*trial.effects, *rival.effects})
-    by_problem: list[_Residuals] = []
-    for problem, starts in ((program.problem, trial.initial_states), (program.unseen, None)):
-        logs = (
-            []
-            if problem is None
-            else passes(trial.clip.on(problem.focus(trial.names, trial.values, starts)))
-        )
-        by_problem.append(
-            [
-                dict(zip(fitter.channels, zip(log.measured, log.errors, strict=True), strict=True))
-                for log in logs
-            ]
-        )
-    return _Runs(*by_problem)
+
+    def residuals(problem: Problem) -> _Residuals:
+        pairs = (zip(log.measured, log.errors, strict=True) for log in passes(problem))
+        return [dict(zip(fitter.channels, of_log, strict=True)) for of_log in pairs]
+
+    def at_values(problem: Problem, starts: np.ndarray | None) -> Problem:
+        return trial.clip.on(problem.focus(trial.names, trial.values, starts))
+
+    trained = residuals(at_values(program.problem, trial.initial_states))
+    if program.unseen is None:
+        return _Runs(trained, [])
+    return _Runs(trained, residuals(with_own_values(at_values(program.unseen, None))))
 
 
 def _pairs(first: _Residuals, second: _Residuals) -> list[dict[str, BeforeAfter]]:

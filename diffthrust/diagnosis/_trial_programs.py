@@ -90,6 +90,10 @@ class Programs:
         self.places = places_of(model, records[0], self.channels)
         self.constants = tuple(constants)
         self.candidates = {effect.name: effect for effect in candidates}
+        # part of every program: what each log has of its own has then the same place in all
+        self.by_log = tuple(
+            e.name for e in candidates if any(p.per_log for p in e._parameters.values())
+        )
         self.free = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
@@ -173,7 +177,7 @@ class Programs:
         """
         model, free = self.model.free(*self.constants), len(self.constants)
         for name in self.candidates:
-            if name in effects:
+            if name in effects or name in self.by_log:
                 model = model + self.candidates[name].at_null()
                 free += self._size(name)
         width = max(self.width - _ROOM + min(free, _ROOM), least)
@@ -186,6 +190,7 @@ class Programs:
         return program.problem if self.joint else self.problem(effects, self.records, numbers)
 
     def _program(self, effects: Collection[str], needed: int = 0) -> Compiled:
+        effects = {*effects, *self.by_log}
         # any of these effects may be tried, with all its parameters, beside those of a trial
         present = SETTINGS.admission.most_effects if self.joint else _MOST_PRESENT
         least = len(self.free) + max(needed, self._size(*effects, most=present))

@@ -229,6 +229,8 @@ class _AsEffectCode(ast.NodeTransformer):
         if node.id == ARRIVING:
             return node
         owner = "self" if node.id in self._parameters else "jnp" if node.id == "pi" else "s"
+        if "." in node.id:  # of a part of a craft
+            return ast.Subscript(ast.Name(owner), ast.Constant(node.id))
         return ast.Attribute(ast.Name(owner), node.id)
 
     def visit_Call(self, node: ast.Call) -> ast.expr:

@@ -1,7 +1,7 @@
 """Effects of the wind and of a current on a vessel."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -37,6 +37,7 @@ class WaterCurrent(Effect):
         "surge_acceleration",
         "sway_acceleration",
     )
+    by_log: ClassVar[tuple[str, ...]] = ("to_north", "to_east")
     to_north: float = parameter(
         0.1, "m/s", null=0.0, size=0.3, probes=relative_to("surge", -0.2, 0.2)
     )
@@ -47,6 +48,11 @@ class WaterCurrent(Effect):
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
         """How fast the water moves: logs without a heading do not tell where to."""
         return f"the water moves at {math.hypot(self.to_north, self.to_east):.2g} m/s"
+
+    def size_words(self, starts: Sequence[Mapping[str, float]]) -> str:
+        """How fast the water moved in the logs: in the slowest and in the fastest."""
+        speeds = [math.hypot(s["to_north"], s["to_east"]) for s in starts]
+        return f"{min(speeds):.2g} to {max(speeds):.2g} m/s, another in each log"
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """Speeds through the water, accelerations over ground."""

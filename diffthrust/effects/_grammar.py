@@ -49,7 +49,7 @@ def expression_of(text: str) -> Expression:
             f"The expression {text[:40]!r}... has {len(text)} characters, allowed are {_LONGEST}.",
             "Write a class of an effect for what does not fit into one line.",
         )
-    # characters first: quotes, brackets and dots of attributes never reach the parser
+    # characters first: quotes and brackets never reach the parser
     if strange := STRANGE.search(text):
         raise with_mark(
             text, strange.start(), f"the character {strange[0]!r} is not allowed", _mend()
@@ -59,7 +59,7 @@ def expression_of(text: str) -> Expression:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # for "1if", and a number that is called
-            tree = ast.parse(text.strip(), mode="eval").body
+            tree = _OfParts().visit(ast.parse(text.strip(), mode="eval").body)
     # deeply nested brackets exhaust Python's own parser: an expression from a spec file must not
     # end the process
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -79,6 +79,15 @@ def expression_of(text: str) -> Expression:
         )  # fmt: skip
     sizes = frozenset(memory.size.id for memory in memories if isinstance(memory.size, ast.Name))
     return Expression(text, reduced, places, frozenset(exponents), sizes, memories)
+
+
+class _OfParts(ast.NodeTransformer):
+    """Turns the name of a craft's part, a dot and a signal into one name: "port.command"."""
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
+        if not isinstance(node.value, ast.Name) or node.attr.startswith("_"):
+            return node  # which is not allowed
+        return ast.copy_location(ast.Name(f"{node.value.id}.{node.attr}"), node)
 
 
 def _check(

@@ -57,33 +57,45 @@ _BLOCKS = 48
 
 def named_values(layout: Layout, numbers: ProblemNumbers, z: Any) -> dict[str, Any]:
     """Parameter values at coordinates; traceable twin of `Problem.values`."""
-    moved: Any = None
+    moved = _moved(layout, numbers)
     if layout.width is not None:
-        spread = jnp.zeros(len(layout.free) + 1)
-        moved = spread.at[numbers.chosen].set(1.0) > 0
-        z = spread.at[numbers.chosen].set(z)
+        z = jnp.zeros(len(layout.free) + 1).at[numbers.chosen].set(z)
     free = {}
     for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
         free[name] = jnp.exp(z[i]) if transform == "log" else z[i] * numbers.scales[i]
-        if layout.width is not None:
-            free[name] = jnp.where(moved[i], free[name], numbers.values[name])
+        if name in moved:
+            free[name] = jnp.where(moved[name], free[name], numbers.values[name])
     return {**numbers.values, **free}
+
+
+def _moved(layout: Layout, numbers: ProblemNumbers) -> dict[str, Any]:
+    """Whether each free parameter is among those that are moved; empty where all of them are."""
+    if layout.width is None:
+        return {}
+    chosen = jnp.zeros(len(layout.free) + 1).at[numbers.chosen].set(1.0) > 0
+    return {name: chosen[i] for i, name in enumerate(layout.free)}
 
 
 def values_of_log(
     layout: Layout, numbers: ProblemNumbers, values: Mapping[str, Any], own: Any
 ) -> dict[str, Any]:
-    """Parameter values in one log, from those of all and its coordinates; traceable."""
-    first, moved = len(layout.starts), dict(values)
+    """Parameter values in one log, from those of all and its coordinates; traceable.
+
+    A parameter that is not moved does not differ by log either: a candidate that is absent from a
+    trial would else act in each log by itself.
+    """
+    first, values_here = len(layout.starts), dict(values)
+    moved = _moved(layout, numbers) if layout.per_log else {}
     for i, (name, transform) in enumerate(layout.per_log, start=first):
         kind, mean = numbers.varying[name], values[name]
-        value = mean * jnp.exp(own[i]) if transform == "log" else mean + kind.scale * own[i]
+        away = jnp.where(moved[name], own[i], 0.0) if name in moved else own[i]
+        value = mean * jnp.exp(away) if transform == "log" else mean + kind.scale * away
         # at a bound, and beyond it by rounding, the derivative is that from within
         room = 1e-9 * kind.scale
         value = jnp.clip(value, kind.low - room, kind.high + room)
         within = jnp.clip(value, kind.low, kind.high)
-        moved[name] = value + jax.lax.stop_gradient(within - value)
-    return moved
+        values_here[name] = value + jax.lax.stop_gradient(within - value)
+    return values_here
 
 
 def tightness(layout: Layout, numbers: ProblemNumbers) -> Any:

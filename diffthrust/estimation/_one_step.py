@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,11 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
-from diffthrust.estimation._likelihood import apart, named_values, values_of_log
+from diffthrust.estimation._likelihood import apart, named_values, tightness, values_of_log
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
-from diffthrust.estimation._observer import Limits, innovations
+from diffthrust.estimation._observer import CLIP, Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Innovations
+from diffthrust.simulation._starts import FIRST_PART
 from diffthrust.simulation._trajectory import Grid
 
 _ROUNDS = 2
@@ -69,30 +71,67 @@ def settled_start(problem: Problem) -> Problem:
     By differences: no other derivative of the passes is compiled. Errors beyond what the observer
     follows count as much as those at that limit.
     """
+    return _settled(problem, problem.layout.local)
+
+
+def with_own_values(problem: Problem) -> Problem:
+    """Unseen logs with values of their own of what differs by log, from the first part of each.
+
+    As in whole runs of a fit (`first_part`), so that the rest is predicted.
+    """
+    absent = {*problem.layout.free} - {*problem.free}
+    differing = {name for name, _ in problem.layout.per_log} - absent
+    if not differing:
+        return problem
+    batches = [replace(b, measured=_first_part(b)) for b in problem.numbers.batches]
+    early = replace(problem, numbers=replace(problem.numbers, batches=batches))
+    z = _settled(early, differing).start()
+    return problem.focus(problem.free, problem.values(z), z[problem.shared :])
+
+
+def _first_part(batch: Batch) -> np.ndarray:
+    """The measurements of a batch without those after the first part of each log."""
+    time = np.asarray(batch.time)
+    end = time[:, :1] + FIRST_PART * (time[:, -1:] - time[:, :1])
+    return np.where((time <= end)[:, None], batch.measured, np.nan)
+
+
+def _settled(problem: Problem, names: Collection[str]) -> Problem:
+    """The problem with these of its logs' own coordinates where they fit it best."""
     first, states = problem.shared, problem.each
-    if not states:
+    sought = [j for j, name in enumerate(problem.layout.local) if name in names]
+    if not sought:
         return problem
     z = problem.start()
     limit = (problem.numbers.reach * np.asarray(problem.numbers.clip))[:, None]
+    errors = np.concatenate([log.errors for log in passes(problem, z)], axis=1)
+    count = np.maximum(np.isfinite(errors).sum(axis=1, keepdims=True), 1)
+    spread = np.sqrt(np.nansum(errors**2, axis=1, keepdims=True) / count)
+    # without a clip, as of whole runs, errors count by their own spread
+    size = np.where(np.isfinite(limit), limit, CLIP * np.maximum(spread, 1e-300))
+    pull = np.sqrt(np.asarray(tightness(problem.layout, problem.numbers)))[sought] / CLIP
 
     def weighed(at: np.ndarray) -> list[np.ndarray]:
-        rests = [np.clip(log.errors / limit, -1.0, 1.0) for log in passes(problem, at)]
+        rests = [np.clip(log.errors, -limit, limit) / size for log in passes(problem, at)]
         return [np.nan_to_num(residual).ravel() for residual in rests]
 
     logs = [index for indices in problem.order for index in indices]  # in the order of z
     for _ in range(_ROUNDS):
         now = weighed(z)
-        moves = 1e-4 * (1.0 + np.abs(z[first:]).reshape(-1, states)).max(axis=0)
+        own = z[first:].reshape(-1, states)
+        moves = 1e-4 * (1.0 + np.abs(own)).max(axis=0)[sought]
         columns = []
-        for j, move in enumerate(moves):
+        for j, move in zip(sought, moves, strict=True):
             moved = z.copy()
             moved[first + j :: states] += move
             columns.append([(a - b) / move for a, b in zip(weighed(moved), now, strict=True)])
         for place, index in enumerate(logs):
             slopes = np.stack([column[index] for column in columns], axis=1)
+            slopes = np.concatenate([slopes, np.diag(pull)])
+            rest = np.concatenate([now[index], pull * own[place, sought]])
             length = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-            step = np.linalg.lstsq(slopes / length, -now[index], rcond=1e-6)[0] / length
-            z[first + place * states :][:states] += step
+            step = np.linalg.lstsq(slopes / length, -rest, rcond=1e-6)[0] / length
+            z[first + place * states + np.array(sought)] += step
     return problem.focus(problem.free, problem.values(z), z[first:])
 
 

@@ -2,10 +2,18 @@
 
 import numpy as np
 import pytest
+from steps import CandidateFitter, Programs, bind
 
 import diffthrust as dft
+from diffthrust.estimation._one_step import cost  # private: without a search
 
 HALF_WIDTH = 0.6
+
+
+class Tare(dft.effects.ThrustSensorOffset):
+    """It is another in each log."""
+
+    by_log = ("offset",)
 
 
 def run(number, tare):
@@ -38,3 +46,28 @@ def test_a_dead_band_is_found_and_each_log_keeps_its_tare():
     assert "Numbers by log, last stage" in text
     assert "per_log = true" in text
     assert "Estimated from the first 25 % of each run" in " ".join(text.split())
+
+
+@pytest.mark.thorough
+def test_a_candidate_differs_by_log_where_it_is_present_alone():
+    tares = [1.4, -0.9, 0.6]
+    records = bind(dft.Thruster(), [run(k, tare) for k, tare in enumerate(tares)])
+    offset = Tare().differing()
+    programs = Programs(dft.Thruster(), [offset], records[:2], records[2:])
+    fitter = CandidateFitter(programs)
+    base = fitter.base()
+    apart = np.zeros(base.at_values.local)
+    apart[base.at_values.layout.local.index("thrust_sensor_offset.offset")] = 1.0
+    program = programs.ready((offset.name,)).problem
+
+    def at(effects, begin):
+        return cost(base.clip.on(program.focus(fitter.moved(effects), base.values, begin)))
+
+    # its distance from the mean costs half its square over its width, whether it acts or not
+    assert at((), apart) - at((), 0.0 * apart) == pytest.approx(0.5, abs=1e-6)
+    # the first log has a tare: its own value brings it nearer
+    assert at((offset.name,), apart) < at((offset.name,), 0.0 * apart) - 2.0
+    fitted = fitter.settled((offset.name,), base.values, None, base.clip)
+    assert fitted.count(fitted.parameters_of()) == 2
+    own = fitted.unseen.numbers_by_log(fitted.unseen.start())
+    assert own[0]["thrust_sensor_offset.offset"] == pytest.approx(tares[2], abs=0.3)

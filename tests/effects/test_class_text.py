@@ -31,6 +31,7 @@ LAWS = {
     "sum_of": ("-a * speed / 2 - p*(speed - -2)*cos(command) + 3*a", {"a": "1/s", "p": "1/s"}),
     "sag": ("value*(1 + a*(time > 3)*exp(-speed/10)/(1 + speed**2))", {"a": ""}),
     "hump": ("where(0 < value < a, pi, value) + a*sqrt(abs(speed))*log(speed)", {"a": AMPLITUDE}),
+    "of_part": ("-a * port.command", {"a": "rad/s^2"}),
     "limit": (
         "min(value, m)",
         {"m": {"unit": "rad/s^2", "value": 50.0, "null": np.inf, "bounds": (0, None)}},
@@ -69,7 +70,10 @@ def test_the_class_does_what_the_formula_does(name):
     rng = np.random.default_rng(1)
     value = jnp.asarray(rng.normal(size=50) * 40)
     signals = dft.models.Signals(
-        {n: jnp.asarray(rng.normal(size=50) * 5) for n in ("speed", "command", "time")}
+        {
+            n: jnp.asarray(rng.normal(size=50) * 5)
+            for n in ("speed", "command", "time", "port.command")
+        }
     )
     values = {key: p.value + 0.25 for key, p in formula.declared.items()}
     made = Formula("shaft", text, **{

@@ -55,6 +55,18 @@ def test_it_simulates_as_the_class_written_by_hand():
     assert np.ptp(dft.simulate(dft.Thruster(), log)["speed"] - ours["speed"]) > 1.0
 
 
+def test_it_reads_the_signals_of_a_part_of_a_craft():
+    """A craft that was not explained ended its diagnosis in "this is not allowed"."""
+    law = dft.actuators.StaticThruster()
+    boat = dft.Craft(dft.bodies.Planar(), port=law.at((0, -0.3, 0)), starboard=law.at((0, 0.3, 0)))
+    pull = Formula("yaw_moment", "a * port.command * abs(port.command)", a={"value": 2.0})
+    value, command = np.zeros(3), np.array([-0.5, 0.0, 1.0])
+    signals = dft.models.Signals({"time": value, "port.command": command})
+    np.testing.assert_allclose(pull(value, signals), 2.0 * command * np.abs(command))
+    assert pull.reads == ("port.command",)
+    assert str(boat + pull) == "craft + formula"
+
+
 def test_it_agrees_with_another_integrator():
     log = swinging(101)
     a, p = 0.05, 0.6

@@ -25,6 +25,20 @@ def test_commands_that_are_exchanged_are_named():
     assert score(made, dft.diagnose(made.model, made.train, candidates=[])).right
 
 
+@pytest.mark.thorough
+def test_a_current_that_differs_by_log_is_named():
+    made = bench.drawn("craft/current", 1)
+    diag = dft.diagnose(
+        made.model,
+        made.train,
+        holdout=made.unseen,
+        candidates=["water_current", "sway_yaw_coupling"],
+        experiment=False,
+    )
+    assert score(made, diag).right
+    assert "m/s, another in each log" in diag.summary
+
+
 def test_a_current_carries_a_boat():
     """A run in a current, seen from the water, is the run in still water."""
     time = crafts.STEP * np.arange(3)

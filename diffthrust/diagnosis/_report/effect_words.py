@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from diffthrust._support.words import percent
 from diffthrust.diagnosis._report.text import (
     an_effect,
+    by_log_words,
     measured,
     recorded,
 )
@@ -44,6 +45,8 @@ def effect_words(name: str, fit: Fit) -> str:
     effect = next((effect for effect in fit.model.effects if effect.name == name), None)
     if effect is None:
         return an_effect(name)
+    if by_log := by_log_words(effect, fit):
+        return f"{an_effect(name)} of {by_log}"
     amounts = {n: Amount(fit.parameters[f"{name}.{n}"]) for n in effect.declared}
     if consequence := effect.consequence(fit.model, recorded(fit)):
         return consequence

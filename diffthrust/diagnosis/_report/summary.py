@@ -298,7 +298,8 @@ def _next(diag: Findings) -> Part:
         return as_part((9, f"Copy: the lines under '{TO_COPY}'"))
     if diag.best:
         line = f"Copy: {effects_line(diag.fit.model.effects)}"
-        return as_part((10, f"Copy: the lines under '{TO_COPY}'" if figures_in(line) else line))
+        lines = figures_in(line) or diag.fit.model.per_log  # which stand below [parameters]
+        return as_part((10, f"Copy: the lines under '{TO_COPY}'" if lines else line))
     if diag.held:
         return as_part((9, f"Copy: {next(iter(diag.held))} = {{ fixed = false }}"))
     if diag.verdict == "undecided":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from diffthrust._support.words import an, capitalised, humanize, joined, number, with_error
 from diffthrust.diagnosis._explained_share import adds_little, sure_share
@@ -11,7 +11,7 @@ from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
-from diffthrust.models._base.effect import EFFECTS
+from diffthrust.models._base.effect import EFFECTS, Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import Errors
@@ -58,10 +58,11 @@ def sized_words(name: str, fit: Fit) -> str:
     form = effect.form if effect else {}
     if effect and (of_logs := effect.over_logs(fit.ranges)):
         return f"{an_effect(name)} ({of_logs})"
+    if effect and (by_log := by_log_words(effect, fit)):
+        return f"{an_effect(name)} of {by_log}"
     formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
     if effect and effect.free_starts:
-        starts = [{n: log[f"{name}.{n}"] for n in effect.free_starts} for log in fit.initial]
-        formed += f", {effect.size_words(starts)}"
+        formed += f", {effect.size_words(numbers_by_log(name, effect.free_starts, fit))}"
     consequence = effect.consequence(fit.model, recorded(fit)) if effect else ""
     meaning = f" ({consequence})" if consequence else ""
     values = {key: measured(e) for key, e in estimates.items()}
@@ -71,6 +72,18 @@ def sized_words(name: str, fit: Fit) -> str:
         return f"{an_effect(name)} of {next(iter(values.values()))}{formed}{meaning}"
     listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())
     return f"{an_effect(name)} ({listed}{formed}){meaning}" if listed else an_effect(name)
+
+
+def by_log_words(effect: Effect, fit: Fit) -> str:
+    """The size of an effect in the logs, where its parameters differ by log; "" where none does."""
+    differing = [n for n, p in effect._parameters.items() if p.per_log]
+    starts = numbers_by_log(effect.name, differing, fit)
+    return effect.size_words(starts) if differing else ""
+
+
+def numbers_by_log(name: str, own: Iterable[str], fit: Fit) -> list[dict[str, float]]:
+    """Log by log the numbers of an effect that are the log's own."""
+    return [{n: log[f"{name}.{n}"] for n in own} for log in fit.initial]
 
 
 def recorded(fit: Fit) -> set[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 from diffthrust._support.errors import InputError
@@ -67,6 +68,8 @@ class Effect(Component):
     ports: ClassVar[tuple[str, ...]] = ()
     reads: tuple[str, ...] = ()
     """Signals that it reads, where these are known; a model refuses one that it does not have."""
+    by_log: ClassVar[tuple[str, ...]] = ()
+    """Parameters that each log has its own of, as of a current: so a diagnosis of several tries."""
     required: ClassVar[tuple[str, ...]] = ("name", "port")
     """Fields that each class of effects must set."""
 
@@ -245,6 +248,16 @@ class Effect(Component):
         nulls = {k: p.null for k, p in self._parameters.items() if p.null is not None}
         described = {k: self._parameters[k].with_value(v) for k, v in nulls.items()}
         return self._copy(_parameters={**self._parameters, **described}, **nulls)
+
+    def differing(self) -> Effect:
+        """The same effect, with the parameters ``by_log`` marked as differing from log to log.
+
+        Example:
+            >>> dft.effects.WaterCurrent().differing()._parameters["to_east"].per_log
+            True
+        """
+        marked = {k: replace(self._parameters[k], per_log=True) for k in self.by_log}
+        return self._copy(_parameters={**self._parameters, **marked}) if marked else self
 
 
 EFFECTS = Effect.library

@@ -23,7 +23,7 @@ from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 from diffthrust.models._craft.body import Body
 from diffthrust.models._craft.checks import check_body, groups_of, sorted_parts
 from diffthrust.models._craft.kinematics import QUATERNION, Kinematics
-from diffthrust.models._craft.merged import FORCE, merged_channels
+from diffthrust.models._craft.merged import PUSH, PUSH_WORDS, merged_channels
 from diffthrust.models._craft.placed import Placed
 from diffthrust.models._craft.scope import PortsUnder, lifted, signals_under
 from diffthrust.models._craft.sensor import Sensor
@@ -42,7 +42,7 @@ class Craft(Model):
     """A body with thrusters placed on it: every thruster behind its own name.
 
     An actuator ``port`` has its channels ``port.command``, ``port.speed``, ``port.thrust``, its
-    ports ``port.propeller``, and ``port.force``, the force with which it pushes the craft, and its
+    ports ``port.propeller``, and ``port.push``, the force with which it pushes the craft, and its
     parameters ``port.gain``; its place ``port.x``, ``port.y``, ``port.z`` [m] is held, and may be
     freed. Several that share their numbers have those of the first, and ``strength`` of each, its
     force beside theirs, held at 1. The speed of the water past an actuator is known from the motion
@@ -273,7 +273,7 @@ class Craft(Model):
             thrust = part_outputs["thrust"]
             if len(self._group_of(name)) > 1:
                 thrust = getattr(self, f"{name}.strength") * thrust
-            thrust = port(f"{name}.force", thrust)
+            thrust = port(f"{name}.{PUSH}", thrust)
             force, moment = self._wrench(name, thrust, part_outputs)
             forces = forces.pushed(force, place, moment)
             rates |= {f"{name}.{k}": v for k, v in part_rates.items()}
@@ -424,12 +424,12 @@ class Craft(Model):
 
     def _takes(self, effect: Effect, name: str) -> bool:
         model = self.actuators[name].model
-        return all(port in {*model.ports, *model.channel_units, "force"} for port in effect.ports)
+        return all(port in {*model.ports, *model.channel_units, PUSH} for port in effect.ports)
 
     def _on(self, effect: Effect, members: Sequence[str]) -> Placed:
         """An effect on some actuators of one group."""
         members = tuple(members)
-        model = _with_force(self.actuators[members[0]].model)
+        model = _with_push(self.actuators[members[0]].model)
         groups = {self._group_of(name) for name in members}
         if len(groups) > 1:
             raise InputError(
@@ -560,7 +560,7 @@ class Craft(Model):
 
 def _signals(model: Model) -> frozenset[str]:
     """Names that belong to an actuator: its channels, states and ports."""
-    return frozenset({*model.channel_units, *model.states, *model.ports, "force", *TOLD})
+    return frozenset({*model.channel_units, *model.states, *model.ports, PUSH, *TOLD})
 
 
 def _place_of(name: str, place: Triple) -> dict[str, Parameter]:
@@ -585,7 +585,7 @@ def _without_effects(model: Model) -> Model:
     return model._copy(effects=())
 
 
-def _with_force(model: Model) -> Model:
+def _with_push(model: Model) -> Model:
     """A model with what it has on a craft: the port of its force, and the water past it."""
     optional = {**dict.fromkeys(TOLD, "m/s"), **model.optional_inputs}
-    return model._copy(ports={**model.ports, "force": FORCE}, optional_inputs=optional)
+    return model._copy(ports={**model.ports, PUSH: PUSH_WORDS}, optional_inputs=optional)

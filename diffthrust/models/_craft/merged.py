@@ -10,7 +10,10 @@ from diffthrust.models._craft.body import Body
 from diffthrust.models._craft.scope import prefixed
 from diffthrust.models._craft.sensor import Sensor
 
-FORCE = "force of the actuator along its axis [N]"
+PUSH = "push"
+"""The port of an actuator's force on the craft, which is not the net ``force`` of a body: an effect
+on that, such as buoyancy, acts on no thruster."""
+PUSH_WORDS = "force of the actuator along its axis [N]"
 
 
 def merged_channels(
@@ -23,7 +26,7 @@ def merged_channels(
     for name, model in models.items():
         for kind in ("inputs", "optional_inputs", "states", "outputs", "ports"):
             merged[kind] |= prefixed(name, getattr(model, kind))
-        merged["ports"][f"{name}.force"] = FORCE
+        merged["ports"][f"{name}.{PUSH}"] = PUSH_WORDS
     for name, sensor in sensors.items():
         merged["outputs"] |= prefixed(name, sensor.outputs)
     scales = [body.time_scales, *(model.time_scales for model in models.values())]

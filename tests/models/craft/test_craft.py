@@ -35,7 +35,7 @@ def test_every_channel_port_and_parameter_stands_behind_its_actuator():
     assert list(model.inputs) == ["port.command", "starboard.command", "bow.command", "bow.angle"]
     assert {"surge", "port.speed", "bow.azimuth"} <= {*model.states}
     assert {"port.thrust", "bow.side_thrust", "heading"} <= {*model.outputs}
-    assert {"port.propeller", "port.force", "bow.drive", "yaw_moment"} <= {*model.ports}
+    assert {"port.propeller", "port.push", "bow.drive", "yaw_moment"} <= {*model.ports}
     free = [name for name, p in model.parameters.items() if not p.fixed]
     assert free == [
         *("m11", "m22", "i33", "d11", "d22", "d33"),
