@@ -101,12 +101,19 @@ class ResidualTests(Brief):
     @property
     def sentence(self) -> str:
         """The tests in plain words."""
+        return self.words("something is missing")
+
+    def words(self, meaning: str) -> str:
+        """The tests in plain words.
+
+        Args:
+            meaning: what it means that an error lasts.
+        """
         if self.white:
             words = f"{self.channel}: the residual may be white noise"
         else:
             words = (
-                f"{self.channel}: the error persists for {self.correlation_time:.2g} s: something "
-                "is missing"
+                f"{self.channel}: the error persists for {self.correlation_time:.2g} s: {meaning}"
                 if self.effective_samples < 0.9 * self.samples
                 else f"{self.channel}: the residual is slightly correlated "
                 f"({self.lag_one:+.2f} from sample to sample)"

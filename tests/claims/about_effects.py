@@ -209,7 +209,7 @@ def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str
 
 
 @claim(rf"Learned: at (?P<place>.+?'(?P<port>\w+)'.*?) (?P<manner>what passes is scaled by a curve "
-       r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare>, for which no closed form was found)?\. "
+       r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare>, to which no closed form comes near)?\. "
        rf"Of the squared error of all channels as given over whole runs of [a-z ]+? it removes "
        rf"(?P<worth>{WORTH}); with it the NRMSE there is (?P<last>{NUMBER}), as given "
        rf"(?P<first>{NUMBER})\."

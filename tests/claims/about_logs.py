@@ -89,7 +89,7 @@ def _odd(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "every log was recorded alike"
 
 
-@claim(rf"Log (?P<log>.+?) does what most of the others do not \((?P<what>[^()]+)\), and what the "
+@claim(rf"Log (?P<log>.+?) goes where most training logs do not \((?P<what>[^()]+)\), and what the "
        rf"model lacks there shows in it: (?P<evidence>.+?)\. It carries (?P<share>{SHARE}) of the "
        r"squared (?P<channel>.+?) error of all logs\.")  # fmt: skip
 def _beyond(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:

@@ -331,7 +331,7 @@ def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"groups: {diag.groups}"
 
 
-@claim(r"Measure the (?P<channel>[a-z ]+?): it could be what looks like "
+@claim(r"Measure the (?P<channel>[a-z ]+?), which could look like "
        r"(?P<effect>[^\n.]+?)\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
@@ -381,9 +381,10 @@ def _copied_end(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "there are none"
 
 
-@claim(r"Copy: (?P<line>[^\n]+)")
+@claim(r"Copy(?: under (?P<table>\[[^\]]+\]))?: (?P<line>[^\n]+)")
 def _copied_mend(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if not any(m["line"].rstrip(".") in mend.reading.line for mend in diag.helpful_mends):
+    line = f"{m['table']} {m['line']}" if m["table"] else m["line"]
+    if not any(line.rstrip(".") in mend.reading.line for mend in diag.helpful_mends):
         yield f"mends: {[mend.reading.line for mend in diag.helpful_mends]}"
 
 
@@ -420,7 +421,7 @@ def _more(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- what is wrong with the logs, and with what was given ------------------------------------------
 
 
-@claim(r"What follows is true of the logs as they are\.")
+@claim(r"Below: what the logs as they are seem to lack, perhaps by this mistake\.")
 def _as_they_are(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if not diag.helpful_mends:
         yield "nothing mends them"

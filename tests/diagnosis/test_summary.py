@@ -154,8 +154,8 @@ def test_the_mend_of_a_log_leads_and_is_what_is_copied():
         "First mend the logs, then diagnose again: with thrust and speed exchanged the unseen "
         "error falls by 60 %."
     )
-    assert lines[1] == "What follows is true of the logs as they are."
-    assert lines[-1] == 'Copy: [channels.thrust] column = "speed"' or "More below." in lines[-1]
+    assert lines[1] == "Below: what the logs as they are seem to lack, perhaps by this mistake."
+    assert lines[2:] == ['Copy under [channels.thrust]: column = "speed"']
 
 
 def test_a_rate_is_told_in_words():
@@ -303,7 +303,7 @@ def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like(
         stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
         untestable={"inflow_thrust_loss": reason, "inflow_load_relief": reason},
     )  # fmt: skip
-    words = "Measure the inflow: it could be what looks like a reverse thrust asymmetry."
+    words = "Measure the inflow, which could look like a reverse thrust asymmetry."
     assert words in told.summary.splitlines()[2:4]  # beside what was found
     still = replace(told, one_step={n: e.rmse for n, e in told.after.errors.channels.items()})
     assert "Unmeasured" not in still.summary  # nothing is left that an inflow would leave

@@ -10,8 +10,8 @@ MOST_WORDS = 60
 """Display: of a summary. More is not read to its end on a ship; less cannot say what to do next."""
 MOST_FIGURES = 4
 """Display: of a summary: one size, an error before and after, and what is left of it."""
-FIGURE = re.compile(r"(?<![\w.^*])[-±]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
-"""A number that is read: none in a name ("run_2.csv", "14V") or in a unit ("m/s^2")."""
+FIGURE = re.compile(r"(?<![\w.^*])[-±]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)(?!/)")
+"""A number that is read: none in a name ("run_2.csv", "14V") or in a unit ("m/s^2", "1/s")."""
 _MORE = "More below."
 
 
@@ -33,7 +33,9 @@ def as_part(*wordings: tuple[int, str]) -> Part:
     was found at all.
     """
     return [
-        Wording(text if text.endswith(("?", "]", "}", '"')) else f"{text}.", importance)
+        Wording(
+            text if text.endswith(("?", "]", "}", '"')) or " = " in text else f"{text}.", importance
+        )
         for importance, text in wordings
     ]
 

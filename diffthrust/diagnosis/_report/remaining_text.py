@@ -217,7 +217,7 @@ def _odd_log(odd: OddLog) -> str:
     )
     if odd.beyond:
         return (
-            f"Log {odd.log} does what most of the others do not ({joined(odd.beyond)}), and what "
+            f"Log {odd.log} goes where most training logs do not ({joined(odd.beyond)}), and what "
             f"the model lacks there shows in it: {carries}."
         )
     return f"Log {odd.log} deviates from the others: {carries}. Check how it was recorded."

@@ -223,7 +223,7 @@ def _failures(diag: Findings) -> list[Section]:
             "Where the model as given fails",
             OnPage(Styled(warning if hints else "", "strong")),
             OnPage(Bullets(hints)),
-            _failure_bullets(diag.before),
+            _failure_bullets(diag.before, diag.verdict == "adequate"),
             Picture(
                 diag.before.plot_residuals,
                 "The residuals (measured minus modelled) of the model as given: over time and over "
@@ -235,9 +235,10 @@ def _failures(diag: Findings) -> list[Section]:
     ]
 
 
-def _failure_bullets(comparison: Comparison) -> Bullets:
+def _failure_bullets(comparison: Comparison, adequate: bool = False) -> Bullets:
     """Where the error of a model is large, and whether it is noise."""
-    tests = (capitalised(tests.sentence) for tests in comparison.tests.values())
+    meaning = "too small to matter here" if adequate else "something is missing"
+    tests = (capitalised(tests.words(meaning)) for tests in comparison.tests.values())
     return Bullets((*(regime.sentence for regime in comparison.regimes), *tests))
 
 

@@ -51,8 +51,7 @@ def summary(diag: Findings) -> str:
         The thrust error on logs kept out of the fit falls from 3.4 to 0.41 N.
         Copy: effects = ["command_deadband"]
     """
-    parts = [
-        *doubtful(diag),
+    found = [
         _missing(diag),
         _unmeasured(diag),
         *_laws(diag),
@@ -62,9 +61,10 @@ def summary(diag: Findings) -> str:
         _possible(diag),
         _left(diag),
         _other_model(diag),
-        _next(diag),
     ]
-    return within_budget(parts)
+    # of logs to be mended first it may be the same mistake: two thrusters of a BlueBoat steered
+    # "with -6 % of the logged moment" below a turned yaw rate
+    return within_budget([*doubtful(diag), *([] if diag.helpful_mends else found), _next(diag)])
 
 
 # -- what is missing -------------------------------------------------------------------------------
@@ -184,7 +184,7 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
 def _unmeasured(diag: Findings) -> Part:
     """Channels that no log has, and that could be what was found."""
     sentences = [
-        f"Measure the {channel}: it could be what looks like {an_effect(name)}"
+        f"Measure the {channel}, which could look like {an_effect(name)}"
         for name, channel in unmeasured_rivals(diag).items()
     ]
     if not sentences:
@@ -293,7 +293,9 @@ def _other_model(diag: Findings) -> Part:
 def _next(diag: Findings) -> Part:
     """What to write, or which record to make."""
     if mends := diag.helpful_mends:
-        return as_part((10, f"Copy: {mends[0].reading.line.partition(', or ')[0].rstrip('.')}"))
+        line = mends[0].reading.line.partition(", or ")[0].rstrip(".")
+        table, _, key = line.partition("] ")  # "[channels.thrust] scale = -1"
+        return as_part((10, f"Copy under {table}]: {key}" if key else f"Copy: {line}"))
     if diag.laws:
         return as_part((9, f"Copy: the lines under '{TO_COPY}'"))
     if diag.best:

@@ -80,15 +80,14 @@ def _logs(diag: Findings) -> Part:
 
 
 def _as_they_are(diag: Findings) -> Part:
-    """That what follows was found before the mend, of which it may be the other face.
+    """That what was found stands below: it may be the same mistake, and who mends both has it back.
 
-    On the BlueBoat an exchange of the thrusters stood below a turned yaw rate, which is the same
-    mistake told twice: who mends both has the error back.
+    On the BlueBoat an exchange of the thrusters stood below a turned yaw rate.
     """
     found = diag.best or diag.held or diag.laws
     if not (diag.helpful_mends and found):
         return ()
-    return as_part((10, "What follows is true of the logs as they are"))
+    return as_part((10, "Below: what the logs as they are seem to lack, perhaps by this mistake"))
 
 
 def _odd_logs(diag: Findings) -> Part:

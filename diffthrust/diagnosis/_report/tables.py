@@ -65,16 +65,17 @@ def _sure_cells(diag: Findings, worth: Worth, left: bool) -> tuple[str, str, str
 
 
 def stage_rows(diag: Findings) -> Rows:
-    """Errors of each channel at each stage, on the training logs and on unseen ones."""
+    """Errors of each channel at each stage, and with what was learned at the end."""
     sizes, shares = ("RMSE training", "unseen"), ("NRMSE training", "unseen")
-    return Rows(
-        ("Stage", "Model", "Channel", *sizes, "Unit", *shares),
-        tuple(
-            _headed((str(i), stage_words(diag, i)), _stage_channels(stage))
-            for i, stage in enumerate(diag.stages)
-        ),
-        numbers=(3, 4, 6, 7),
-    )
+    stages = [
+        _headed((str(i), stage_words(diag, i)), _stage_channels(stage))
+        for i, stage in enumerate(diag.stages)
+    ]
+    if diag.laws:
+        learned = Stage((), diag.laws[-1].reported)
+        stages.append(_headed(("", "with what was learned"), _stage_channels(learned)))
+    heads = ("Stage", "Model", "Channel", *sizes, "Unit", *shares)
+    return Rows(heads, tuple(stages), numbers=(3, 4, 6, 7))
 
 
 def _headed(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
