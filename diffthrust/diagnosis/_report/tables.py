@@ -170,15 +170,17 @@ def ranking_rows(diag: Findings) -> Rows:
 
 
 def stage_parameter_rows(diag: Findings) -> Rows:
-    """Each parameter at the first and at the last stage; once where there is one stage."""
-    first, last = diag.stages[0].fit, diag.fit
-    shown = [first, last] if len(diag.stages) > 1 else [first]
+    """Each parameter as given and at the last stage, or with what was learned: as it is copied."""
+    first = diag.stages[0].fit
+    last = diag.laws[-1].reported if diag.laws else diag.fit
+    shown = [first] if last is first else [first, last]
     units = {name: e.shown[2] for fit in shown for name, e in fit.parameters.items()}
     rows = (
         (name, *(cell for fit in shown for cell in _valued(fit, name)), unit)
         for name, unit in units.items()
     )
-    values = ("As given", "Std error", "Last stage", "Std error")[: 2 * len(shown)]
+    end = "With what was learned" if diag.laws else "Last stage"
+    values = ("As given", "Std error", end, "Std error")[: 2 * len(shown)]
     return Rows.of(("Parameter", *values, "Unit"), rows, numbers=range(1, 1 + len(values)))
 
 
@@ -212,7 +214,9 @@ def form_rows(diag: Findings) -> list[Rows]:
 
 def untestable_rows(diag: Findings) -> Rows:
     """Effects that the logs cannot test, and why."""
-    rows = ((humanize(name), reason) for name, reason in diag.untestable.items())
+    # once for all thrusters of a craft
+    reasons = {(n.rpartition(".")[2], reason): None for n, reason in diag.untestable.items()}
+    rows = ((humanize(name), reason) for name, reason in reasons)
     return Rows.of(("Effect", "Reason"), rows)
 
 
