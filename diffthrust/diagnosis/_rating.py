@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -65,7 +65,7 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
     promising.sort(key=lambda pair: pair[1].expected)
     context.say(f"{stage}: comparing the best {len(promising)}", state.share(0.4))
     carried = [trial for _, trial in promising[: SETTINGS.screening.most_carried]]
-    ended = side_by_side(fitter.further, carried)
+    ended = continued(fitter, side_by_side(fitter.further, carried))
     ended += [trial for _, trial in promising[SETTINGS.screening.most_carried :]]
     present_bic = state.current.criterion
     leading = min((price_of(fitter, trial) + 2 * trial.cost for trial in ended), default=0.0)
@@ -75,6 +75,26 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
 
     tried = sorted(side_by_side(rated, ended), key=lambda rating: rating.candidate.delta_bic)
     return replace(state, untestable=untestable, silent=silent), tried
+
+
+def continued(fitter: CandidateFitter, trials: Sequence[TrialFit]) -> list[TrialFit]:
+    """The trials, those that promise more continued beside the noise of the best.
+
+    Noise that explains what an effect does is slow to leave it: the centre of mass of a boat stood
+    at a likelihood ratio of 1382, and a coupling of two numbers, which is the same there, was told
+    in its place, of 1392. From the noise of the coupling it came to 1392, too.
+    """
+    best = min(trials, key=lambda trial: trial.cost, default=None)
+
+    def further(trial: TrialFit) -> TrialFit:
+        if best is None or trial.predicted_gain < SETTINGS.admission.least_bic_gain:
+            return trial
+        noise = {name: best.values[name] for name in fitter.nuisance}
+        values = {**trial.values, **noise}
+        again = fitter.solve(trial.effects, values, trial.initial_states, trial.clip)
+        return min(trial, again, key=lambda trial: trial.cost)
+
+    return side_by_side(further, trials)
 
 
 def other_values(context: SearchContext, state: SearchState) -> Mapping[str, float] | None:
