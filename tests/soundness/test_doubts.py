@@ -432,7 +432,7 @@ def test_a_fit_tells_its_doubts_first():
     assert fit.to_json()["doubts"] == [doubt.to_json()]
     lines = fit.report().splitlines()
     assert lines[1].startswith("Doubt: thrust (sign)")
-    assert "0 % of thrust: look at the doubts first" in fit.message
+    assert "0 % of the variance of thrust: look at the doubts first" in fit.message
     assert dft.compare(fit, log).to_json()["doubts"] == [doubt.to_json()]
     assert dft.fit(MODEL, log, starts=1, doubts=False).doubts[0].kind == "silent"
 
