@@ -21,9 +21,9 @@ from diffthrust.estimation._problem import Problem, Turn
 MOST_STEPS = 300
 _CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
 _FLAT = 1e-10  # added to the undamped curvature, so that flat directions have a finite step
-_NOTHING = 1e-9
+NOTHING = 1e-13
 """Numerics: root of the information of a coordinate that is rounding: a move of one, or by itself,
-changes the log-likelihood by 1e-18. The colour of a boat's noise was nought, and its correlation,
+changes the log-likelihood by 1e-26. The colour of a boat's noise was nought, and its correlation,
 of information 1e-31, went through all of its range at every damping: no step was taken, at a
 log-likelihood of 331 below the optimum."""
 _AT_A_TIME = 8  # steps side by side with others, before those that have ended make room
@@ -110,7 +110,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         # own solver damps unscaled: with units 1e3 apart it reported success at a cost of 188,
         # where the optimum costs 0.085. A coordinate that nothing depends on stays where it is.
         scale = jnp.sqrt(jnp.diagonal(q.information))
-        held = (scale * jnp.maximum(1.0, abs(y)) < _NOTHING) | ~jnp.isfinite(scale)
+        held = (scale * jnp.maximum(1.0, abs(y)) < NOTHING) | ~jnp.isfinite(scale)
         scale = jnp.where(held, 1.0, scale)
         scaled = q.information / scale[:, None] / scale[None, :]
         scaled = jnp.where(held[:, None] | held[None, :], 0.0, scaled)

@@ -12,6 +12,7 @@ from diffthrust._support.correlation import lag_one
 from diffthrust.estimation._insensitive import vanished
 from diffthrust.estimation._likelihood import Quadratic, errors_at
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._solver import NOTHING
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._record import are_tables
@@ -124,14 +125,14 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     vanishing = vanished(problem, z)
     bound = at_low | at_high | vanishing
     # an initial state that nothing measured depends on is no unknown of the fit
-    place = np.arange(z.size)
-    unseen = (place >= free) & (np.diagonal(information) <= 0)
+    place, length = np.arange(z.size), np.sqrt(np.maximum(np.diagonal(information), 0.0))
+    idle = length * np.maximum(1.0, np.abs(z)) < NOTHING  # a search holds these
+    unseen = (place >= free) & idle
     nuisance = (place >= k) & (place < free)
     inside = np.flatnonzero(~bound & ~unseen & ~nuisance)
     beside = np.flatnonzero(~bound & nuisance)
     # in unit columns: otherwise the rank would depend on the parameters' units
-    length = np.sqrt(np.diagonal(information))
-    length = np.where(length <= 0, 1.0, length)
+    length = np.where(idle, 1.0, length)
     slope, scaled = marginal_spread(
         g / length, information / np.outer(length, length), inside, beside
     )
