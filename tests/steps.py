@@ -128,6 +128,7 @@ from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not f
 )
 from diffthrust.diagnosis._rating import (  # private: one step alone
     other_values,
+    plainest_first,
     stopped,
 )
 from diffthrust.diagnosis._recurrence import recurring_shares  # private: its coverage
@@ -379,6 +380,7 @@ __all__ = [
     "pairs_module",
     "place_words",
     "places_of",
+    "plainest_first",
     "pooled_sums",
     "predicted_gains",
     "probes",

@@ -73,8 +73,19 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
     def rated(trial: TrialFit) -> Tried:
         return Tried(rate(fitter, state, trial, present_bic, leading), trial)
 
-    tried = sorted(side_by_side(rated, ended), key=lambda rating: rating.candidate.delta_bic)
+    tried = plainest_first(side_by_side(rated, ended))
     return replace(state, untestable=untestable, silent=silent), tried
+
+
+def plainest_first(tried: Sequence[Tried]) -> list[Tried]:
+    """The trials, the likeliest first, and of those tied with it that of fewest parameters."""
+    ordered = sorted(tried, key=lambda rating: rating.candidate.delta_bic)
+    if not ordered:
+        return []
+    most = ordered[0].candidate.delta_bic + SETTINGS.admission.tied_bic
+    tied = [rating for rating in ordered if rating.candidate.delta_bic < most]
+    tied.sort(key=lambda rating: len(rating.trial.parameters_of()))
+    return [*tied, *ordered[len(tied) :]]
 
 
 def continued(fitter: CandidateFitter, trials: Sequence[TrialFit]) -> list[TrialFit]:

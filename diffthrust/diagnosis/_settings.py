@@ -66,6 +66,11 @@ class Admission:
     chi-square of one degree of freedom exceeds log N + 4 in 4.5e-4 (N = 4000) to 1.9e-4 (20 000) of
     cases, the largest of thirty in 1.4 to 0.6 %. Lower: at 0 false alarms in 12 to 5 %. Higher: at
     8 a tenth of the alarms, and effects between are missed."""
+    tied_bic: float = 2.0
+    """Of candidates whose criteria are this close, that of fewest parameters comes first.
+    Origin: below 2, evidence is not worth more than a bare mention (Kass & Raftery 1995, section
+    3.2). Lower: one of eight thrusters that is weak by a fifth is told as one that lost it a moment
+    before the log began, by 0.9. Higher: an effect gives way that the logs do tell apart."""
     clear_bic_gain: float = 20.0
     """If the criterion falls by more, the noise an effect makes superfluous is not priced.
     Origin: a noise with a gain and a memory costs 2 log N, 17 (N = 4000) to 20 (20 000): one noise

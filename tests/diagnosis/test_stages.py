@@ -20,6 +20,7 @@ from steps import (
     from_simulation,
     next_stage,
     other_values,
+    plainest_first,
     ranked,
     refusing,
     shares_by_effect,
@@ -32,6 +33,21 @@ from steps import (
 import diffthrust as dft
 
 PLAIN = SETTINGS.admission.plain_bic_gain
+
+
+def test_of_candidates_that_are_tied_that_of_fewest_parameters_comes_first():
+    """One thruster of eight is weak, or lost its thrust a moment before the log began."""
+
+    def tried(name, delta_bic, count):
+        trial = SimpleNamespace(parameters_of=lambda: [None] * count)
+        return SimpleNamespace(
+            candidate=SimpleNamespace(effect=name, delta_bic=delta_bic), trial=trial
+        )
+
+    late, weak = tried("thrust_degradation", -2194.7, 2), tried("strength", -2193.8, 1)
+    far, worse = tried("far", -2190.0, 1), tried("worse", -9.0, 1)
+    assert plainest_first([worse, late, far, weak]) == [weak, late, far, worse]
+    assert plainest_first([]) == []
 
 
 @pytest.fixture
