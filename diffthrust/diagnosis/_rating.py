@@ -78,13 +78,13 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
 
 
 def plainest_first(tried: Sequence[Tried]) -> list[Tried]:
-    """The trials, the likeliest first, and of those tied with it that of fewest parameters."""
+    """The trials, the likeliest first, and of those tied with it that of fewest numbers."""
     ordered = sorted(tried, key=lambda rating: rating.candidate.delta_bic)
     if not ordered:
         return []
     most = ordered[0].candidate.delta_bic + SETTINGS.admission.tied_bic
     tied = [rating for rating in ordered if rating.candidate.delta_bic < most]
-    tied.sort(key=lambda rating: len(rating.trial.parameters_of()))
+    tied.sort(key=lambda rating: rating.trial.count(rating.trial.parameters_of()))
     return [*tied, *ordered[len(tied) :]]
 
 

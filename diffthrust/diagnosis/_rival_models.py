@@ -157,9 +157,9 @@ def _searched(
     fit, present = rival.stage.fit, state.stages[-1].effects
     gained = {c.effect for c in state.ranking if c.delta_bic < 0}
     # what changed nothing over whole runs was tried again: half of a diagnosis of the NGS's bench
-    useless = {*state.detectable, *(n for n, (why, _) in state.turned_down.items()
-                                    if why.by_whole_runs)}  # fmt: skip
-    names = {*present, *state.possible, *(gained - useless)} & {*context.fitter.candidates}
+    useless = {name for name, (why, _) in state.turned_down.items() if why.by_whole_runs}
+    gained -= useless | {*state.detectable}
+    names = {*present, *state.possible, *gained} & {*context.fitter.candidates}
     candidates = [context.fitter.candidates[name] for name in sorted(names)]
     # where a periodic force begins, the rival's records do not say: its trials would have more
     # initial states than the rest, and fail

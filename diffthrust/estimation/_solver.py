@@ -177,8 +177,14 @@ _solved_quickly_compiled = Programs(solved_by_passes.function, 1, quick_compile=
 
 @lru_cache(maxsize=KEPT)
 def _spent(layout: Any) -> list[int]:
-    """The work of all searches so far with a quickly compiled program."""
+    """The work so far of all searches with a quickly compiled program."""
     return [0]
+
+
+def _runs_quickly_compiled(problem: Problem) -> bool:
+    if not problem.quick_compile or problem.work > _QUICK_PASS:
+        return False
+    return _spent(problem.layout)[0] < _QUICK_WORK
 
 
 @program(1)
@@ -233,12 +239,11 @@ def solve(
     side_by_side = shared_runs()
     if side_by_side is None:
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        spent = _spent(layout)
-        small = problem.work <= _QUICK_PASS and spent[0] < _QUICK_WORK
-        quick = problem.quick_compile and small
+        quick = _runs_quickly_compiled(problem)
         search = _solved_quickly_compiled if quick else solved_by_passes
         value, quadratic, settled, steps = search(layout, numbers, z, *bounds, affine)
-        spent[0] += int(steps) * problem.work
+        if quick:
+            _spent(layout)[0] += int(steps) * problem.work
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
         return _turned_back(Solved(np.asarray(value), quadratic, bool(settled), int(steps)), turn)
     state = _begin(layout, z)

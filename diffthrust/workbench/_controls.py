@@ -151,7 +151,8 @@ class Controls:
 
     def _about(self, name: str) -> str:
         """The first sentence of what an effect or a constant is, and what it is worth."""
-        if (sentence := self.constants.get(name, "")) == "":
+        sentence = self.constants.get(name, "")
+        if not sentence:
             paragraph = (type(self.addable[name]).__doc__ or "").strip().partition("\n\n")[0]
             sentence = " ".join(paragraph.split()).partition(". ")[0].rstrip(".")
         worth = self.worth.get(name)

@@ -112,20 +112,20 @@ def _set_parameters(document: Any, session: Session) -> None:
     for name in list(parameters):
         if name in gone or name.partition(".")[0] in gone:
             del parameters[name]
-    document.setdefault("parameters", tomlkit.table())
-    for name in _freed(session):
+    freed, moved = _freed(session), _moved(session) if session.setup.moved else {}
+    if freed or moved:
+        document.setdefault("parameters", tomlkit.table())
+    for name in freed:
         table, key = _place(document["parameters"], name)
         if not isinstance(table.get(key), Mapping):  # absent, or i33 = 1.7, the value alone
             table[key] = {"value": table[key]} if key in table else {}
         table[key]["fixed"] = False
-    for name, value in _moved(session).items() if session.setup.moved else ():
+    for name, value in moved.items():
         table, key = _place(document["parameters"], name)
         if isinstance(table.get(key), Mapping):
             table[key]["value"] = value
         else:
             table[key] = value
-    if not document["parameters"]:
-        del document["parameters"]
 
 
 def _place(table: Any, name: str) -> tuple[Any, str]:

@@ -39,7 +39,7 @@ def test_of_candidates_that_are_tied_that_of_fewest_parameters_comes_first():
     """One thruster of eight is weak, or lost its thrust a moment before the log began."""
 
     def tried(name, delta_bic, count):
-        trial = SimpleNamespace(parameters_of=lambda: [None] * count)
+        trial = SimpleNamespace(parameters_of=lambda: [None] * count, count=len)
         return SimpleNamespace(
             candidate=SimpleNamespace(effect=name, delta_bic=delta_bic), trial=trial
         )

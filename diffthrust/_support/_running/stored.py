@@ -86,8 +86,9 @@ class ProgramStore:
         jitted.trace(*arguments)  # errors of a model come from here, as without a store
         try:
             exported = export.export(jitted)(*arguments)
-        # a user's model may call back into Python (the first), or into foreign code that JAX does
-        # not promise to read again (the second): it tells neither beforehand
+        # A user's model may call back into Python (the first), or into foreign code that JAX does
+        # not promise to read again (the second): it tells neither beforehand. Nothing else is lost:
+        # what is wrong with the model was raised by the line above, or is when the program runs.
         except (NotImplementedError, ValueError):
             return jitted
         content = _content(exported)

@@ -32,12 +32,12 @@ def as_part(*wordings: tuple[int, str]) -> Part:
     From 1, how a law looks in full, over what is left (5) and the error (9) to 13, that anything
     was found at all.
     """
-    return [
-        Wording(
-            text if text.endswith(("?", "]", "}", '"')) or " = " in text else f"{text}.", importance
-        )
-        for importance, text in wordings
-    ]
+
+    def ended(text: str) -> str:
+        line = text.startswith("Copy") and " = " in text  # is pasted into a spec file
+        return text if line or text.endswith(("?", "]", "}", '"')) else f"{text}."
+
+    return [Wording(ended(text), importance) for importance, text in wordings]
 
 
 def words_in(text: str) -> int:

@@ -236,8 +236,8 @@ def ranked_matches(evidence: Mapping[str, LinearizedEvidence]) -> list[Match]:
 def best_match(form: Form, evidence: LinearizedEvidence) -> Match:
     """A form at the place, width, exponent that make one-step errors likeliest.
 
-    Of fewer readings than parameters, or of a wave between two readings, nothing is gained: tables
-    of a T200 at 10, 12 and 16 V were explained by a ripple of 1.0 V.
+    Of no more readings than parameters, or of a wave between two readings, nothing is gained:
+    tables of a T200 at 10, 12 and 16 V were explained by a ripple of 1.0 V.
     """
     from scipy.optimize import minimize  # slow to import
 
@@ -246,7 +246,7 @@ def best_match(form: Form, evidence: LinearizedEvidence) -> Match:
     low, high, wave_number = x[0], x[-1], 2.0 * np.pi / span
     most = min(_MOST_WAVES * wave_number, resolved)
     unknown = len(names) + len(form.amplitudes)
-    if unknown >= len(evidence.readings) or ("k" in names and most < 2.0 * wave_number):
+    if unknown >= len(evidence.readings) or ("k" in names and most <= 2.0 * wave_number):
         nothing = dict.fromkeys((*form.amplitudes, *names), 0.0)
         return Match(form, nothing, 0.0, evidence.reference, resolved)
     if form.even:
@@ -255,7 +255,7 @@ def best_match(form: Form, evidence: LinearizedEvidence) -> Match:
         low, high = low - _FAR_PLACE_MARGIN * span, high + _FAR_PLACE_MARGIN * span
     grids = {
         "b": np.linspace(low, high, _PLACES + 2)[1:-1], "c": span * np.array(_WIDTHS),
-        "p": np.array(_EXPONENTS), "k": np.arange(2.0 * wave_number, most + 1e-9, wave_number),
+        "p": np.array(_EXPONENTS), "k": wave_number * np.arange(2.0, most / wave_number),
     }  # fmt: skip
     limits = {
         "b": (low, high), "c": (_LEAST_WIDTH * span, _LARGEST_WIDTH * span), "p": (0.2, 5.0),

@@ -262,18 +262,15 @@ def _promising_matches(context: SearchContext, trial: TrialFit, law: LearnedLaw)
     )
     near = [match for match in likely if match.gain > least]
     near.sort(key=lambda match: price * _parameter_count(match) - match.gain)
-    first, remaining = (
-        near[: SETTINGS.closed_form.most_fitted],
-        near[SETTINGS.closed_form.most_fitted :],
-    )
+    first = near[: SETTINGS.closed_form.most_fitted]
     plain = {(name, match.times) for match in first for name in match.form.plain}
     dry = {("dry", match.times) for match in first if match.form.name == "dead zone"}
-    hidden = (match for match in likely if match not in near)
-    return [
-        *first,
-        *(match for match in remaining if (match.form.name, match.times) in plain),
-        *(match for match in hidden if (match.form.name, match.times) in dry),
-    ]
+
+    def added(match: Match) -> bool:
+        kind = match.form.name, match.times
+        return kind in dry or (kind in plain and match.gain > least)
+
+    return [*first, *(match for match in likely if match not in first and added(match))]
 
 
 def _evidence_by_factor(
