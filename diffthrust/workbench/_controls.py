@@ -74,7 +74,7 @@ class Controls:
         self.path = PathFigure(signal_path(model), list(ports), self._choose)
         self.port = Select(
             title="Effects to add or take away",
-            options=[FOUND, *((port, f"At {port}") for port in ports), CONSTANTS],
+            options=[FOUND, *((p, f"At {p}") for p in ports), *[CONSTANTS] * bool(constants)],
             value=FOUND,
             width=RIGHT - 20,
         )
