@@ -167,6 +167,8 @@ from diffthrust.diagnosis._report.tables import (  # private: its cells
 )
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     added_bound_words,
+    an_effect,
+    parameter_words,
     sized_words,
     stage_words,
     verdict_words,
@@ -313,6 +315,7 @@ __all__ = [
     "adopted",
     "alike_by_shares",
     "alike_when_refitted",
+    "an_effect",
     "as_estimated",
     "as_formula",
     "beginnings",
@@ -378,6 +381,7 @@ __all__ = [
     "other_values",
     "own_effect",
     "pairs_module",
+    "parameter_words",
     "place_words",
     "places_of",
     "plainest_first",

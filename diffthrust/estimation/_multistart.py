@@ -105,6 +105,11 @@ class Search:
         ends = tuple(optima)
         return replace(self, optima=ends if passing else _best_ended(problem, ends))
 
+    def moved(self, problem: Problem) -> Search:
+        """The search with its best optimum a few steps on in a related problem."""
+        (best, count), *rivals = self.optima
+        return replace(self, optima=((solve(problem, best.z, _LOOK_STEPS, _CLOSE), count), *rivals))
+
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
         return _cost(self.best) < _cost(other.best) - NOTICED

@@ -24,10 +24,12 @@ from steps import (
     Stage,
     Worth,
     added_bound_words,
+    an_effect,
     beginnings,
     growth_words,
     headroom_between,
     missing_words,
+    parameter_words,
     sized_words,
     verdict_evidence,
     verdict_of,
@@ -264,6 +266,25 @@ def test_every_share_says_of_which_error_it_is():
     assert "removes 1 % (0.5 % to 2 %) of the squared error of all channels as given)" in text
     assert "share of the squared error of all channels that is left on unseen logs" in text
     assert claims.contradictions(diag) == []
+
+
+def test_an_effect_of_which_nothing_is_sure_is_not_said_to_matter():
+    """On the maps of a T200 stood "Coulomb friction | matters | nothing sure"."""
+    diag = of_two(command_deadband=Worth(0.7, 0.6, 0.8), actuator_lag=Worth(0.2, -0.1, 0.4))
+    assert [row[:3] for row in worth_rows(diag).blocks[0]] == [
+        ("command dead band", "matters", "70 %"),
+        ("actuator lag", "perhaps", "nothing sure"),
+    ]
+    assert "Perhaps: " in diag.summary
+
+
+def test_a_constant_is_told_by_its_name_alone():
+    """Reports said "an alpha", and "lever arm of a lever arm stopped at its bound"."""
+    assert [an_effect(n) for n in ("alpha", "lever_arm", "wind")] == [
+        *("alpha", "a lever arm", "wind"),
+    ]
+    assert parameter_words("lever_arm", "lever_arm") == "Lever arm"
+    assert parameter_words("memory", "static_friction") == "Memory of a static friction"
 
 
 def test_undecided_says_what_is_possible_and_which_record_would_decide():

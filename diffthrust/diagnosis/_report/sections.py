@@ -38,6 +38,7 @@ from diffthrust.diagnosis._report.text import (
     is_whole,
     measured,
     model_words,
+    parameter_words,
     rival_words,
     stage_words,
     unmeasured_rivals,
@@ -298,7 +299,7 @@ def _stopped(diag: Findings) -> list[str]:
         if e.at_bound and not is_whole(c.effect, name, e.value)
     }
     return [
-        f"{capitalised(humanize(name))} of {an_effect(effect)} {beyond_bound(measured(e))}"
+        f"{parameter_words(name, effect)} {beyond_bound(measured(e))}"
         for (effect, name), e in stopped.items()
     ]
 

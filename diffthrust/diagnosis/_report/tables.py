@@ -38,8 +38,11 @@ def headroom_rows(diag: Findings) -> Rows:
 def worth_rows(diag: Findings) -> Rows:
     """What each effect surely removes of the squared errors over whole runs, and of which."""
     small = adding_little(diag)
+    added = [name for name in leading(diag) if name not in small]
+    unsure = tuple(n for n in added if n in diag.worth and sure_share(diag.worth[n]) is None)
     kinds = {
-        "matters": tuple(name for name in leading(diag) if name not in small),
+        "matters": tuple(name for name in added if name not in unsure),
+        "perhaps": unsure,  # as the answer says of them
         "adds little": small,
         "detectable, changes nothing": diag.detectable,
         "possible": tuple(diag.possible),

@@ -33,13 +33,14 @@ def model_words(model: Model) -> str:
 
 
 def an_effect(name: str) -> str:
-    """An effect by its name in words, with its article.
+    """An effect by its name in words, with its article; a name of one word without.
 
     Example:
-        >>> an_effect("command_deadband")
-        'a command dead band'
+        >>> an_effect("command_deadband"), an_effect("alpha")
+        ('a command dead band', 'alpha')
     """
-    return an(humanize(name))
+    words = humanize(name)
+    return an(words) if "_" in name else words  # "wind", "alpha"
 
 
 def sized_words(name: str, fit: Fit) -> str:
@@ -253,10 +254,19 @@ def stopped_parameters(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
         vanished = e.value == p.null or _is_zero(e, p)
         effect, _, name = full.rpartition(".")
         if e.at_bound and not vanished and not is_whole(effect, name, e.value):
-            words = capitalised(f"{humanize(name)} of {an_effect(effect)}") if effect else name
+            words = parameter_words(name, effect)
             value = amount(f"{e.shown[0]:.4g}", e.shown[2])
             stopped[full] = words, value, "higher" if above else "lower"
     return stopped
+
+
+def parameter_words(name: str, effect: str) -> str:
+    """A parameter of an effect; by its name alone where the effect is a constant of that name."""
+    if not effect:
+        return name
+    if name == effect:  # "lever arm of a lever arm"
+        return capitalised(humanize(name))
+    return capitalised(f"{humanize(name)} of {an_effect(effect)}")
 
 
 def vanished_words(diag: Findings) -> list[str]:
