@@ -43,8 +43,10 @@ where these are even: a refit of a Kingfisher made 2 500 passes of 35 ms that ta
 class _State(eqx.Module):
     trial: Any
     quadratic: Quadratic
+    curvature: Any  # of the residuals: what the information lacks of the cost's Hessian
+    curved: Any  # whether steps count it in
     damping: Any
-    predicted: Any
+    predicted: Any  # by the information alone, and with the curvature
     steps: Any
     mark: Any  # the cost where the accepted steps were counted from,
     since: Any  # and their number
@@ -58,9 +60,14 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     The objective returns ``(cost, Quadratic)``, so that one evaluation serves value, gradient and
     information. Damping is by the information's diagonal (Marquardt's scaling, Moré 1978), which
     makes the steps independent of the parameters' units. A step is the best that the damped
-    quadratic allows within the box. The iteration ends where a full Gauss-Newton step would gain
-    less than ``atol`` in log-likelihood, or where steps creep (`_CREEPING`).
-    A trial whose cost is not finite is rejected like any other bad trial.
+    quadratic allows within the box. What the information lacks of the cost's Hessian, the residuals
+    times their second derivatives, is learned from the gradients as steps go (NL2SOL: Dennis, Gay &
+    Welsch 1981), and counted in after a step whose gain it foretold better than the information
+    alone did. Where much is missing from a model residuals are large, and steps without it creep: a
+    basic boat on logs with a current and a weak thruster took 197 steps on segments, and takes 17.
+    The iteration ends where a full Gauss-Newton step would gain less than ``atol`` in
+    log-likelihood, or where steps creep (`_CREEPING`). A trial whose cost is not finite is rejected
+    like any other bad trial.
     """
 
     rtol: float
@@ -76,7 +83,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         zeros = zeros._replace(cost=jnp.full_like(zeros.cost, jnp.inf))
         no = jnp.array(False)
         far, none = jnp.array(jnp.inf), jnp.array(0)
-        return _State(y, zeros, jnp.array(1e-3), far, none, far, none, no, no)
+        flat = jnp.zeros_like(zeros.information)
+        pair = jnp.stack([far, far])
+        return _State(y, zeros, flat, no, jnp.array(1e-3), pair, none, far, none, no, no)
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -85,15 +94,23 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         old = state.quadratic
         gain = old.cost - new.cost
         first = state.steps == 0
+        predicted = jnp.where(state.curved, state.predicted[1], state.predicted[0])
         # a failed simulation costs infinity: as zero residuals it would look like a perfect fit
-        accept = (first | (gain > 1e-4 * state.predicted)) & jnp.isfinite(new.cost)
+        accept = (first | (gain > 1e-4 * predicted)) & jnp.isfinite(new.cost)
+        curvature = jnp.where(
+            accept & ~first, _secant(state.curvature, state.trial - y, old, new), state.curvature
+        )
+        away = jnp.abs(state.predicted - gain)
+        told = ~first & jnp.isfinite(new.cost)
+        curved = jnp.where(told, (away[1] < away[0]) & accept, state.curved)
         y = jnp.where(accept, state.trial, y)
         q = jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
-        good = accept & (gain > 0.7 * state.predicted)
+        good = accept & (gain > 0.7 * predicted)
         factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
         damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
-        move, remaining = self._move(y, q, damping)
-        predicted = -(q.gradient @ move + 0.5 * move @ q.information @ move)
+        move, curved, remaining = self._move(y, q, curvature, curved, damping)
+        plain = -(q.gradient @ move + 0.5 * move @ q.information @ move)
+        predicted = jnp.stack([plain, plain - 0.5 * move @ curvature @ move])
         stuck = (damping >= 1e13) & ~accept
         since = state.since + jnp.where(accept, 1, 0)
         full = since >= _CREEPING
@@ -102,9 +119,12 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         settled = jnp.isfinite(q.cost) & ((remaining < self.atol) | creeps)
         failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
         steps = state.steps + 1
-        return y, _State(y + move, q, damping, predicted, steps, mark, since, settled, failed), q
+        ahead = (y + move, q, curvature, curved, damping, predicted)
+        return y, _State(*ahead, steps, mark, since, settled, failed), q
 
-    def _move(self, y: Any, q: Quadratic, damping: Any) -> tuple[Any, Any]:
+    def _move(
+        self, y: Any, q: Quadratic, curvature: Any, curved: Any, damping: Any
+    ) -> tuple[Any, Any, Any]:
         """The damped step within the box, and what an undamped one would still gain."""
         # Unit columns first, so that damping with the identity is Marquardt's scaling. Optimistix's
         # own solver damps unscaled: with units 1e3 apart it reported success at a cost of 188,
@@ -119,13 +139,17 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         low, high = (jnp.where(abs(side - y) <= _CONTACT, 0.0, side - y) * scale
                      for side in (self.lower, self.upper))  # fmt: skip
         damped, flat = scaled + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
+        bent = curvature / scale[:, None] / scale[None, :]
+        bent = damped + jnp.where(held[:, None] | held[None, :], 0.0, bent)
+        curved = curved & jnp.all(jnp.isfinite(jnp.linalg.cholesky(bent)))
+        damped = jnp.where(curved, bent, damped)
         # one after the other, so that the search within the box is compiled once for both
         move, full = jax.lax.map(
             lambda matrix: least_in_box(matrix, slope, low, high), jnp.stack([damped, flat])
         )
         # of the undamped step: under strong damping every step is short, also far from an optimum
         remaining = -(slope @ full + 0.5 * full @ scaled @ full)
-        return jnp.clip(y + move / scale, self.lower, self.upper) - y, remaining
+        return jnp.clip(y + move / scale, self.lower, self.upper) - y, curved, remaining
 
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -149,6 +173,25 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         result: Any,
     ) -> tuple[Any, Any, dict[str, Any]]:
         return y, state.quadratic, {}
+
+
+def _secant(curvature: Any, step: Any, old: Quadratic, new: Quadratic) -> Any:
+    """The curvature after a step, sized, and changed no more than the gradients ask for.
+
+    As in Nocedal & Wright 2006, section 10.3, but for what the information leaves of the change of
+    the gradient: there it is taken from the residuals, which are not kept here.
+    """
+    turned = new.gradient - old.gradient
+    lacking = turned - new.information @ step
+    size = jnp.abs(step @ lacking) / jnp.maximum(jnp.abs(step @ curvature @ step), 1e-300)
+    curvature = jnp.minimum(1.0, size) * curvature
+    along = turned @ step
+    off = lacking - curvature @ step
+    both = jnp.outer(off, turned)
+    update = (both + both.T) / along - (step @ off) * jnp.outer(turned, turned) / along**2
+    updated = curvature + update
+    sound = (along > 0) & jnp.all(jnp.isfinite(updated))
+    return jnp.where(sound, updated, curvature)
 
 
 class Solved(NamedTuple):
@@ -269,4 +312,5 @@ def _begin(layout: Any, z: np.ndarray) -> _State:
     sigma = np.zeros(len(layout.channels))
     zero, no, far, none = np.asarray(0.0), np.asarray(False), np.asarray(np.inf), np.asarray(0)
     q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
-    return _State(z, q, np.asarray(1e-3), far, none, far, none, no, no)
+    flat, pair = np.zeros((n, n)), np.stack([far, far])
+    return _State(z, q, flat, no, np.asarray(1e-3), pair, none, far, none, no, no)

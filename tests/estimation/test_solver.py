@@ -100,6 +100,20 @@ def decays(y):
     return y[0] * jnp.exp(-y[1] * TIMES) + y[2] * jnp.exp(-y[3] * TIMES) - data
 
 
+def brown_and_dennis(y):
+    """Of large residuals at its optimum, which steps by the information alone never reach."""
+    t = jnp.arange(1.0, 21.0) / 5.0
+    return (y[0] + t * y[1] - jnp.exp(t)) ** 2 + (y[2] + y[3] * jnp.sin(t) - jnp.cos(t)) ** 2
+
+
+def test_large_residuals_do_not_make_steps_creep():
+    """More, Garbow & Hillstrom 1981, problem 16: a sum of squares of 85822.2."""
+    y, q, _, steps = minimise(brown_and_dennis, [25.0, 5.0, -5.0, -1.0])
+    np.testing.assert_allclose(y, [-11.594, 13.204, -0.4034, 0.2367], rtol=1e-3)
+    assert 2.0 * float(q.cost) == pytest.approx(85822.2, rel=1e-6)
+    assert steps < 100  # 300 did not suffice
+
+
 @pytest.mark.parametrize("start", [[-1.2, 1.0], [5.0, -5.0], [0.0, 0.0], [-30.0, 40.0]])
 def test_rosenbrock(start):
     y, q, done, steps = minimise(rosenbrock, start)
