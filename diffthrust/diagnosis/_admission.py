@@ -16,6 +16,7 @@ from diffthrust.diagnosis._criteria import (
 )
 from diffthrust.diagnosis._explained_share import (
     BeforeAfter,
+    Worth,
     explained_share,
     matters,
     negligible,
@@ -30,6 +31,7 @@ from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, Search
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
 from diffthrust.estimation._multistart import NOTICED
+from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
 
 _MORE_STARTS = 6
@@ -180,9 +182,7 @@ def record_stage(
     """Record the newly fitted effect as a stage, or as only detectable."""
     last = state.stages[-1]
     without = [share for share in state.stages if {*share.effects} <= {*fitted.effects} - {name}]
-    trained = errors_between(without[-1].runs, fitted.runs)
-    unseen = errors_between(without[-1].unseen_runs, fitted.unseen_runs)
-    worth, everywhere = explained_share(unseen or trained), explained_share([*trained, *unseen])
+    worth, everywhere = worths_between(without[-1], fitted)
     constant = name in context.fitter.constants  # a wrong constant biases all effects
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
     if constant or matters(worth, everywhere) or in_place_of_others:
@@ -190,6 +190,13 @@ def record_stage(
     share = worth.of(remaining_share(state, without[-1]))
     worths = {**state.worth, name: share}
     return replace(state, worth=worths, detectable=(*state.detectable, name))
+
+
+def worths_between(before: FittedStage, after: FittedStage) -> tuple[Worth, Worth]:
+    """What the second of two stages removes, on unseen logs if there are any, and on all."""
+    trained = errors_between(before.runs, after.runs)
+    unseen = errors_between(before.unseen_runs, after.unseen_runs)
+    return explained_share(unseen or trained), explained_share([*trained, *unseen])
 
 
 def errors_between(baseline: Sequence[Run], updated: Sequence[Run]) -> list[dict[str, BeforeAfter]]:
@@ -253,9 +260,9 @@ def refitted_stage(
 ) -> FittedStage:
     """The current model without the effects that are only detectable, fitted to whole runs.
 
-    The fit starts from the values of the trial, and from the last stage with the new effects at
-    their nulls. Where it ends worse than that stage all the same, which is nested in it, it has not
-    reached its optimum, and is made again from several starts.
+    What may differ by log is one value for all logs at first, and differs where that matters as an
+    effect does: a steady current that each of a boat's logs had its own of stood in for a weak
+    thruster, at an NRMSE of 0.69 where one current for all left 0.28.
 
     Args:
         context: what the search works with.
@@ -264,10 +271,41 @@ def refitted_stage(
         substeps: integrator steps per sample of a fit that is only compared; as many as it needs if
             not given.
     """
-    last, values = state.stages[-1], state.current.trial.values
-    names = _of_stage(state)
+    last, names = state.stages[-1], _of_stage(state)
     candidates = context.fitter.candidates
-    model = with_values(with_candidates(context.given, names, candidates), values)
+    model = with_candidates(context.given, names, candidates, like=last.fit.model)
+    present = {effect.name for effect in last.fit.model.effects}
+    new = [e for e in model.effects if e.differs and e.name not in present]
+    if not new:
+        return _refitted(context, state, model, starts, substeps)
+    alike = with_candidates(
+        context.given, names, candidates, like=last.fit.model + [e.differing(False) for e in new]
+    )
+    fitted = _refitted(context, state, alike, starts, substeps)
+    if not math.isfinite(fitted.train.nrmse):
+        return _refitted(context, state, model, starts, substeps)
+    values = {n: e.value for n, e in fitted.fit.parameters.items()}
+    apart = FittedStage(
+        names,
+        *context.refit(with_values(model, values), starts=1, substeps=substeps),
+    )
+    if no_better(fitted, apart) is None and matters(*worths_between(fitted, apart)):
+        return apart
+    return fitted
+
+
+def _refitted(
+    context: SearchContext, state: SearchState, model: Model, starts: int, substeps: int
+) -> FittedStage:
+    """A model fitted to whole runs, as the next stage.
+
+    The fit starts from the values of the trial, and from the last stage with the new effects at
+    their nulls. Where it ends worse than that stage all the same, which is nested in it, it has not
+    reached its optimum, and is made again from several starts.
+    """
+    last, names = state.stages[-1], _of_stage(state)
+    candidates = context.fitter.candidates
+    model = with_values(model, state.current.trial.values)
     start = {n: p.value for n, p in last.fit.model.parameters.items()}
     for name in ({*names} & {*candidates}) - {effect.name for effect in last.fit.model.effects}:
         null = candidates[name].at_null()._parameters

@@ -234,11 +234,21 @@ def of_effect(parameter: str, effect: str) -> bool:
 
 
 def with_candidates(
-    model: Model, effects: Iterable[str], candidates: Mapping[str, Effect]
+    model: Model,
+    effects: Iterable[str],
+    candidates: Mapping[str, Effect],
+    like: Model | None = None,
 ) -> Model:
-    """A model with some candidates: effects are added, fixed parameters are freed."""
+    """A model with some candidates: effects are added, fixed parameters are freed.
+
+    An effect that may differ by log does so as it does in the model ``like``, if it is there.
+    """
     freed = [n for n in effects if n not in candidates]
-    return model.free(*freed) + [candidates[n] for n in effects if n in candidates]
+    added = {n: candidates[n] for n in effects if n in candidates}
+    for effect in () if like is None else like.effects:
+        if effect.name in added:
+            added[effect.name] = added[effect.name].differing(effect.differs)
+    return model.free(*freed) + list(added.values())
 
 
 # -- ports, and what each drives -------------------------------------------------------------------

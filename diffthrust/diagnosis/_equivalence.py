@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admission import errors_between
+from diffthrust.diagnosis._admission import worths_between
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import price_of, unseen_gain
-from diffthrust.diagnosis._explained_share import Worth, explained_share, matters
+from diffthrust.diagnosis._explained_share import Worth, matters
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
 from diffthrust.diagnosis._screening import levels_of, screened
@@ -173,7 +173,7 @@ def alike_when_refitted(
     alike = []
     for rival, trial in rivals.items():
         names = tuple(rival if n == name else n for n in stage.effects)
-        model = with_candidates(context.given, names, context.fitter.candidates)
+        model = with_candidates(context.given, names, context.fitter.candidates, stage.fit.model)
         free = {n for n, p in model.parameters.items() if not p.fixed}
         last = {n: e.value for n, e in stage.fit.parameters.items() if n in free}
         # the model's own parameters as the rival wants them, what came later as it is now
@@ -181,9 +181,7 @@ def alike_when_refitted(
         model = with_values(model, {**trial.values, **later})
         context.say(f"fitting with {rival} in place of {name}", SOUGHT)
         instead = FittedStage(names, *context.refit(model, [last], substeps=stage.fit.substeps))
-        trained = errors_between(instead.runs, stage.runs)
-        unseen = errors_between(instead.unseen_runs, stage.unseen_runs)
-        if errs_as_little(explained_share(unseen or trained), explained_share([*trained, *unseen])):
+        if errs_as_little(*worths_between(instead, stage)):
             alike.append(rival)
     return alike
 
@@ -255,7 +253,8 @@ def proposal(
         log = max(logs, key=lambda log: log.duration)
         try:
             for name in group[1:3]:
-                rival = with_candidates(context.given, [*kept, name or ""], fitter.candidates)
+                names = [*kept, name or ""]
+                rival = with_candidates(context.given, names, fitter.candidates, last.fit.model)
                 rivals.append(context.refit(rival).fit)
             with context.clock("experiment"):
                 return suggest_experiment(

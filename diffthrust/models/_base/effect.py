@@ -249,14 +249,19 @@ class Effect(Component):
         described = {k: self._parameters[k].with_value(v) for k, v in nulls.items()}
         return self._copy(_parameters={**self._parameters, **described}, **nulls)
 
-    def differing(self) -> Effect:
-        """The same effect, with the parameters ``by_log`` marked as differing from log to log.
+    @property
+    def differs(self) -> bool:
+        """Whether parameters of it differ from log to log."""
+        return any(p.per_log for p in self._parameters.values())
+
+    def differing(self, apart: bool = True) -> Effect:
+        """The same effect, its parameters ``by_log`` marked as differing from log to log, or not.
 
         Example:
-            >>> dft.effects.WaterCurrent().differing()._parameters["to_east"].per_log
+            >>> dft.effects.WaterCurrent().differing().differs
             True
         """
-        marked = {k: replace(self._parameters[k], per_log=True) for k in self.by_log}
+        marked = {k: replace(self._parameters[k], per_log=apart) for k in self.by_log}
         return self._copy(_parameters={**self._parameters, **marked}) if marked else self
 
 
