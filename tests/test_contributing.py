@@ -111,6 +111,7 @@ def test_effect_model_and_noise_are_known_by_name(patched):
     assert told.splitlines() == ["thruster + cubic_damping first_order", "40.0"]
 
 
+@pytest.mark.thorough
 def test_a_third_law_of_errors_is_one_class_and_one_line(patched):
     """In spec files, `fit`, its messages, the advice on noise, and what follows from a fit."""
     told = run(

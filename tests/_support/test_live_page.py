@@ -89,6 +89,7 @@ def test_a_large_log_is_thinned_without_losing_a_spike(tmp_path):
     assert "each 17 samples" in live.remark
 
 
+@pytest.mark.thorough
 def test_where_bokeh_is_not_installed_pictures_are_shown(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "bokeh"]:
         monkeypatch.delitem(sys.modules, name)

@@ -103,6 +103,7 @@ def independent_cost(controller, start, before, wanted, flat):
     return total + np.sum(changes**2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("aside", [0.05, 2.0])  # free, and with the rudder at its limit
 def test_a_plan_is_the_best_one_there_is(aside):
     controller = mpc(horizon=6, rate=2.0, iterations=30)
@@ -145,6 +146,7 @@ def test_calm_water_ends_on_the_path_at_the_papers_propeller_speed():
     np.testing.assert_allclose(run["propeller_speed"][-1], 76.4, atol=0.5)
 
 
+@pytest.mark.thorough
 def test_the_straight_line_in_wind_keeps_the_papers_errors():
     run = tracked(WINDY)
     assert within_limits(run)

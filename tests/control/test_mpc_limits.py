@@ -98,6 +98,7 @@ def rates(_, x, n, a):
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("point", [0.0, 0.4])
 def test_a_limited_plan_is_the_best_one_there_is(point):
     """The same problem for SLSQP, with the equations written out and DOP853."""
@@ -166,6 +167,7 @@ def test_rates_of_inputs_are_kept_and_cost_no_precision_in_the_end():
     assert slow.across(20.0).largest < 2e-3
 
 
+@pytest.mark.thorough
 def test_limits_of_states_are_kept_where_the_model_is_right():
     limits = wide(yaw_rate=(-0.1, 0.1), surge=(-math.inf, 0.84))
     free, kept = tracked(), tracked(limits=limits)
@@ -244,6 +246,7 @@ def test_the_control_point_follows_the_path_and_the_centre_of_gravity_cuts_the_c
     assert run.plot().axes[0].get_legend_handles_labels()[1] == ["path", "control point", "start"]
 
 
+@pytest.mark.thorough
 def test_compiling_is_told_apart_from_solving(nothing_stored):
     run = tracked(duration=3.0, horizon=7)  # of a length that nothing else has compiled
     took = run.solve_time

@@ -375,6 +375,7 @@ def test_a_linear_part_that_passes_steps_at_once_is_not_simulated_and_says_so():
 # The thruster loop of Yoerger et al. 1990, section IV.
 
 
+@pytest.mark.thorough
 def test_jason_loop_has_the_amplitude_and_frequency_of_an_independent_integrator():
     loop = jason()
     c, k = loop.cycle, loop.newton

@@ -90,6 +90,7 @@ def test_a_moment_between_the_instants_of_the_balance_is_felt():
     assert found.reason[0, 0] == Reason.FEW_HARMONICS
 
 
+@pytest.mark.thorough
 def test_marks_are_told_with_their_mend():
     found = describing_function(DEADBAND, A, W, method="harmonic_balance", harmonics=3)
     marked = found.reason == Reason.FEW_HARMONICS

@@ -125,6 +125,7 @@ def test_a_log_with_another_thruster_is_named_whether_training_or_unseen(place):
     assert odd.share > 1 / 5
 
 
+@pytest.mark.thorough
 def test_of_sound_logs_none_is_named():
     assert said_of(np.ones(5), seed=8) == ()
 

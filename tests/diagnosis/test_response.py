@@ -117,6 +117,7 @@ def test_a_trial_of_many_effects_over_whole_runs_has_a_response(trials, monkeypa
     assert np.isfinite(full.response.cost)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_the_answer_to_an_effect_is_its_derivative_in_a_pass(trials, name):
     made, base = trials

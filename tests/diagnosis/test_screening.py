@@ -56,6 +56,7 @@ def trials():
     return made, made.base()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("longest", "programs"), [(5000, [3, 3, 3]), (0, [0, 2, 3])])
 def test_over_short_logs_one_program_has_all_candidates(trials, monkeypatch, longest, programs):
     monkeypatch.setattr(trial_programs_module, "_SHORT", longest)

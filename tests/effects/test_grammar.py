@@ -108,6 +108,7 @@ def _extended(inner):
 nested = st.recursive(st.one_of(names, numbers), _extended, max_leaves=20)
 
 
+@pytest.mark.thorough
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(st.one_of(pieces, nested, st.text(max_size=40)))
 @example("-(speed**time)")  # as large as numbers get, and beyond

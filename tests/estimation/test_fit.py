@@ -106,6 +106,7 @@ def followed(rate, every=0):
     return dft.Log(step * np.arange(count), {"command": command}, {"level": level}, hold="zero")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("every", [0, 37])
 def test_finer_steps_of_an_innovations_fit_have_limits_of_their_own(every):
     options = {"likelihood": "innovations", "loss": "student_t", "starts": 2}
@@ -124,6 +125,7 @@ def test_where_coarse_steps_forbid_most_starts_finer_ones_begin_anew():
     assert fit.checks.starts_agreeing >= 2
 
 
+@pytest.mark.thorough
 def test_an_optimum_is_followed_as_far_as_coarse_steps_hold_it_back():
     """Where the water follows the propeller at once, coarse steps end at a small loss of thrust.
 

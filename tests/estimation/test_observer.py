@@ -279,6 +279,7 @@ def test_the_gradient_is_that_of_the_cost(loss):
     np.testing.assert_allclose(q.scores.sum(axis=1), q.gradient[: len(problem.free)], rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_many_selections_of_parameters_share_one_compilation():
     model = GUESS + LinearDamping().at_null() + ActuatorLag().at_null()
     log = field_log(0)
@@ -368,6 +369,7 @@ def test_one_step_errors_are_white_where_residuals_of_the_simulation_are_not():
             assert lag_one(run.channels[name].residual) > 0.9
 
 
+@pytest.mark.thorough
 def test_without_random_forces_the_gains_vanish():
     for seed in range(3):
         log = field_log(seed, force=0.0, colour=0.0)

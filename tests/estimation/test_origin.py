@@ -98,6 +98,7 @@ def test_a_diagnosis_tells_that_a_fit_is_of_other_logs():
     assert copied == pytest.approx(error, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_tells_that_it_does_not_begin_with_a_fit_that_failed():
     a = log(0)
     fit = short.fitted(a)

@@ -345,6 +345,7 @@ def run_of_a_boat(number, current):
     return Log(time, forces, measured, name=f"run{number}")
 
 
+@pytest.mark.thorough
 def test_a_current_by_log_is_found_beside_one_hull():
     currents = np.random.default_rng(43).normal([0.15, -0.1], 0.1, (5, 2))
     *logs, unseen = [run_of_a_boat(k, current) for k, current in enumerate(currents)]

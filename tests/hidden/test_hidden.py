@@ -271,6 +271,7 @@ def test_what_was_learned_is_held_against_the_plant():
     assert "learned where nothing is hidden: 1 of 1" in shown.getvalue()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("kind", "seed", "named"),
     [

@@ -148,6 +148,7 @@ def test_a_hostile_folder_is_read_or_refused(seed):
         refusal(read)
 
 
+@pytest.mark.thorough
 @settings(common, max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_hostile_log_is_read_or_refused(seed):

@@ -66,6 +66,7 @@ def test_eight_schools_are_those_of_quadrature(pooled):
         assert float(found[name].mean()) == pytest.approx(value, abs=4 * error), name
 
 
+@pytest.mark.thorough
 def test_the_table_tells_vehicles_and_the_population(pooled):
     table = pooled.table.set_index("vehicle")
     assert list(table.index) == list("ABCDEFGH")

@@ -46,6 +46,7 @@ def fits(logs):
     return dft.many.fit(MODEL, logs, holdout=[record(90)] * len(logs), starts=2, width=4)
 
 
+@pytest.mark.thorough
 def test_fits_are_those_of_one_at_a_time(logs, fits):
     assert not fits.failed
     for i in (0, 1, 5):
@@ -404,6 +405,7 @@ def test_runs_are_divided_over_devices():
     assert float(done.stdout.split()[-1]) < 1e-8
 
 
+@pytest.mark.thorough
 def test_processes_share_the_members(logs, fits):
     told = []
     wrong = dft.Log(logs[0].time, {"current": np.ones(300)}, {"speed": np.ones(300)})

@@ -375,6 +375,7 @@ def test_jit_accepts_models_and_compiles_once():
     assert len(traces) == 1
 
 
+@pytest.mark.thorough
 def test_gradients_with_respect_to_a_model_agree_with_differences():
     time = inputs.grid(2.0, 0.05)
     command = 2.0 * np.sin(3.0 * time)

@@ -262,6 +262,7 @@ def test_a_derived_ratio_has_the_error_of_its_closed_form(fit):
     assert ratio.unit == "1/(V s^2)"
 
 
+@pytest.mark.thorough
 def test_quantities_are_told_and_drawn_in_the_units_of_the_logs():
     commands, steps = np.array([-0.5, 0.25, 0.5]), np.array([0.25, 0.5])
     found = quantities(written_fits.fit(), commands=commands, steps=steps, draws=20)

@@ -64,6 +64,7 @@ def test_two_thrusters_and_the_strength_of_the_weaker(twin_logs):
     assert fit.parameters["starboard.strength"].std_error < 0.02
 
 
+@pytest.mark.thorough
 def test_without_a_force_only_ratios_to_the_thrust_are_known(twin_logs):
     fit = dft.fit(twin().free("starboard.strength"), twin_logs, starts=1)
     assert fit.status is dft.Status.NOT_IDENTIFIABLE
