@@ -71,3 +71,13 @@ def test_a_candidate_differs_by_log_where_it_is_present_alone():
     assert fitted.count(fitted.parameters_of()) == 2
     own = fitted.unseen.numbers_by_log(fitted.unseen.start())
     assert own[0]["thrust_sensor_offset.offset"] == pytest.approx(tares[2], abs=0.3)
+
+
+@pytest.mark.thorough
+def test_what_may_differ_by_log_is_one_value_where_one_will_do():
+    """A boat's steady current, one for each log, stood in for a weak thruster."""
+    *logs, unseen = [run(k, 1.0) for k in range(3)]
+    fit = dft.fit(dft.Thruster() + "command_deadband", logs, holdout=unseen, starts=2)
+    diag = dft.diagnose(fit, logs, holdout=unseen, candidates=[Tare()], experiment=False)
+    assert diag.added == ("thrust_sensor_offset",)
+    assert diag.fit.model.per_log == ()
