@@ -86,9 +86,10 @@ def with_proven(
     context.say("fitting pairs of effects to whole runs", state.share(0.8))
     with context.clock("pairs"):
         new = {name: trial for name, trial in singles.items() if name not in state.detectable}
-        started = _started(context, state, base, new)[: SETTINGS.pairs.most_fitted]
-        for trial in started:
-            if proven := _proven_pair(context, state, base, trial, new):
+        simulation = _fitter(context, state)
+        started = _started(context, state, simulation, base, new)
+        for trial in started[: SETTINGS.pairs.most_fitted]:
+            if proven := _proven_pair(context, state, simulation, base, trial, new):
                 return _added(context, state, proven)
         refitted = {name: _refitted(context, state, singles[name]) for name in lowering[:1]}
         for name, stage in refitted.items():
@@ -119,10 +120,15 @@ def _borne_out(
 
 
 def _started(
-    context: SearchContext, state: SearchState, base: TrialFit, singles: Mapping[str, TrialFit]
+    context: SearchContext,
+    state: SearchState,
+    simulation: CandidateFitter,
+    base: TrialFit,
+    singles: Mapping[str, TrialFit],
 ) -> list[TrialFit]:
     """The last stage with each pair in question, fitted for a few steps; the best first."""
-    fitter, simulation = context.fitter, simulation_fitter(context.fitter)
+    fitter = context.fitter
+    base = simulation.further(simulation.solve(base.effects, base.values, None, base.clip))
     ranked = sorted(singles, key=lambda name: singles[name].expected)
     untested = [n for n in state.untestable if n in fitter.candidates and n not in base.effects]
     names = list(dict.fromkeys((*ranked[:1], *untested, *ranked)))[: SETTINGS.pairs.most_effects]
@@ -143,6 +149,19 @@ def _started(
         t for t in trials if _promised(fitter, base, t) > SETTINGS.whole_runs.proving_share
     ]
     return sorted(promising, key=lambda trial: trial.expected)
+
+
+def _fitter(context: SearchContext, state: SearchState) -> CandidateFitter:
+    """Fits of pairs to whole runs, or to what the last stage was fitted to.
+
+    Where errors accumulate, a run of hundreds of seconds has no slope that leads anywhere: of a
+    boat's pairs that of a current and a weak thruster came last, and through segments it brought
+    the NRMSE from 0.94 to 0.05.
+    """
+    horizon = state.stages[-1].fit.horizon
+    if horizon is None:
+        return simulation_fitter(context.fitter)
+    return CandidateFitter(context.fitter.programs.simulating(horizon))
 
 
 def _promised(fitter: CandidateFitter, base: TrialFit, trial: TrialFit) -> float:
@@ -188,12 +207,13 @@ def _few_steps(
 def _proven_pair(
     context: SearchContext,
     state: SearchState,
+    simulation: CandidateFitter,
     base: TrialFit,
     trial: TrialFit,
     singles: Mapping[str, TrialFit],
 ) -> Proven | None:
     """A pair that whole unseen runs prove, each beside the other too, or one of it alone."""
-    simulation, last = simulation_fitter(context.fitter), state.stages[-1]
+    last = state.stages[-1]
     trial = simulation.further(trial)
     stage = _refitted(context, state, trial)
     if no_better(last, stage) or not _removed(last, stage).low > SETTINGS.whole_runs.proving_share:
@@ -201,9 +221,10 @@ def _proven_pair(
     first, second = trial.effects[-2:]
     alone = []
     for kept, absent in ((first, second), (second, first)):
-        values = simulation.absent(absent, trial.values)
-        single = simulation.solve((*last.effects, kept), values, None, trial.clip)
-        ends = [single, *([singles[kept]] if kept in singles else [])]
+        values = [simulation.absent(absent, trial.values)]
+        values += [singles[kept].values] if kept in singles else []
+        effects = (*last.effects, kept)
+        ends = [simulation.solve(effects, start, None, trial.clip) for start in values]
         single = min(ends, key=lambda end: end.expected)
         if _is_hopeless(context.fitter, base, single, trial):
             continue

@@ -9,6 +9,7 @@ include the effects of earlier ones, so that few are needed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from functools import cached_property, partial
 from threading import RLock
@@ -69,7 +70,8 @@ class Programs:
         noise_model: with "ar1" there are no random forces and no corrections of the states, as in a
             fit with that noise.
         constants: names of fixed parameters of the model that are candidates.
-        simulating: nothing is corrected and no sensor's error lasts: whole simulated runs.
+        within: no sensor's error lasts, and measured states follow their readings within so many
+            seconds; without an end, whole simulated runs.
     """
 
     def __init__(
@@ -82,7 +84,7 @@ class Programs:
         noise_model: str = "white",
         constants: Sequence[str] = (),
         *,
-        simulating: bool = False,
+        within: float | None = None,
     ) -> None:
         self.substeps, self.noise_model = substeps, noise_model
         self.model, self.records, self.unseen = model, tuple(records), tuple(unseen)
@@ -98,7 +100,9 @@ class Programs:
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
         observer = observer_of(model, records[0], self.channels, remembering, lasts)
-        observer = observer.simulation if simulating else observer
+        if within is not None:
+            whole = math.isinf(within)
+            observer = observer.simulation if whole else observer.forgetting(within)
         likelihood = Innovations(law=StudentT(), observer=observer)
         self._arranged = partial(build, substeps=substeps, likelihood=likelihood, compact=True)
         first = self._arranged(model, self.records)
@@ -124,6 +128,10 @@ class Programs:
         They have no gains and memories: of a vessel with five channels 32, whose derivatives took
         most of the time of a trial.
         """
+        return self.simulating(math.inf)
+
+    def simulating(self, within: float) -> Programs:
+        """The programs of runs that forget their errors within so many seconds."""
         return Programs(
             self.model,
             list(self.candidates.values()),
@@ -132,7 +140,7 @@ class Programs:
             self.substeps,
             self.noise_model,
             self.constants,
-            simulating=True,
+            within=within,
         )
 
     def ready(

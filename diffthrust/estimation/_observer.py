@@ -62,6 +62,8 @@ class Observer:
         still: nothing is corrected and no random force acts; what is left is a simulation whose
             sensors have errors that last ("ar1" noise).
         lasting: sensors have errors that last.
+        within: measured states follow their readings within so many seconds, by gains that are
+            fixed; estimated where ``None``.
     """
 
     channels: tuple[str, ...]
@@ -70,11 +72,20 @@ class Observer:
     forced: tuple[str, ...]
     still: bool = False
     lasting: bool = True
+    within: float | None = None
 
     @property
     def simulation(self) -> Observer:
         """That of a plain simulation, without any gain or memory."""
         return replace(self, corrected=(), forced=(), lasting=False)
+
+    def forgetting(self, seconds: float) -> Observer:
+        """That of a simulation whose measured states follow their readings within some time.
+
+        It errs as on segments of that length: errors do not accumulate beyond it.
+        """
+        own = tuple((state, (state,)) for state in self.fed)
+        return replace(self, corrected=own, forced=(), lasting=False, within=seconds)
 
     @property
     def coloured(self) -> tuple[str, ...]:
@@ -94,7 +105,10 @@ class Observer:
         def gain(value: float, signed: bool = True) -> Parameter:
             low, value = (0.0, value) if signed else (None, 0.0)
             value = 0.0 if self.still else value
-            return Parameter(value, "", (low, 1.0), size=0.3, fixed=self.still)
+            if self.within is not None:
+                value = min(1.0, step / self.within)
+            fixed = self.still or self.within is not None
+            return Parameter(value, "", (low, 1.0), size=0.3, fixed=fixed)
 
         def memory(seconds: float, still: bool = False) -> Parameter:
             value = min(max(seconds, 2 * step), 0.5 * duration)
