@@ -220,6 +220,7 @@ from diffthrust.diagnosis._stepwise import (  # private: one step alone
     next_stage,
     ranked,
     refusing,
+    runs_lead,
     step,
     still_refused,
 )
@@ -400,6 +401,7 @@ __all__ = [
     "residual_structure_module",
     "ridge_solution",
     "rival_models_module",
+    "runs_lead",
     "score_test",
     "screened",
     "search_state_module",

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._criteria import OverRuns
@@ -27,6 +28,7 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
+from diffthrust.simulation._starts import felt
 
 SCREENS = 3
 """Numerics: the largest number of screens of one stage: on flat ridges a better noise may appear
@@ -36,15 +38,36 @@ repeatedly."""
 def step(context: SearchContext, state: SearchState) -> SearchState:
     """Add the best effect by one-step errors or, if these support none, by whole runs.
 
-    Only by whole runs once as many effects are detectable as there may be: on the maps of a T200
-    five of them, none of which changes a whole run, ended the search before the sag of the supply,
-    which removes two thirds of the squared whole-run error.
+    In the other order where `runs_lead`. And only by whole runs once as many effects are detectable
+    as there may be: on the maps of a T200 five of them, none of which changes a whole run, ended
+    the search before the sag of the supply, which removes two thirds of the squared whole-run
+    error.
     """
-    full = len(state.detectable) >= SETTINGS.admission.most_effects
-    updated = state if full else next_stage(context, state)
-    if updated.accepted == state.accepted:
-        updated = from_simulation(context, updated)
+    ways = [next_stage, from_simulation]
+    if runs_lead(context, state):
+        ways.reverse()
+    if len(state.detectable) >= SETTINGS.admission.most_effects:
+        ways.remove(next_stage)
+    updated = state
+    for way in ways:
+        if updated.accepted == state.accepted:
+            updated = way(context, updated)
     return replace(updated, exhausted=updated.accepted == state.accepted)
+
+
+def runs_lead(context: SearchContext, state: SearchState) -> bool:
+    """Whether whole runs are asked before one-step errors.
+
+    They are where errors accumulate, so that the model as given was fitted on segments, and more
+    states shape what is measured than any sensor reads. Random forces on these states then take the
+    place of an effect from one sample to the next: of boats with measured positions and no measured
+    speeds one-step errors wanted a coupling and a wind, where a current and a weak thruster act.
+    """
+    records = context.fitter.records
+    read = {name for record in records for name in record.measured_states}
+    unread = {*felt(context.given, records)} & {*context.given.states} - read
+    other_sensors = {*context.fitter.channels} - read
+    return state.stages[0].fit.horizon is not None and len(unread) > len(other_sensors)
 
 
 def done(state: SearchState) -> bool:
@@ -153,6 +176,11 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     state = replace(state, possible={name: worth for name, (worth, _) in lowering.items()})
     least = SETTINGS.whole_runs.proving_share
     proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
+    new = [name for name in proving if name not in state.detectable]
+    proven_state = partial(with_proven, context, state, base, singles, new)
+    led = proven_state() if runs_lead(context, state) else None
+    if led and led.accepted != state.accepted:
+        return led
     for name, (_, simulated) in lowering.items():
         proven = bool(context.unseen) and name in proving
         again = name in state.detectable
@@ -162,8 +190,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
             alone = _without_detectable(context, state)
             if outcome := _admitted(context, alone, name, simulated, proven):
                 return outcome
-    new = [name for name in proving if name not in state.detectable]
-    return with_proven(context, state, base, singles, new)
+    return led or proven_state()
 
 
 def _admitted(

@@ -191,6 +191,8 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
         monkeypatch.setattr(
             f"{STEPWISE}.{way}", lambda _, state, way=way: asked.append(way) or state
         )
+    leading = iter([False, False, True])
+    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda *_: next(leading))
     most = SETTINGS.admission.most_effects
     state = SearchState(None, (object(),), {}, detectable=("lag",) * most)
     assert not done(state)
@@ -199,6 +201,9 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
     asked.clear()
     step(None, replace(state, detectable=("lag",) * (most - 1)))
     assert asked == ["next_stage", "from_simulation"]
+    asked.clear()
+    step(None, replace(state, detectable=()))
+    assert asked == ["from_simulation", "next_stage"]
     assert done(replace(state, stages=(object(),) * (most + 1)))
 
 
@@ -222,6 +227,7 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     context = SimpleNamespace(fitter=fitter, unseen=unseen, say=lambda *_: None,
                               clock=lambda _: nullcontext())  # fmt: skip
     monkeypatch.setattr(f"{STEPWISE}._admitted", admitted)
+    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda *_: False)
     monkeypatch.setattr(f"{STEPWISE}.simulation_is_poor", lambda *_: True)
     monkeypatch.setattr(f"{STEPWISE}._singles", lambda *_: (None, {}))
     worth = Worth(0.5, low, 0.8)
