@@ -28,6 +28,7 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
+from diffthrust.estimation._horizons import schedule
 from diffthrust.simulation._starts import felt
 
 SCREENS = 3
@@ -44,7 +45,7 @@ def step(context: SearchContext, state: SearchState) -> SearchState:
     error.
     """
     ways = [next_stage, from_simulation]
-    if runs_lead(context, state):
+    if runs_lead(context):
         ways.reverse()
     if len(state.detectable) >= SETTINGS.admission.most_effects:
         ways.remove(next_stage)
@@ -55,11 +56,11 @@ def step(context: SearchContext, state: SearchState) -> SearchState:
     return replace(updated, exhausted=updated.accepted == state.accepted)
 
 
-def runs_lead(context: SearchContext, state: SearchState) -> bool:
+def runs_lead(context: SearchContext) -> bool:
     """Whether whole runs are asked before one-step errors.
 
-    They are where errors accumulate, so that the model as given was fitted on segments, and more
-    states shape what is measured than any sensor reads. Random forces on these states then take the
+    They are where errors accumulate, so that the model has a horizon, and more states shape what is
+    measured than any sensor reads. Random forces on these states then take the
     place of an effect from one sample to the next: of boats with measured positions and no measured
     speeds one-step errors wanted a coupling and a wind, where a current and a weak thruster act.
     """
@@ -67,7 +68,8 @@ def runs_lead(context: SearchContext, state: SearchState) -> bool:
     read = {name for record in records for name in record.measured_states}
     unread = {*felt(context.given, records)} & {*context.given.states} - read
     other_sensors = {*context.fitter.channels} - read
-    return state.stages[0].fit.horizon is not None and len(unread) > len(other_sensors)
+    horizon = schedule(context.given, records, "auto")[-1]
+    return horizon is not None and len(unread) > len(other_sensors)
 
 
 def done(state: SearchState) -> bool:
@@ -178,7 +180,7 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
     new = [name for name in proving if name not in state.detectable]
     proven_state = partial(with_proven, context, state, base, singles, new)
-    led = proven_state() if runs_lead(context, state) else None
+    led = proven_state() if runs_lead(context) else None
     if led and led.accepted != state.accepted:
         return led
     for name, (_, simulated) in lowering.items():

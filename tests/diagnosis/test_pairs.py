@@ -95,7 +95,7 @@ def searched(monkeypatch):
 
         pair = [names for names in sizes if len(names) == 2]
         monkeypatch.setattr(pairs_module, "refitted_stage", refitted)
-        monkeypatch.setattr(pairs_module, "_fitter", lambda context, state: context.fitter)
+        monkeypatch.setattr(pairs_module, "_fitter", lambda context: context.fitter)
         monkeypatch.setattr(pairs_module, "ended_worse", ended_worse)
         monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
         monkeypatch.setattr(pairs_module, "share_between", share_between)

@@ -16,6 +16,7 @@ from steps import (
     TriedEffect,
     Worth,
     admission_module,
+    bind,
     done,
     from_simulation,
     next_stage,
@@ -23,6 +24,7 @@ from steps import (
     plainest_first,
     ranked,
     refusing,
+    runs_lead,
     shares_by_effect,
     step,
     still_refused,
@@ -239,6 +241,26 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     beside, alone = (("lag",), ("exponent", "lag")), ((), ("exponent",))
     proven = [beside, alone] if unseen and low > 0.1 else [beside]
     assert tried == ([alone] if name == "lag" else proven)
+
+
+@pytest.mark.parametrize(
+    ("model", "measured", "seconds", "lead"),
+    [
+        (dft.Vessel(), ("north", "east", "heading", "yaw_rate"), 50.0, True),  # surge, sway are not
+        (dft.Vessel(), ("north", "east", "heading", "yaw_rate"), 30.0, False),  # too short to err
+        (dft.Vessel(), ("surge", "sway", "yaw_rate"), 50.0, False),  # nothing else acts on these
+        (dft.Vessel(), ("surge", "yaw_rate"), 50.0, True),
+        (dft.AxisVehicle(), ("position",), 50.0, False),  # its errors do not accumulate
+    ],
+)
+def test_whole_runs_are_asked_first_where_errors_accumulate_in_states_that_are_not_read(
+    model, measured, seconds, lead
+):
+    time = np.linspace(0.0, seconds, 51)
+    inputs = {name: np.sin(time) for name in model.inputs}
+    log = dft.Log(time, inputs, {name: np.cos(time) for name in measured})
+    fitter = SimpleNamespace(records=bind(model, [log]), channels=measured)
+    assert runs_lead(SimpleNamespace(given=model, fitter=fitter)) is lead
 
 
 RNG = np.random.default_rng(0)
