@@ -113,7 +113,13 @@ def no_longer_odd(odd: Sequence[OddLog], baseline: Sequence[Run], updated: Seque
 
 
 def deviating_logs(fitter: CandidateFitter, trial: TrialFit, count: int) -> list[Deviation]:
-    """The logs whose parameters differ from those of the others by what matters in whole runs."""
+    """The logs whose parameters differ from those of the others by what matters in whole runs.
+
+    None of a trial that cannot be simulated: it has no noise to hold errors against, and two boats'
+    diagnoses ended in an error.
+    """
+    if not np.isfinite(trial.cost):
+        return []
     by_log = slopes(fitter, trial)
     if len(by_log) != count:
         return []
