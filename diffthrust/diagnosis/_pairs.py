@@ -134,7 +134,6 @@ def _started(
 ) -> list[TrialFit]:
     """The last stage with each pair in question, fitted for a few steps; the best first."""
     fitter = context.fitter
-    base = simulation.further(simulation.solve(base.effects, base.values, None, base.clip))
     ranked = sorted(singles, key=lambda name: singles[name].expected)
     untested = [n for n in state.untestable if n in fitter.candidates and n not in base.effects]
     names = list(dict.fromkeys((*ranked[:1], *untested, *ranked)))[: SETTINGS.pairs.most_effects]
@@ -144,6 +143,7 @@ def _started(
     if not pairs:
         return []
     simulation.ready(base.effects, names)  # one program for all of them
+    base = simulation.further(simulation.solve(base.effects, base.values, None, base.clip))
     levels = levels_of(fitter, base)
     points = {name: probes(fitter.candidates[name], levels)[1][:_PROBES] for name in names}
 
@@ -165,9 +165,7 @@ def _fitter(context: SearchContext) -> CandidateFitter:
     the NRMSE from 0.94 to 0.05.
     """
     horizon = schedule(context.given, context.fitter.records, "auto")[-1]
-    if horizon is None:
-        return simulation_fitter(context.fitter)
-    return CandidateFitter(context.fitter.programs.simulating(horizon))
+    return simulation_fitter(context.fitter, within=horizon)
 
 
 def _promised(fitter: CandidateFitter, base: TrialFit, trial: TrialFit) -> float:

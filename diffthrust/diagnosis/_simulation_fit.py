@@ -6,6 +6,7 @@ compute, before the model is refitted with the effect.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -23,9 +24,12 @@ _FEW = 8
 _Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
-def simulation_fitter(fitter: CandidateFitter) -> CandidateFitter:
-    """Fits of the same model with any of the same candidates, to whole simulated runs."""
-    return CandidateFitter(fitter.programs.simulation)
+def simulation_fitter(fitter: CandidateFitter, within: float | None = None) -> CandidateFitter:
+    """Fits of the same model with any of the same candidates, to whole simulated runs.
+
+    Or to runs that forget their errors within so many seconds.
+    """
+    return CandidateFitter(fitter.programs.simulating(within or math.inf))
 
 
 def fitted_to_runs(

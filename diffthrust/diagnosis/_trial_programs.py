@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from functools import cached_property, partial
+from functools import partial
 from threading import RLock
 from typing import NamedTuple
 
@@ -117,31 +117,28 @@ class Programs:
                 f"'{model}' and of the noise are to be estimated.",
                 "Give longer logs, or fix parameters.",
             )
-        self._lock = RLock()
+        self._lock, self._simulating = RLock(), dict[float, Programs]()
         self.joint = self.samples <= _SHORT
         self._compiled = [self._program(self.candidates if self.joint else ())]
 
-    @cached_property
-    def simulation(self) -> Programs:
-        """The programs of whole simulated runs.
+    def simulating(self, within: float = math.inf) -> Programs:
+        """The programs of whole simulated runs, or of runs that forget their errors in time.
 
-        They have no gains and memories: of a vessel with five channels 32, whose derivatives took
-        most of the time of a trial.
+        They have no gains and memories to estimate: of a vessel with five channels 32, whose
+        derivatives took most of the time of a trial.
         """
-        return self.simulating(math.inf)
-
-    def simulating(self, within: float) -> Programs:
-        """The programs of runs that forget their errors within so many seconds."""
-        return Programs(
-            self.model,
-            list(self.candidates.values()),
-            self.records,
-            self.unseen,
-            self.substeps,
-            self.noise_model,
-            self.constants,
-            within=within,
-        )
+        if within not in self._simulating:
+            self._simulating[within] = Programs(
+                self.model,
+                list(self.candidates.values()),
+                self.records,
+                self.unseen,
+                self.substeps,
+                self.noise_model,
+                self.constants,
+                within=within,
+            )
+        return self._simulating[within]
 
     def ready(
         self, effects: Collection[str], tried: Sequence[str] = (), later: Sequence[str] = ()
