@@ -42,6 +42,9 @@ _LONG = 40
 """Numerics: the largest number of steps of a complete fit: a search that needs more creeps along a
 flat ridge."""
 
+_CLIPS = 3
+"""Numerics: fits of a trial, each with the clip that follows from the errors of the last."""
+
 
 def side_by_side(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:
     """Apply ``work`` to each item in threads on all cores: compiled code releases Python's lock.
@@ -238,13 +241,19 @@ class CandidateFitter:
             return self.solve(effects, {**values, **guess}, initial_states, clip, budget=12)
 
         trial = min(side_by_side(started, guesses(self.nuisance)), key=lambda t: t.expected)
-        if not np.isfinite(trial.cost):
-            # a spike before a gap can make corrected runs diverge; uncorrected ones are finite
-            trial = started(uncorrected(self.nuisance))
-        for _ in range(2):
-            trial = self.further(trial, budget=_LONG)
-            trial = replace(trial, clip=ResidualClip(CLIP * trial.quadratic.sigma, clip.reach))
-        return self.further(trial, budget=_LONG)
+        still = uncorrected(self.nuisance)
+        if not trial.cost <= self.cost(effects, {**values, **still}, initial_states, clip):
+            # corrections make runs diverge, after a spike before a gap or where they were those of
+            # a much poorer model; without them runs are as finite as the model's own
+            trial = started(still)
+        settled = trial
+        for _ in range(_CLIPS):
+            further = self.further(trial, budget=_LONG)
+            if not np.isfinite(further.cost):  # larger corrections than before are let in
+                break
+            settled = further
+            trial = replace(further, clip=ResidualClip(CLIP * further.quadratic.sigma, clip.reach))
+        return settled
 
     def base(
         self, effects: Sequence[str] = (), values: Mapping[str, float] | None = None
