@@ -71,7 +71,7 @@ class Comparison(Result):
         >>> comparison.failures, comparison.hints, comparison.outstanding, comparison.regimes
         ((), (), (), ())
         >>> print(comparison.closing[1])
-        Logs: run2.csv 2a220044.
+        Logs: run2.csv ...
         >>> figure = comparison.plot()
     """
 

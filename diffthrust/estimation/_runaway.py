@@ -114,7 +114,8 @@ def _powers(fit: Fit, name: str) -> dict[str, float]:
     value = [fit.parameters[n].value for n in fit.free]
     row = fit.covariance[at] / fit.covariance[at, at]
     powers = {n: row[k] * value[at] / value[k] for k, n in enumerate(fit.free) if value[k] != 0}
-    return {n: float(power) for n, power in powers.items() if np.isfinite(power)}
+    with np.errstate(over="ignore"):  # of three samples, whose covariance is rounding
+        return {n: float(p) for n, p in powers.items() if np.isfinite(np.float_power(SOMEWHAT, p))}
 
 
 def _along(fit: Fit, name: str, times: float) -> dict[str, float]:

@@ -284,7 +284,7 @@ def test_a_constant_is_told_by_its_name_alone():
         *("alpha", "a lever arm", "wind"),
     ]
     assert parameter_words("lever_arm", "lever_arm") == "Lever arm"
-    assert parameter_words("memory", "static_friction") == "Memory of a static friction"
+    assert parameter_words("gain", "differential_gain") == "Gain of a differential gain"
 
 
 def test_undecided_says_what_is_possible_and_which_record_would_decide():

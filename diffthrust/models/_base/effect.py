@@ -251,7 +251,12 @@ class Effect(Component):
 
     @property
     def differs(self) -> bool:
-        """Whether parameters of it differ from log to log."""
+        """Whether parameters of it differ from log to log.
+
+        Example:
+            >>> dft.effects.WaterCurrent().differs
+            False
+        """
         return any(p.per_log for p in self._parameters.values())
 
     def differing(self, apart: bool = True) -> Effect:

@@ -49,7 +49,8 @@ def test_every_channel_port_and_parameter_stands_behind_its_actuator():
 def test_shared_numbers_move_all_of_a_group():
     model, log = boat(), log_of(boat(), **{"bow.angle": 0.0 * TIME})
     out = dft.simulate(model.replace({"port.gain": 500.0}), log)
-    np.testing.assert_array_equal(out["port.thrust"], out["starboard.thrust"])
+    # to rounding: compilers may fuse what one of both adds up
+    np.testing.assert_allclose(out["port.thrust"], out["starboard.thrust"], rtol=1e-14)
     assert abs(out["yaw_rate"]).max() < 1e-12
     weak = dft.simulate(model.replace({"starboard.strength": 0.8}), log)
     assert weak["yaw_rate"][-1] > 0.01  # less push to starboard turns the bow there
