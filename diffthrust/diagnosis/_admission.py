@@ -278,17 +278,14 @@ def refitted_stage(
     new = [e for e in model.effects if e.differs and e.name not in present]
     if not new:
         return _refitted(context, state, model, starts, substeps)
-    alike = with_candidates(
-        context.given, names, candidates, like=last.fit.model + [e.differing(False) for e in new]
-    )
+    shared = {**candidates, **{e.name: e.differing(False) for e in new}}
+    alike = with_candidates(context.given, names, shared, like=last.fit.model)
     fitted = _refitted(context, state, alike, starts, substeps)
     if not math.isfinite(fitted.train.nrmse):
         return _refitted(context, state, model, starts, substeps)
     values = {n: e.value for n, e in fitted.fit.parameters.items()}
-    apart = FittedStage(
-        names,
-        *context.refit(with_values(model, values), starts=1, substeps=substeps),
-    )
+    model = with_values(model, values)
+    apart = FittedStage(names, *context.refit(model, starts=1, substeps=substeps))
     if no_better(fitted, apart) is None and matters(*worths_between(fitted, apart)):
         return apart
     return fitted

@@ -41,7 +41,6 @@ _ENOUGH = 0.05
 _LONG = 40
 """Numerics: the largest number of steps of a complete fit: a search that needs more creeps along a
 flat ridge."""
-
 _CLIPS = 3
 """Numerics: fits of a trial, each with the clip that follows from the errors of the last."""
 

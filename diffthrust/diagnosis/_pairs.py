@@ -20,14 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._admission import (
-    ended_worse,
-    errors_between,
-    refitted_stage,
-    worths_between,
-)
+from diffthrust.diagnosis._admission import ended_worse, refitted_stage, worths_between
 from diffthrust.diagnosis._criteria import no_better
-from diffthrust.diagnosis._explained_share import Worth, explained_share
+from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
@@ -278,7 +273,7 @@ def _removed(without: FittedStage, stage: FittedStage) -> Worth:
     Of these alone: on the training logs a model that lacks more than this pair does not end where
     unseen logs want it, and one effect stands in for another.
     """
-    return explained_share(errors_between(without.unseen_runs, stage.unseen_runs))
+    return worths_between(without, stage)[0]
 
 
 def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> FittedStage:

@@ -65,11 +65,12 @@ def runs_lead(context: SearchContext) -> bool:
     speeds one-step errors wanted a coupling and a wind, where a current and a weak thruster act.
     """
     records = context.fitter.records
+    if schedule(context.given, records, "auto")[-1] is None:
+        return False
     read = {name for record in records for name in record.measured_states}
     unread = {*felt(context.given, records)} & {*context.given.states} - read
     other_sensors = {*context.fitter.channels} - read
-    horizon = schedule(context.given, records, "auto")[-1]
-    return horizon is not None and len(unread) > len(other_sensors)
+    return len(unread) > len(other_sensors)
 
 
 def done(state: SearchState) -> bool:

@@ -101,8 +101,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
             accept & ~first, _secant(state.curvature, state.trial - y, old, new), state.curvature
         )
         away = jnp.abs(state.predicted - gain)
-        told = ~first & jnp.isfinite(new.cost)
-        curved = jnp.where(told, (away[1] < away[0]) & accept, state.curved)
+        curved = ~first & accept & (away[1] < away[0])
         y = jnp.where(accept, state.trial, y)
         q = jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
         good = accept & (gain > 0.7 * predicted)
@@ -133,16 +132,17 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         held = (scale * jnp.maximum(1.0, abs(y)) < NOTHING) | ~jnp.isfinite(scale)
         scale = jnp.where(held, 1.0, scale)
         scaled = q.information / scale[:, None] / scale[None, :]
-        scaled = jnp.where(held[:, None] | held[None, :], 0.0, scaled)
+        held_pair = held[:, None] | held[None, :]
+        scaled = jnp.where(held_pair, 0.0, scaled)
         scaled = jnp.where(jnp.isfinite(scaled), scaled, 0.0)
         slope = jnp.where(held, 0.0, q.gradient / scale)
         low, high = (jnp.where(abs(side - y) <= _CONTACT, 0.0, side - y) * scale
                      for side in (self.lower, self.upper))  # fmt: skip
         damped, flat = scaled + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
-        bent = curvature / scale[:, None] / scale[None, :]
-        bent = damped + jnp.where(held[:, None] | held[None, :], 0.0, bent)
-        curved = curved & jnp.all(jnp.isfinite(jnp.linalg.cholesky(bent)))
-        damped = jnp.where(curved, bent, damped)
+        scaled_curvature = curvature / scale[:, None] / scale[None, :]
+        hessian = damped + jnp.where(held_pair, 0.0, scaled_curvature)
+        curved = curved & jnp.all(jnp.isfinite(jnp.linalg.cholesky(hessian)))  # it has a minimum
+        damped = jnp.where(curved, hessian, damped)
         # one after the other, so that the search within the box is compiled once for both
         move, full = jax.lax.map(
             lambda matrix: least_in_box(matrix, slope, low, high), jnp.stack([damped, flat])
@@ -181,16 +181,17 @@ def _secant(curvature: Any, step: Any, old: Quadratic, new: Quadratic) -> Any:
     As in Nocedal & Wright 2006, section 10.3, but for what the information leaves of the change of
     the gradient: there it is taken from the residuals, which are not kept here.
     """
-    turned = new.gradient - old.gradient
-    lacking = turned - new.information @ step
-    size = jnp.abs(step @ lacking) / jnp.maximum(jnp.abs(step @ curvature @ step), 1e-300)
+    change = new.gradient - old.gradient
+    residual_part = change - new.information @ step
+    before = jnp.abs(step @ curvature @ step)
+    size = jnp.abs(step @ residual_part) / jnp.maximum(before, 1e-300)
     curvature = jnp.minimum(1.0, size) * curvature
-    along = turned @ step
-    off = lacking - curvature @ step
-    both = jnp.outer(off, turned)
-    update = (both + both.T) / along - (step @ off) * jnp.outer(turned, turned) / along**2
+    slope = change @ step
+    error = residual_part - curvature @ step
+    product = jnp.outer(error, change)
+    update = (product + product.T) / slope - (step @ error) * jnp.outer(change, change) / slope**2
     updated = curvature + update
-    sound = (along > 0) & jnp.all(jnp.isfinite(updated))
+    sound = (slope > 0) & jnp.all(jnp.isfinite(updated))
     return jnp.where(sound, updated, curvature)
 
 

@@ -87,8 +87,7 @@ def searched(monkeypatch):
 
         def share_between(fitter, first, second):
             before, after = (stage(sizes.get(trial.effects, 1.0)) for trial in (first, second))
-            errors = pairs_module.errors_between(before.unseen_runs, after.unseen_runs)
-            return pairs_module.explained_share(errors)
+            return pairs_module.worths_between(before, after)[0]
 
         def ended_worse(after, before):
             return after.fit.train.nrmse > before.fit.train.nrmse

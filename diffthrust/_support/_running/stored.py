@@ -31,6 +31,8 @@ from diffthrust._support.files import write_whole
 Jit = Callable[[Callable[..., Any]], Callable[..., Any]]
 """`jax.jit` with the options with which a program is compiled."""
 
+_FOREIGN = "custom calls whose targets have no compatibility guarantees"
+"""By what JAX's error tells foreign code, which has no class of its own."""
 _FORM = "diffthrust program 1"
 LARGEST = 200_000_000
 """Bytes of all traced programs; a diagnosis stores some 5 MB. Those read longest ago go first."""
@@ -86,10 +88,13 @@ class ProgramStore:
         jitted.trace(*arguments)  # errors of a model come from here, as without a store
         try:
             exported = export.export(jitted)(*arguments)
-        # A user's model may call back into Python (the first), or into foreign code that JAX does
-        # not promise to read again (the second): it tells neither beforehand. Nothing else is lost:
-        # what is wrong with the model was raised by the line above, or is when the program runs.
-        except (NotImplementedError, ValueError):
+        # a user's model may call back into Python, which JAX does not tell beforehand,
+        except NotImplementedError:
+            return jitted
+        # nor that it calls foreign code; any other mistake would leave all programs unstored unseen
+        except ValueError as error:
+            if _FOREIGN not in str(error):
+                raise
             return jitted
         content = _content(exported)
         if content is None:

@@ -150,8 +150,12 @@ def trained_errors(diag: Findings) -> Errors:
 
 
 def growth_of(diag: Findings, errors: Errors) -> dict[str, float]:
-    """By channel how many times those from one sample to the next errors over whole runs are."""
-    return {n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step}
+    """By channel how many times those from one sample to the next errors over whole runs are.
+
+    Not of a channel whose next sample has no error: nothing could be predicted.
+    """
+    one_step = {n: error for n, error in diag.one_step.items() if error > 0}
+    return {n: e.rmse / one_step[n] for n, e in errors.channels.items() if n in one_step}
 
 
 def growth_words(diag: Findings) -> list[str]:
