@@ -47,3 +47,25 @@ def test_importing_the_package_switches_double_precision_on(order):
     code = f"import {order}; import jax.numpy as jnp; print(jnp.ones(()).dtype)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "float64"
+
+
+@pytest.mark.parametrize("order", ["jax, diffthrust", "diffthrust, jax"])
+@pytest.mark.parametrize(
+    ("chosen", "device"),
+    [
+        ({}, "cpu"),
+        ({"JAX_DEFAULT_DEVICE": "gpu"}, "gpu"),
+        ({"JAX_PLATFORMS": "cuda,cpu"}, "None"),
+    ],
+)
+def test_the_processor_computes_unless_a_device_was_chosen(order, chosen, device):
+    """A fit takes a hundred times as long on a GPU, which JAX would take where it finds one."""
+    kept = {n: v for n, v in os.environ.items() if n not in ("JAX_PLATFORMS", "JAX_DEFAULT_DEVICE")}
+    done = subprocess.run(
+        [sys.executable, "-c", f"import {order}; print(jax.config.jax_default_device)"],
+        env={**kept, **chosen},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == device

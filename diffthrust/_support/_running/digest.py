@@ -53,9 +53,15 @@ def environment() -> str:
     sources = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         sources.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes() + b"\0")
-    device = jax.devices()[0]
+    device = default_device()
     versions = [version(name) for name in _COMPILING]
     return digest(sources.hexdigest(), sys.version, versions, device.platform, device.device_kind)
+
+
+@cache
+def default_device() -> jax.Device:
+    """The device on which programs run: the processor, unless the user has chosen another."""
+    return next(iter(jax.numpy.zeros(()).devices()))
 
 
 class _Digest:

@@ -16,7 +16,7 @@ import jax
 from jax.core import Tracer
 
 from diffthrust._support._running.cache import enable_compilation_cache
-from diffthrust._support._running.digest import NoDigest, digest, environment
+from diffthrust._support._running.digest import NoDigest, default_device, digest, environment
 from diffthrust._support._running.stored import Jit, program_store
 
 KEPT = 48
@@ -82,7 +82,7 @@ def program(
 def _understood(quick: bool) -> dict[str, Any] | None:
     """The options for XLA on a CPU; none where this version, or another device, has others."""
     options = _QUICK_OPTIONS if quick else _OPTIONS
-    if jax.default_backend() != "cpu":
+    if default_device().platform != "cpu":
         return None
     try:
         jax.jit(lambda: 0, compiler_options=options).lower().compile()
@@ -114,7 +114,8 @@ def _stored(
 ) -> Callable[..., Any] | None:
     """The program as it is on disk, stored if it was not; none where there is no way to do so."""
     store = program_store()
-    if store is None or any(shape.devices > 1 for shape in shapes):
+    here = None, (1, default_device().platform)
+    if store is None or any(shape.devices not in here for shape in shapes):
         return None
     try:
         settings = [jax.config.values[name] for name in _SETTINGS]
@@ -126,11 +127,11 @@ def _stored(
 
 
 class _Shape(NamedTuple):
-    """What of a leaf fixes the code: its shape, its type, and over how many devices it lies."""
+    """What of a leaf fixes the code: its shape, its type, over how many devices of what kind it lies."""
 
     shape: tuple[int, ...]
     dtype: Any
-    devices: int = 1
+    devices: tuple[int, str] | None = None
 
     def like(self) -> Any:
         if isinstance(self.dtype, type) and issubclass(self.dtype, (bool, int, float, complex)):
@@ -140,5 +141,7 @@ class _Shape(NamedTuple):
 
 def _shape(leaf: Any) -> _Shape:
     sharding = getattr(leaf, "sharding", None)
-    devices = 1 if sharding is None else sharding.num_devices
+    devices = None
+    if sharding is not None:
+        devices = sharding.num_devices, next(iter(sharding.device_set)).platform
     return _Shape(getattr(leaf, "shape", ()), getattr(leaf, "dtype", type(leaf)), devices)

@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from diffthrust._support._running.batching import SharedRuns, padded_to
+from diffthrust._support._running.digest import default_device
 from diffthrust._support._running.pool import WorkerPool, as_done, own_worker
 from diffthrust._support._running.process import NotSent, ProcessDied, Worker
 from diffthrust._support.errors import InputError
@@ -61,8 +62,7 @@ def each(
         progress: called with a message and the share done.
     """
     chosen = () if devices is None else _checked(devices)
-    on = chosen or jax.devices()[:1]
-    processor = on[0].platform == "cpu"
+    processor = (chosen[0] if chosen else default_device()).platform == "cpu"
     runs = runs or (min(os.cpu_count() or 1, 4) + 1 if processor else 2)
     if width is None:
         runner = SharedRuns(WIDTH if processor else ACCELERATED, chosen, len(names), runs)

@@ -61,8 +61,7 @@ def serve(pipe: Any, module: str, job: str, size: int, platform: str, flags: str
     """Import the tool, prepare the job, then run it once for each turn that is asked for."""
     if hasattr(os, "setsid"):
         os.setsid()  # what the tool starts ends with it
-    if platform == "cpu":
-        os.environ["JAX_PLATFORMS"] = "cpu"
+    os.environ["JAX_PLATFORMS" if platform == "cpu" else "JAX_DEFAULT_DEVICE"] = platform
     os.environ["XLA_PYTHON_CLIENT_PREALLOCATE"] = "false"
     os.environ["XLA_FLAGS"] = flags
     try:
