@@ -3,9 +3,9 @@
     log -> simulate -> compare -> diagnose -> model + effect -> fit -> compare ...
 
 Names are loaded when they are touched. Importing the package switches JAX to double precision
-(``jax_enable_x64``) and, unless a device was chosen (``JAX_PLATFORMS``, ``JAX_DEFAULT_DEVICE``), to
-the processor, by variables that processes started from here inherit: in single precision a fit cannot
-tell a stationary point from rounding.
+(``jax_enable_x64``) and, unless a device was chosen (``JAX_PLATFORMS``, ``JAX_DEFAULT_DEVICE``),
+to the processor, by variables that processes started from here inherit: in single precision a fit
+cannot tell a stationary point from rounding.
 """
 
 import os as _os
@@ -17,8 +17,8 @@ import lazy_loader as _lazy
 _os.environ["JAX_ENABLE_X64"] = "1"
 if "jax" in _sys.modules:
     _sys.modules["jax"].config.update("jax_enable_x64", True)
-# A GPU is told each step of a loop over samples: a fit of two runs of 1 500 samples took 7.9 s on an
-# H200, and 0.083 s on the processor beside it.
+# A GPU is told each step of a loop over samples: a fit of two runs of 1 500 samples took 7.9 s on
+# an H200, and 0.083 s on the processor beside it.
 if "JAX_PLATFORMS" not in _os.environ and "JAX_DEFAULT_DEVICE" not in _os.environ:
     _os.environ["JAX_DEFAULT_DEVICE"] = "cpu"
     if "jax" in _sys.modules and _sys.modules["jax"].config.jax_default_device is None:

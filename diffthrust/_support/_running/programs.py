@@ -127,7 +127,7 @@ def _stored(
 
 
 class _Shape(NamedTuple):
-    """What of a leaf fixes the code: its shape, its type, over how many devices of what kind it lies."""
+    """What of a leaf fixes the code: shape, type, and on how many devices of what kind it is."""
 
     shape: tuple[int, ...]
     dtype: Any
