@@ -41,10 +41,10 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import share_between, simulation_fitter
 from diffthrust.estimation._horizons import schedule
 
-_STEPS = 8
-"""Numerics: steps of the fit of a pair, from which it is seen which pairs may lower the errors."""
+_STEPS = 12
+"""Numerics: steps of a fit over the shortest horizon, before it goes on over the longest."""
 _FOLLOWED = 2
-"""Numerics: starts of a pair from which these steps are taken: those of least cost."""
+"""Numerics: starts that are followed: those of least cost over the shortest horizon."""
 _PROBES = 4
 """Numerics: trial values of an effect that has no size as a single, of which starts are made."""
 
@@ -87,10 +87,10 @@ def with_proven(
     context.say("fitting pairs of effects to whole runs", state.share(0.8))
     with context.clock("pairs"):
         new = {name: trial for name, trial in singles.items() if name not in state.detectable}
-        simulation = _fitter(context)
-        started = _started(context, state, simulation, base, new)
-        for trial in started[: SETTINGS.pairs.most_fitted]:
-            if proven := _proven_pair(context, state, simulation, base, trial, new):
+        runs = _runs_of(context)
+        fitted = _fitted_pairs(context, state, runs, base, new)
+        for trial in fitted[: SETTINGS.pairs.most_fitted]:
+            if proven := _proven_pair(context, state, runs, base, trial, new):
                 return _added(context, state, proven)
         refitted = {name: _refitted(context, state, singles[name]) for name in lowering[:1]}
         for name, stage in refitted.items():
@@ -117,17 +117,58 @@ def _borne_out(
     return {name: worth for name, worth in worths.items() if worth.sure}
 
 
-# -- which pairs are fitted from several starts ----------------------------------------------------
+# -- which pairs lower the errors ------------------------------------------------------------------
 
 
-def _started(
+class _Runs(NamedTuple):
+    """Fits to whole runs; where the model has horizons, to runs that forget beyond the longest.
+
+    Where errors accumulate a run of hundreds of seconds has no slope that leads anywhere: of a
+    boat's pairs that of a current and a weak thruster came last. Nor has one of 20 s, from afar: of
+    45 starts of such a pair 2 came to the optimum, and 30 in the same time by way of runs that
+    forget within 2 s. How fast they forget is a number, so that one program serves both.
+
+    Args:
+        fitter: of the longest horizon.
+        nearby: the gains of the shortest.
+        distant: the gains of the longest.
+    """
+
+    fitter: CandidateFitter
+    nearby: Mapping[str, float]
+    distant: Mapping[str, float]
+
+    def fitted(
+        self, effects: Sequence[str], starts: Sequence[Mapping[str, float]], clip: ResidualClip
+    ) -> TrialFit:
+        """The best fit from those of some starts that err least over the shortest horizon."""
+        nearby = [{**start, **self.nearby} for start in starts]
+        costs = [self.fitter.cost(effects, start, None, clip) for start in nearby]
+        order = np.argsort(np.where(np.isfinite(costs), costs, np.inf))[:_FOLLOWED]
+        ends = []
+        for k in order:
+            near = self.fitter.solve(effects, nearby[k], None, clip, _STEPS)
+            start = {**near.values, **self.distant}
+            ends.append(self.fitter.solve(effects, start, near.initial_states, clip))
+        return min(ends, key=lambda end: end.expected)
+
+
+def _runs_of(context: SearchContext) -> _Runs:
+    """The fits of a search."""
+    shortest, *_, longest = schedule(context.given, context.fitter.records, "auto") * 2
+    fitter = simulation_fitter(context.fitter, within=longest)
+    gains = fitter.programs.gains
+    return _Runs(fitter, gains(shortest), gains(longest))
+
+
+def _fitted_pairs(
     context: SearchContext,
     state: SearchState,
-    simulation: CandidateFitter,
+    runs: _Runs,
     base: TrialFit,
     singles: Mapping[str, TrialFit],
 ) -> list[TrialFit]:
-    """The last stage with each pair in question, fitted for a few steps; the best first."""
+    """The last stage with each pair in question that may lower the errors; the best first."""
     fitter = context.fitter
     ranked = sorted(singles, key=lambda name: singles[name].expected)
     untested = [n for n in state.untestable if n in fitter.candidates and n not in base.effects]
@@ -137,30 +178,20 @@ def _started(
     ]
     if not pairs:
         return []
-    simulation.ready(base.effects, names)  # one program for all of them
-    base = simulation.further(simulation.solve(base.effects, base.values, None, base.clip))
+    runs.fitter.ready(base.effects, names)  # one program for all of them
+    base = runs.fitted(base.effects, [base.values], base.clip)
     levels = levels_of(fitter, base)
     points = {name: probes(fitter.candidates[name], levels)[1][:_PROBES] for name in names}
 
-    def started(pair: tuple[str, str]) -> TrialFit:
-        return _few_steps(simulation, base, pair, singles, points)
+    def fitted(pair: tuple[str, str]) -> TrialFit:
+        starts = _starts(base, pair, singles, points)
+        return runs.fitted((*base.effects, *pair), starts, base.clip)
 
-    trials = side_by_side(started, pairs)
+    trials = side_by_side(fitted, pairs)
     promising = [
         t for t in trials if _promised(fitter, base, t) > SETTINGS.whole_runs.proving_share
     ]
     return sorted(promising, key=lambda trial: trial.expected)
-
-
-def _fitter(context: SearchContext) -> CandidateFitter:
-    """Fits of pairs to whole runs; where the model has a horizon, to runs that forget beyond it.
-
-    Where errors accumulate a run of hundreds of seconds has no slope that leads anywhere: of a
-    boat's pairs that of a current and a weak thruster came last, and through segments it brought
-    the NRMSE from 0.94 to 0.05.
-    """
-    horizon = schedule(context.given, context.fitter.records, "auto")[-1]
-    return simulation_fitter(context.fitter, within=horizon)
 
 
 def _promised(fitter: CandidateFitter, base: TrialFit, trial: TrialFit) -> float:
@@ -173,31 +204,25 @@ def _promised(fitter: CandidateFitter, base: TrialFit, trial: TrialFit) -> float
     return -math.expm1(-2.0 * gain / fitter.samples) if math.isfinite(gain) else 0.0
 
 
-def _few_steps(
-    simulation: CandidateFitter,
+def _starts(
     base: TrialFit,
     pair: tuple[str, str],
     singles: Mapping[str, TrialFit],
     points: Mapping[str, Sequence[Point]],
-) -> TrialFit:
-    """A pair, fitted for a few steps from the best two of all starts.
+) -> list[dict[str, float]]:
+    """Where fits of a pair begin.
 
     The parameters of the model start from the last stage and from both singles, each effect from
     its size as a single and from its probes.
     """
-    effects = (*base.effects, *pair)
     fitted = [singles[name] for name in pair if name in singles]
     alone = {t.effects[-1]: {n: t.values[n] for n in t.parameters_of()} for t in fitted}
     sizes = [[*([alone[name]] if name in alone else []), *points[name]] for name in pair]
-    starts = [
+    return [
         {**trial.values, **first, **second}
         for trial in (base, *fitted)
         for first, second in product(*sizes)
     ]
-    costs = [simulation.cost(effects, start, None, base.clip) for start in starts]
-    order = np.argsort(np.where(np.isfinite(costs), costs, np.inf))[:_FOLLOWED]
-    ends = [simulation.solve(effects, starts[k], None, base.clip, _STEPS) for k in order]
-    return min(ends, key=lambda end: end.expected)
 
 
 # -- whether they are proven -----------------------------------------------------------------------
@@ -206,25 +231,22 @@ def _few_steps(
 def _proven_pair(
     context: SearchContext,
     state: SearchState,
-    simulation: CandidateFitter,
+    runs: _Runs,
     base: TrialFit,
     trial: TrialFit,
     singles: Mapping[str, TrialFit],
 ) -> Proven | None:
     """A pair that whole unseen runs prove, each beside the other too, or one of it alone."""
     last = state.stages[-1]
-    trial = simulation.further(trial)
     stage = _refitted(context, state, trial)
     if no_better(last, stage) or not _removed(last, stage).low > SETTINGS.whole_runs.proving_share:
         return None
     first, second = trial.effects[-2:]
     alone = []
     for kept, absent in ((first, second), (second, first)):
-        values = [simulation.absent(absent, trial.values)]
-        values += [singles[kept].values] if kept in singles else []
-        effects = (*last.effects, kept)
-        ends = [simulation.solve(effects, start, None, trial.clip) for start in values]
-        single = min(ends, key=lambda end: end.expected)
+        starts = [context.fitter.absent(absent, trial.values)]
+        starts += [singles[kept].values] if kept in singles else []
+        single = runs.fitted((*last.effects, kept), starts, trial.clip)
         if _is_hopeless(context.fitter, base, single, trial):
             continue
         alone.append(_refitted(context, state, single))

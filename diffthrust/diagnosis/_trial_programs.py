@@ -86,7 +86,7 @@ class Programs:
         *,
         within: float | None = None,
     ) -> None:
-        self.substeps, self.noise_model = substeps, noise_model
+        self.substeps, self.noise_model, self.within = substeps, noise_model, within
         self.model, self.records, self.unseen = model, tuple(records), tuple(unseen)
         self.channels = measured_outputs(model, records)
         self.places = places_of(model, records[0], self.channels)
@@ -107,7 +107,8 @@ class Programs:
         self._arranged = partial(build, substeps=substeps, likelihood=likelihood, compact=True)
         first = self._arranged(model, self.records)
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
-        self.uncorrected = {n: 0.0 for n in first.nuisance if not is_memory(n)}
+        self._gains = {n: p.value for n, p in first.nuisance.items() if not is_memory(n)}
+        self.uncorrected = dict.fromkeys(self._gains, 0.0)
         self.width = len(self.free) + len(self.nuisance) + _ROOM
         self.counts = dict(zip(self.channels, map(float, first.numbers.counts), strict=True))
         self.samples = float(np.sum(first.numbers.counts))
@@ -139,6 +140,11 @@ class Programs:
                 within=within,
             )
         return self._simulating[within]
+
+    def gains(self, seconds: float | None) -> dict[str, float]:
+        """The gains of runs that forget in another time than ``within``; none of whole runs."""
+        share = 1.0 if seconds is None or self.within is None else self.within / seconds
+        return {name: min(1.0, share * gain) for name, gain in self._gains.items()}
 
     def ready(
         self, effects: Collection[str], tried: Sequence[str] = (), later: Sequence[str] = ()

@@ -98,7 +98,7 @@ def searched(monkeypatch):
         monkeypatch.setattr(pairs_module, "ended_worse", ended_worse)
         monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
         monkeypatch.setattr(pairs_module, "share_between", share_between)
-        monkeypatch.setattr(pairs_module, "_started", lambda *_: [Trial(names) for names in pair])
+        monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: [Trial(names) for names in pair])
         given = SearchState(
             SimpleNamespace(trial=Trial(())),
             (stage(1.0, unseen=bool(unseen)),),
