@@ -25,6 +25,7 @@ from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
+    ResidualClip,
     TrialFit,
     side_by_side,
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hidden import users
 from one_truth import contradictions
-from steps import Clock, FittedStage, SearchState, pairs_module, shares_by_effect
+from steps import Clock, FittedStage, Programs, SearchState, bind, pairs_module, shares_by_effect
 
 import diffthrust as dft
 
@@ -44,16 +44,18 @@ class Fitter:
 
     records = ()
 
-    def further(self, trial):
-        return trial
-
-    def solve(self, effects, values, initial, clip):
+    def settled(self, effects, values, initial, clip):
         return Trial(effects, values)
-
-    settled = solve
 
     def absent(self, name, values):
         return values
+
+
+class Runs:
+    """Fits of which only the names of the effects count."""
+
+    def fitted(self, effects, starts, clip):
+        return Trial(effects, starts[0])
 
 
 @dataclass(frozen=True)
@@ -92,13 +94,13 @@ def searched(monkeypatch):
         def ended_worse(after, before):
             return after.fit.train.nrmse > before.fit.train.nrmse
 
-        pair = [names for names in sizes if len(names) == 2]
+        pairs = [Trial(names) for names in sizes if len(names) == 2]
         monkeypatch.setattr(pairs_module, "refitted_stage", refitted)
-        monkeypatch.setattr(pairs_module, "_fitter", lambda context: context.fitter)
+        monkeypatch.setattr(pairs_module, "_runs_of", lambda context: Runs())
         monkeypatch.setattr(pairs_module, "ended_worse", ended_worse)
         monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
         monkeypatch.setattr(pairs_module, "share_between", share_between)
-        monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: [Trial(names) for names in pair])
+        monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: pairs)
         given = SearchState(
             SimpleNamespace(trial=Trial(())),
             (stage(1.0, unseen=bool(unseen)),),
@@ -193,6 +195,17 @@ def test_the_next_pair_is_fitted_where_the_first_is_not_proven(searched):
     state, fitted = searched(sizes)
     assert [stage.effects for stage in state.stages] == [(), ("a", "c")]
     assert fitted[0] == ("a", "b")
+
+
+def test_how_fast_runs_forget_is_a_number_of_one_program():
+    vessel = dft.Vessel(drive="twin", lever_arm=0.3)
+    time = np.arange(0.0, 60.0, 0.1)
+    inputs = {"left_force": np.ones_like(time), "right_force": np.zeros_like(time)}
+    log = dft.Log(time, inputs, {n: np.zeros_like(time) for n in ("surge", "sway", "yaw_rate")})
+    programs = Programs(vessel, [], bind(vessel, [log]), []).simulating(20.0)
+    assert [*programs.gains(2.0).values()] == pytest.approx([0.05] * 3)  # a step of 2 s
+    assert [*programs.gains(20.0).values()] == pytest.approx([0.005] * 3)
+    assert programs.gains(0.01) == dict.fromkeys(programs.gains(2.0), 1.0)
 
 
 @pytest.mark.slow
