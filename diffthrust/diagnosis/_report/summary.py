@@ -15,9 +15,7 @@ from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._report.budget import Part, as_part, figures_in, within_budget
 from diffthrust.diagnosis._report.effect_words import effect_words
 from diffthrust.diagnosis._report.learned import law_wordings, place_of, reach_words, valid_words
-from diffthrust.diagnosis._report.remaining_text import (
-    changed_parameter,
-)
+from diffthrust.diagnosis._report.remaining_text import changed_parameter
 from diffthrust.diagnosis._report.summary_logs import doubtful
 from diffthrust.diagnosis._report.text import (
     adding_little,
@@ -182,10 +180,12 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
 
 
 def _unmeasured(diag: Findings) -> Part:
-    """Channels that no log has, and that could be what was found."""
+    """Channels that no log has, and that could be what was found and adds more than a little."""
+    small = adding_little(diag)
     sentences = [
         f"Measure the {channel}, which could look like {an_effect(name)}"
         for name, channel in unmeasured_rivals(diag).items()
+        if name not in small
     ]
     if not sentences:
         return ()
