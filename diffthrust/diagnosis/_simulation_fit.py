@@ -116,7 +116,8 @@ class SimulationChange(NamedTuple):
 
 def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> SimulationChange:
     """The errors over whole runs of two trials, and what the second explains more."""
-    baseline, updated = _runs(fitter, first, second), _runs(fitter, second, first)
+    simulation = simulation_fitter(fitter)
+    baseline, updated = _runs(simulation, first, second), _runs(simulation, second, first)
     trained = _pairs(baseline.trained, updated.trained)
     unseen = _pairs(baseline.unseen, updated.unseen)
     return SimulationChange(
@@ -127,9 +128,12 @@ def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -
     )
 
 
-def share_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
-    """The share of the first trial's errors that the second removes, on unseen logs if any."""
-    baseline, updated = _runs(fitter, first, second), _runs(fitter, second, first)
+def share_between(simulation: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
+    """The share of the first trial's errors that the second removes, on unseen logs if any.
+
+    Over whole runs, or over those that forget: as the trials of the `simulation_fitter` run.
+    """
+    baseline, updated = _runs(simulation, first, second), _runs(simulation, second, first)
     pairs = _pairs(baseline.unseen or baseline.trained, updated.unseen or updated.trained)
     return explained_share(pairs)
 
@@ -147,16 +151,16 @@ class _Runs(NamedTuple):
         )
 
 
-def _runs(fitter: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
+def _runs(simulation: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
     """The runs of a trial, by a program that includes the effects of its rival.
 
     Both are then integrated by the same code, and rounding makes no difference between them.
     """
-    program = simulation_fitter(fitter).ready({*trial.effects, *rival.effects})
+    program = simulation.ready({*trial.effects, *rival.effects})
 
     def residuals(problem: Problem) -> _Residuals:
         pairs = (zip(log.measured, log.errors, strict=True) for log in passes(problem))
-        return [dict(zip(fitter.channels, of_log, strict=True)) for of_log in pairs]
+        return [dict(zip(simulation.channels, of_log, strict=True)) for of_log in pairs]
 
     def at_values(problem: Problem, starts: np.ndarray | None) -> Problem:
         return trial.clip.on(problem.focus(trial.names, trial.values, starts))

@@ -253,8 +253,8 @@ def _lowering(
     context: SearchContext, base: TrialFit, singles: Mapping[str, TrialFit]
 ) -> dict[str, tuple[Worth, TrialFit]]:
     """The effects that surely lower the errors of whole runs, best first."""
-    fitter = context.fitter
-    worths = {name: share_between(fitter, base, trial) for name, trial in singles.items()}
+    simulation = simulation_fitter(context.fitter)
+    worths = {name: share_between(simulation, base, trial) for name, trial in singles.items()}
     best = sorted((n for n in singles if worths[n].sure), key=lambda n: -worths[n].share)
     most = SETTINGS.whole_runs.most_possible
     return {name: (worths[name], singles[name]) for name in best[:most]}

@@ -54,6 +54,8 @@ class Fitter:
 class Runs:
     """Fits of which only the names of the effects count."""
 
+    fitter = None
+
     def fitted(self, effects, starts, clip):
         return Trial(effects, starts[0])
 
@@ -100,7 +102,7 @@ def searched(monkeypatch):
         monkeypatch.setattr(pairs_module, "ended_worse", ended_worse)
         monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
         monkeypatch.setattr(pairs_module, "share_between", share_between)
-        monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: pairs)
+        monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: (Trial(()), pairs))
         given = SearchState(
             SimpleNamespace(trial=Trial(())),
             (stage(1.0, unseen=bool(unseen)),),
