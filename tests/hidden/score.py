@@ -86,7 +86,8 @@ def score(hidden: HiddenSet, diag: Any) -> Outcome:
     logs may be of any size. Nothing hidden, or nothing that differs from the basic model:
     ``adequate``, or ``undecided``. An effect outside the catalogue: ``unexplained``, with one of
     the right ports, and no effect named, for none of the catalogue's is there. An effect that is
-    certain and changes little (``detectable``) counts as named.
+    certain and changes little (``detectable``) counts as named. So does one that is a mistake of
+    the logs, if the answer begins with its mend and what that does to the error.
     """
     if isinstance(hidden, FurtherSet) and hidden.asks != "effect":
         return _further(hidden, diag)
@@ -94,6 +95,8 @@ def score(hidden: HiddenSet, diag: Any) -> Outcome:
     said = f"{diag.verdict}: {', '.join(diag.added) or 'nothing'}"
     if hidden.ports:
         return _outside(hidden, diag, said)
+    if hidden.truth == ("swapped_thrusters",) and _exchange_told(diag):
+        return Outcome(True, "right", diag.summary.splitlines()[0])
     if diag.verdict == "unexplained":
         return Outcome(False, "unexplained", f"{said}; remaining {diag.remaining}")
     groups = [*map(set, diag.groups), *map(set, diag.detectable_groups)]
@@ -112,6 +115,13 @@ def score(hidden: HiddenSet, diag: Any) -> Outcome:
     if largest > LARGEST_GROUP and base != "poor":
         return Outcome(False, "vague", f"{said}, a group of {largest}")
     return Outcome(True, "right", said)
+
+
+def _exchange_told(diag: Any) -> bool:
+    """Whether the logs are to be mended first, and one of the readings exchanges both thrusters."""
+    readings = [reading for mend in diag.helpful_mends for reading in mend.doubt.readings]
+    both = {"left_force", "right_force"}
+    return any({*dict(reading.sources)} == both for reading in readings)
 
 
 def _paired(truth: tuple[str, ...], groups: list[set[str]]) -> tuple[set[str], ...] | None:

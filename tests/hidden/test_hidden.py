@@ -34,6 +34,8 @@ class Said:
     groups: list = field(default_factory=list)
     remaining: object = None
     detectable_groups: list = field(default_factory=list)
+    helpful_mends: list = field(default_factory=list)
+    summary: str = "First diagnose again."
 
     @property
     def added(self):
@@ -208,6 +210,18 @@ def test_the_score_of_nothing_of_two_and_of_the_unknown():
     for named in ({"groups": [["a"]]}, {"detectable_groups": [["a"]]}):
         said = Said("unexplained", remaining=at["load"], **named)
         assert score.score(beyond, said)[:2] == (False, "false alarm")
+
+
+def test_the_score_of_a_mistake_of_the_logs_that_the_answer_begins_with():
+    hidden = replace(sets.draw("field-none", 0), truth=("swapped_thrusters",))
+    left, right = ("left_force", 1.0), ("right_force", 1.0)
+    exchange = SimpleNamespace(sources=(("left_force", right), ("right_force", left)))
+    turned = SimpleNamespace(sources=(("yaw_rate", ("yaw_rate", -1.0)),))
+    for readings, label in (([turned, exchange], "right"), ([turned], "unexplained")):
+        mend = SimpleNamespace(doubt=SimpleNamespace(readings=readings))
+        said = Said("unexplained", helpful_mends=[mend])
+        assert score.score(hidden, said).label == label
+    assert score.score(hidden, Said("adequate")).label == "missed"
 
 
 def test_the_intervals_are_those_of_wilson():
