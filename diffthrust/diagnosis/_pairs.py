@@ -18,14 +18,11 @@ from dataclasses import replace
 from itertools import combinations, product
 from typing import NamedTuple
 
-import numpy as np
-
 from diffthrust.diagnosis._admission import ended_worse, refitted_stage, worths_between
 from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
-    ResidualClip,
     TrialFit,
     side_by_side,
 )
@@ -39,13 +36,8 @@ from diffthrust.diagnosis._search_state import (
     few_substeps,
 )
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import share_between, simulation_fitter
-from diffthrust.estimation._horizons import schedule
+from diffthrust.diagnosis._simulation_fit import Runs, share_between
 
-_STEPS = 12
-"""Numerics: steps of a fit over the shortest horizon, before it goes on over the longest."""
-_FOLLOWED = 2
-"""Numerics: starts that are followed: those of least cost over the shortest horizon."""
 _PROBES = 4
 """Numerics: trial values of an effect that has no size as a single, of which starts are made."""
 
@@ -66,6 +58,7 @@ class Proven(NamedTuple):
 def with_proven(
     context: SearchContext,
     state: SearchState,
+    runs: Runs,
     base: TrialFit,
     singles: Mapping[str, TrialFit],
     lowering: Sequence[str],
@@ -78,7 +71,8 @@ def with_proven(
         context: what the search works with.
         state: the search, at a stage with poor whole runs to which no single was added that lowers
             the one-step errors, too.
-        base: the last stage, fitted to whole runs.
+        runs: the fits to whole runs.
+        base: the last stage, fitted to them.
         singles: the same with one effect more each, or with one that is detectable.
         lowering: those of them that are new and lower the errors of whole unseen runs enough, the
             best first.
@@ -88,8 +82,7 @@ def with_proven(
     context.say("fitting pairs of effects to whole runs", state.share(0.8))
     with context.clock("pairs"):
         new = {name: trial for name, trial in singles.items() if name not in state.detectable}
-        runs = _runs_of(context)
-        base, fitted = _fitted_pairs(context, state, runs, base, new)
+        fitted = _fitted_pairs(context, state, runs, base, new)
         for trial in fitted[: SETTINGS.pairs.most_fitted]:
             if proven := _proven_pair(context, state, runs, base, trial, new):
                 return _added(context, state, proven)
@@ -121,55 +114,14 @@ def _borne_out(
 # -- which pairs lower the errors ------------------------------------------------------------------
 
 
-class _Runs(NamedTuple):
-    """Fits to whole runs; where the model has horizons, to runs that forget beyond the longest.
-
-    Where errors accumulate a run of hundreds of seconds has no slope that leads anywhere: of a
-    boat's pairs that of a current and a weak thruster came last. Nor has one of 20 s, from afar: of
-    45 starts of such a pair 2 came to the optimum, and 30 in the same time by way of runs that
-    forget within 2 s. How fast they forget is a number, so that one program serves both.
-
-    Args:
-        fitter: of the longest horizon.
-        nearby: the gains of the shortest.
-        distant: the gains of the longest.
-    """
-
-    fitter: CandidateFitter
-    nearby: Mapping[str, float]
-    distant: Mapping[str, float]
-
-    def fitted(
-        self, effects: Sequence[str], starts: Sequence[Mapping[str, float]], clip: ResidualClip
-    ) -> TrialFit:
-        """The best fit from those of some starts that err least over the shortest horizon."""
-        nearby = [{**start, **self.nearby} for start in starts]
-        costs = [self.fitter.cost(effects, start, None, clip) for start in nearby]
-        order = np.argsort(np.where(np.isfinite(costs), costs, np.inf))[:_FOLLOWED]
-        ends = []
-        for k in order:
-            near = self.fitter.solve(effects, nearby[k], None, clip, _STEPS)
-            start = {**near.values, **self.distant}
-            ends.append(self.fitter.solve(effects, start, near.initial_states, clip))
-        return min(ends, key=lambda end: end.expected)
-
-
-def _runs_of(context: SearchContext) -> _Runs:
-    """The fits of a search."""
-    shortest, *_, longest = schedule(context.given, context.fitter.records, "auto") * 2
-    fitter = simulation_fitter(context.fitter, within=longest)
-    gains = fitter.programs.gains
-    return _Runs(fitter, gains(shortest), gains(longest))
-
-
 def _fitted_pairs(
     context: SearchContext,
     state: SearchState,
-    runs: _Runs,
+    runs: Runs,
     base: TrialFit,
     singles: Mapping[str, TrialFit],
-) -> tuple[TrialFit, list[TrialFit]]:
-    """The last stage, and the same with each pair that may lower its errors; the best first."""
+) -> list[TrialFit]:
+    """The last stage with each pair that may lower its errors; the best first."""
     fitter = context.fitter
     ranked = sorted(singles, key=lambda name: singles[name].expected)
     untested = [n for n in state.untestable if n in fitter.candidates and n not in base.effects]
@@ -178,9 +130,8 @@ def _fitted_pairs(
         pair for pair in combinations(names, 2) if ranked[:1] == [pair[0]] or {*pair} <= {*untested}
     ]
     if not pairs:
-        return base, []
+        return []
     runs.fitter.ready(base.effects, names)  # one program for all of them
-    base = runs.fitted(base.effects, [base.values], base.clip)
     levels = levels_of(fitter, base)
     points = {name: probes(fitter.candidates[name], levels)[1][:_PROBES] for name in names}
 
@@ -192,7 +143,7 @@ def _fitted_pairs(
     promising = [
         t for t in trials if _promised(fitter, base, t) > SETTINGS.whole_runs.proving_share
     ]
-    return base, sorted(promising, key=lambda trial: trial.expected)
+    return sorted(promising, key=lambda trial: trial.expected)
 
 
 def _promised(fitter: CandidateFitter, base: TrialFit, trial: TrialFit) -> float:
@@ -232,7 +183,7 @@ def _starts(
 def _proven_pair(
     context: SearchContext,
     state: SearchState,
-    runs: _Runs,
+    runs: Runs,
     base: TrialFit,
     trial: TrialFit,
     singles: Mapping[str, TrialFit],
@@ -273,7 +224,7 @@ def _is_needed(single: FittedStage, pair: FittedStage) -> bool:
     return unseen.sure or everywhere.low > SETTINGS.whole_runs.proving_share
 
 
-def _is_hopeless(runs: _Runs, base: TrialFit, single: TrialFit, pair: TrialFit) -> bool:
+def _is_hopeless(runs: Runs, base: TrialFit, single: TrialFit, pair: TrialFit) -> bool:
     """Whether one of two does nothing of what both do.
 
     No fit from more starts is needed to say so: where a weak thruster beside a current brought a
@@ -283,7 +234,7 @@ def _is_hopeless(runs: _Runs, base: TrialFit, single: TrialFit, pair: TrialFit) 
     return not helps and _share(runs, single, pair) > SETTINGS.pairs.least_single_share
 
 
-def _share(runs: _Runs, single: TrialFit, pair: TrialFit) -> float:
+def _share(runs: Runs, single: TrialFit, pair: TrialFit) -> float:
     """What a pair surely removes of the squared error of one of it, over unseen logs.
 
     Where errors accumulate, of that of runs that forget: beside a current a weak thruster brought a

@@ -15,12 +15,16 @@ import numpy as np
 from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, ResidualClip, TrialFit
+from diffthrust.estimation._horizons import schedule
 from diffthrust.estimation._one_step import passes, with_own_values
 from diffthrust.estimation._problem import Problem
+from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
 
 _FEW = 8
-"""Numerics: steps from each start of a fit to whole runs, of which the best is continued."""
+"""Numerics: steps from each start of a fit to whole runs, before the best is continued."""
+_FOLLOWED = 2
+"""Numerics: starts that are followed: those of least cost over the shortest horizon."""
 _Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
@@ -32,12 +36,58 @@ def simulation_fitter(fitter: CandidateFitter, within: float | None = None) -> C
     return CandidateFitter(fitter.programs.simulating(within or math.inf))
 
 
+class Runs:
+    """Fits to whole runs; where the model has horizons, to runs that forget beyond the longest.
+
+    Where errors accumulate a run of hundreds of seconds has no slope that leads anywhere: of a
+    boat's pairs that of a current and a weak thruster came last. Nor has one of 20 s, from afar: of
+    45 starts of such a pair 2 came to the optimum, and 30 in the same time by way of runs that
+    forget within 2 s. How fast they forget is a number, so that one program serves both.
+
+    Args:
+        fitter: the fits of a diagnosis.
+        given: the model that is diagnosed.
+
+    Attributes:
+        fitter: of the longest horizon.
+    """
+
+    def __init__(self, fitter: CandidateFitter, given: Model) -> None:
+        horizons = schedule(given, fitter.records, "auto")
+        self.fitter = simulation_fitter(fitter, within=horizons[-1])
+        self._nearby, self._distant = map(self.fitter.programs.gains, (horizons[0], horizons[-1]))
+
+    def near(
+        self,
+        effects: Sequence[str],
+        start: Mapping[str, float],
+        clip: ResidualClip,
+        budget: int = 40,
+    ) -> TrialFit:
+        """A fit to runs that forget within the shortest horizon."""
+        return self.fitter.solve(effects, {**start, **self._nearby}, None, clip, budget)
+
+    def far(self, near: TrialFit) -> TrialFit:
+        """The same over the longest horizon, from there."""
+        start = {**near.values, **self._distant}
+        return self.fitter.solve(near.effects, start, near.initial_states, near.clip)
+
+    def fitted(
+        self, effects: Sequence[str], starts: Sequence[Mapping[str, float]], clip: ResidualClip
+    ) -> TrialFit:
+        """The best fit from those of some starts that err least over the shortest horizon."""
+        costs = [self.fitter.cost(effects, {**s, **self._nearby}, None, clip) for s in starts]
+        order = np.argsort(np.where(np.isfinite(costs), costs, np.inf))[:_FOLLOWED]
+        ends = [self.far(self.near(effects, starts[k], clip, _FEW)) for k in order]
+        return min(ends, key=lambda end: end.expected)
+
+
 def fitted_to_runs(
     fitter: CandidateFitter, last: Stage, effects: Sequence[str] | None = None
 ) -> TrialFit:
     """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
     names = last.effects if effects is None else tuple(effects)
-    return _fitted(fitter, names, {*last.effects} - {*names}, _values_of(fitter, last))
+    return _fitted(fitter, names, {*last.effects} - {*names}, values_of(fitter, last))
 
 
 def fitted_without(fitter: CandidateFitter, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
@@ -54,7 +104,7 @@ def _fitted(
     for name in absent:
         values = fitter.absent(name, values)
     simulation = simulation_fitter(fitter)
-    return simulation.further(simulation.solve(effects, values, None, _unclipped(fitter)))
+    return simulation.further(simulation.solve(effects, values, None, unclipped(fitter)))
 
 
 def fitted_beside(
@@ -70,12 +120,12 @@ def fitted_beside(
     with those of the trial for the parameters that the stage lacks. Parameters named in ``still``
     keep the values of the trial.
     """
-    stage_values = _values_of(fitter, last)
+    stage_values = values_of(fitter, last)
     trial_values = {n: v for n, v in trial.values.items() if n not in fitter.nuisance}
     lacking = {
         n: v for n, v in trial_values.items() if n in still or n not in last.fit.model.parameters
     }
-    simulation, clip = simulation_fitter(fitter), _unclipped(fitter)
+    simulation, clip = simulation_fitter(fitter), unclipped(fitter)
     ends = []
     for values in (trial_values, lacking):
         start: Mapping[str, float] = {**stage_values, **values}
@@ -185,7 +235,7 @@ def _pooled(runs: _Residuals) -> Errors:
     return errors({name: [run[name] for run in runs] for name in runs[0]})
 
 
-def _values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
+def values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
     """The values of a stage, with absent effects at their nulls."""
     program = simulation_fitter(fitter).ready(stage.effects)
     values = {n: p.value for n, p in program.problem.named.items()}
@@ -193,5 +243,5 @@ def _values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
     return {**values, **fitted}
 
 
-def _unclipped(fitter: CandidateFitter) -> ResidualClip:
+def unclipped(fitter: CandidateFitter) -> ResidualClip:
     return ResidualClip(np.full(len(fitter.channels), np.inf))

@@ -25,7 +25,7 @@ from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
+from diffthrust.diagnosis._simulation_fit import Runs, share_between, unclipped, values_of
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._horizons import schedule
@@ -174,13 +174,14 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
         return replace(state, possible={})
     context.say("fitting the effects to whole runs", state.share(0.5))
     with context.clock("whole runs"):
-        base, singles = _singles(context, state)
-        lowering = _lowering(context, base, singles)
+        runs = Runs(context.fitter, context.given)
+        base, singles = _singles(context, state, runs)
+        lowering = _lowering(runs, base, singles)
     state = replace(state, possible={name: worth for name, (worth, _) in lowering.items()})
     least = SETTINGS.whole_runs.proving_share
     proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
     new = [name for name in proving if name not in state.detectable]
-    proven_state = partial(with_proven, context, state, base, singles, new)
+    proven_state = partial(with_proven, context, state, runs, base, singles, new)
     led = proven_state() if runs_lead(context) else None
     if led and led.accepted != state.accepted:
         return led
@@ -229,48 +230,47 @@ def _without_detectable(context: SearchContext, state: SearchState) -> SearchSta
     return replace(state, current=CurrentModel(fitter, settled), detectable=())
 
 
-def _singles(context: SearchContext, state: SearchState) -> tuple[TrialFit, dict[str, TrialFit]]:
+def _singles(
+    context: SearchContext, state: SearchState, runs: Runs
+) -> tuple[TrialFit, dict[str, TrialFit]]:
     """The last stage, and the same with each promising effect alone, fitted to whole runs.
 
     Also those that were detectable before: on the maps of a T200 a weaker thrust astern changed
     nothing until the sag of the supply was there, and then a third of the thrust's error.
     """
-    fitter = context.fitter
-    base = fitted_to_runs(fitter, state.stages[-1])
-    names = [n for n in fitter.candidates if n not in state.stages[-1].effects]
-    simulation = simulation_fitter(fitter)
-    started = screened(simulation, names, base, levels_of(fitter, base))
+    fitter, last = context.fitter, state.stages[-1]
+    near = runs.near(last.effects, values_of(fitter, last), unclipped(fitter))
+    names = [n for n in fitter.candidates if n not in last.effects]
+    started = screened(runs.fitter, names, near, levels_of(fitter, near))
     users = [
         n for n in names if n not in started and type(fitter.candidates[n]) is not EFFECTS.get(n)
     ]
     most = SETTINGS.whole_runs.most_user_effects
-    started |= {name: _multistart_fit(context, state, base, name) for name in users[:most]}
-    ended = side_by_side(simulation.further, list(started.values()))
+    started |= {name: _multistart_fit(context, state, runs, near, name) for name in users[:most]}
+    base, *ended = side_by_side(runs.far, [near, *started.values()])
     return base, dict(zip(started, ended, strict=True))
 
 
 def _lowering(
-    context: SearchContext, base: TrialFit, singles: Mapping[str, TrialFit]
+    runs: Runs, base: TrialFit, singles: Mapping[str, TrialFit]
 ) -> dict[str, tuple[Worth, TrialFit]]:
     """The effects that surely lower the errors of whole runs, best first."""
-    simulation = simulation_fitter(context.fitter)
-    worths = {name: share_between(simulation, base, trial) for name, trial in singles.items()}
+    worths = {name: share_between(runs.fitter, base, trial) for name, trial in singles.items()}
     best = sorted((n for n in singles if worths[n].sure), key=lambda n: -worths[n].share)
     most = SETTINGS.whole_runs.most_possible
     return {name: (worths[name], singles[name]) for name in best[:most]}
 
 
 def _multistart_fit(
-    context: SearchContext, state: SearchState, base: TrialFit, name: str
+    context: SearchContext, state: SearchState, runs: Runs, near: TrialFit, name: str
 ) -> TrialFit:
     """A multistart fit to whole runs of an effect with no predicted gain at the current values.
 
     The fit of a model that lacks a large effect may have ended at values that hide this effect.
     """
     fit = context.refit(state.stages[-1].fit.model + context.fitter.candidates[name]).fit
-    values = {**base.values, **{n: p.value for n, p in fit.model.parameters.items()}}
-    simulation = simulation_fitter(context.fitter)
-    return simulation.solve((*base.effects, name), values, None, base.clip)
+    values = {**near.values, **{n: p.value for n, p in fit.model.parameters.items()}}
+    return runs.near((*near.effects, name), values, near.clip)
 
 
 def _retried(

@@ -98,11 +98,10 @@ def searched(monkeypatch):
 
         pairs = [Trial(names) for names in sizes if len(names) == 2]
         monkeypatch.setattr(pairs_module, "refitted_stage", refitted)
-        monkeypatch.setattr(pairs_module, "_runs_of", lambda context: Runs())
         monkeypatch.setattr(pairs_module, "ended_worse", ended_worse)
         monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
         monkeypatch.setattr(pairs_module, "share_between", share_between)
-        monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: (Trial(()), pairs))
+        monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: pairs)
         given = SearchState(
             SimpleNamespace(trial=Trial(())),
             (stage(1.0, unseen=bool(unseen)),),
@@ -111,7 +110,7 @@ def searched(monkeypatch):
         )
         singles = {name: Trial((name,)) for name in lowering}
         context = Context(unseen)
-        asked = context, given, Trial(()), singles, lowering
+        asked = context, given, Runs(), Trial(()), singles, lowering
         state = pairs_module.with_proven(*asked)
         assert context.ended == [s.fit.train.nrmse for s in state.stages[1:]]  # no other
         return state, fitted

@@ -231,6 +231,7 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     monkeypatch.setattr(f"{STEPWISE}._admitted", admitted)
     monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda *_: False)
     monkeypatch.setattr(f"{STEPWISE}.simulation_is_poor", lambda *_: True)
+    monkeypatch.setattr(f"{STEPWISE}.Runs", lambda *_: None)
     monkeypatch.setattr(f"{STEPWISE}._singles", lambda *_: (None, {}))
     worth = Worth(0.5, low, 0.8)
     monkeypatch.setattr(f"{STEPWISE}._lowering", lambda *_: {name: (worth, None)})
