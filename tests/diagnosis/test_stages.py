@@ -226,7 +226,7 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
         return SimpleNamespace(effects=effects, values=values, initial_states=states, clip=clip)
 
     fitter = SimpleNamespace(settled=settled, absent=lambda name, values: {**values, name: 0.0})
-    context = SimpleNamespace(fitter=fitter, unseen=unseen, say=lambda *_: None,
+    context = SimpleNamespace(fitter=fitter, given=None, unseen=unseen, say=lambda *_: None,
                               clock=lambda _: nullcontext())  # fmt: skip
     monkeypatch.setattr(f"{STEPWISE}._admitted", admitted)
     monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda *_: False)
