@@ -59,7 +59,7 @@ def environment() -> str:
 
 
 @cache
-def default_device() -> jax.Device:
+def default_device() -> Any:
     """The device on which programs run: the processor, unless the user has chosen another."""
     return next(iter(jax.numpy.zeros(()).devices()))
 
