@@ -209,7 +209,7 @@ def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str
 
 
 @claim(rf"Learned: at (?P<place>.+?'(?P<port>\w+)'.*?) (?P<manner>what passes is scaled by a curve "
-       r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare>, to which no closed form comes near)?\. "
+       r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare> \(no closed form fits as well\))?\. "
        rf"Of the squared error of all channels as given over whole runs of [a-z ]+? it removes "
        rf"(?P<worth>{WORTH}); with it the NRMSE there is (?P<last>{NUMBER}), as given "
        rf"(?P<first>{NUMBER})\."
@@ -246,7 +246,7 @@ def _form(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"no number of a law is {number}"
 
 
-@claim(r"[A-Z][\w ,]+? only imitated it, or did nothing beside it\.")
+@claim(r"Superfluous beside it: [\w ,]+?\.")
 def _imitated(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for name in (name for law in diag.laws for name in law.superfluous):
         if in_words(name).lower() not in m[0].lower():

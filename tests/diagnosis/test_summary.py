@@ -361,6 +361,20 @@ def test_a_law_is_told_in_one_form_and_by_what_it_does():
     assert claims.contradictions(diag, text=diag.summary) == []
 
 
+@pytest.mark.parametrize(("error", "told"), [(1.0, True), (2.0, False)])
+def test_a_curve_has_a_size_where_no_parameter_of_the_model_takes_it_up(monkeypatch, error, told):
+    """The EMPS: "up to 26 N" beside one viscous friction, 68 N beside another, errors alike."""
+    place = np.linspace(-60.0, 60.0, 121)
+    drawn = place, 3.0 * np.sign(place), np.full(121, error)
+    monkeypatch.setattr(LearnedLaw, "drawn", lambda law: drawn)
+    curve = dft.effects.Curve("drive", "speed", -60.0, 60.0, unit="rad/s^2", shape=(3.0,))
+    law = LearnedLaw(
+        curve, made.found().fit, SURE, 9.0, samples=place, signal_unit="rad/s", port_unit="rad/s^2"
+    )
+    summary = replace(made.unexplained(), laws=(law,)).summary
+    assert ("up to 3.0 rad/s^2" in summary) is told
+
+
 def test_a_notebook_shows_the_answer_and_folds_the_rest():
     shown, _, folded = made.found()._repr_html_().partition("<details>")
     assert "The thrust error on logs kept out of the fit falls" in shown
