@@ -13,7 +13,7 @@ README = ROOT / "README.md"
 PAGES = [README, *docs_pages()]
 LONG = {
     *("craft", "effects", "choose_a_model", "uncertainty", "plan_experiment", "per_log"),
-    *("write_a_noise", "write_a_model", "read_a_status"),
+    *("write_a_noise", "write_a_model", "read_a_status", "manoeuvres"),
 }
 """Pages whose code takes over four seconds."""
 RUN = [
@@ -49,6 +49,12 @@ def test_python_runs(page, checkout, capsys):
         assert after < 0.8 * before
         assert (checkout / "unseen.png").stat().st_size > 10_000
         assert "<html" in (checkout / "diagnosis.html").read_text(encoding="utf-8")
+    if page.stem == "manoeuvres":
+        shown = [line.split()[-7:] for line in blocks("text", page)[0].splitlines()[1:]]
+        found = [line.split()[-7:] for line in printed.splitlines()[1:]]
+        assert [[e == "-" for e in row] for row in found] == [
+            [e == "-" for e in row] for row in shown
+        ]
     if page.stem == "effects":
         assert "thruster + coulomb_friction" in printed
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLUMNS = 3
-_DRIVES = (("0.15", "-"), (VERMILLION, "--"), (BLUE, ":"))
+_COLOURS, _STYLES = ("0.15", VERMILLION, BLUE), ("-", "--", ":")
+_DRIVES = [(_COLOURS[k % 3], _STYLES[(k + k // 3) % 3]) for k in range(9)]
+"""Of inputs in one plot: no two alike among the commands of a craft with eight thrusters."""
 _LINES = ("measured", "modelled", "measured - modelled")
 
 
@@ -97,7 +100,7 @@ def drives_of(model: Model, runs: Sequence[Run]) -> list[list[str]]:
 def draw_drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: bool) -> None:
     """The inputs of a run, as they were written; a held one is drawn in steps."""
     names = [name for name in names if name in run.log.inputs]
-    for name, (colour, style) in zip(names, _DRIVES, strict=False):
+    for name, (colour, style) in zip(names, cycle(_DRIVES), strict=False):
         values = run.shown.values(name, run.signals[name], run.units[name])
         held = run.log.hold[name] == "zero" and not static
         axes.plot(
@@ -110,12 +113,26 @@ def draw_drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: 
             label=f"_{name}",
         )
     unit = run.shown.unit(names[0], run.units[names[0]]) if names else ""
+    what, labels = _drive_words(names)
     if first:
-        axes.set_ylabel(" / ".join(names) + (f"\n[{unit}]" if unit else ""), fontsize=8)
+        axes.set_ylabel(what + (f"\n[{unit}]" if unit else ""), fontsize=8)
     if len(names) > 1:
-        axes.legend(axes.get_lines(), names, fontsize=7, frameon=False, loc="upper right", ncols=3)
+        above = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "handlelength": 1.4}
+        place = above if len(names) > 3 else {"loc": "upper right"}
+        columns = min(len(names), 8) if len(names) > 3 else 3
+        lines = axes.get_lines()
+        axes.legend(lines, labels, fontsize=7, frameon=False, ncols=columns, **place)
     unboxed(axes)
     axes.tick_params(labelbottom=False)
+
+
+def _drive_words(names: Sequence[str]) -> tuple[str, list[str]]:
+    """What stands at the axis of some inputs, and each one's name: "command" of t1, t2, ..."""
+    parts = {name.rpartition(".")[2] for name in names}
+    owners = [name.rpartition(".")[0] for name in names]
+    if len(names) > 1 and len(parts) == 1 and all(owners):
+        return parts.pop(), owners
+    return " / ".join(names), list(names)
 
 
 def _pair(top: Axes, below: Axes, run: Run, name: str, static: bool) -> None:

@@ -69,6 +69,20 @@ def test_a_run_may_lack_a_channel():
     assert len(dft.compare(dft.Thruster(), [log("a"), log("b")]).plot(["a"]).axes) == 5
 
 
+def test_each_command_of_a_craft_of_eight_thrusters_is_drawn_and_named():
+    law = dft.actuators.StaticThruster()
+    mounts = {f"t{k}": law.at((0.1 * k, -0.1 * k, 0)) for k in range(1, 9)}
+    craft = dft.Craft(dft.bodies.Planar(), **mounts)
+    time = np.arange(40) * 0.1
+    commands = {name: 0.1 * np.sin(time + k) for k, name in enumerate(craft.inputs)}
+    run = dft.Log(time, commands, {"surge": 0.1 * time}, units=dict(craft.inputs))
+    drive = dft.compare(craft, run).plot().axes[0]
+    lines = drive.get_lines()
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 8
+    assert [text.get_text() for text in drive.get_legend().get_texts()] == [*mounts]
+    assert drive.get_ylabel() == "command\n[effort]"
+
+
 def test_a_table_is_drawn_by_sample():
     table = dft.Log(
         time=np.arange(4),

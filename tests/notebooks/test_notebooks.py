@@ -117,7 +117,12 @@ def test_no_more_figures_wait_than_pyplot_takes_without_a_warning():
 @pytest.mark.slow  # the site's build runs them, too, and stops at an error
 @pytest.mark.parametrize(
     ("name", "images", "tables"),
-    [("bench_thruster", 3, 4), ("boat_missing", 3, 2), ("rov_axis", 2, 2)],
+    [
+        ("bench_thruster", 3, 4),
+        ("boat_missing", 3, 2),
+        ("rov_axis", 2, 2),
+        ("rov_weak_thruster", 2, 1),
+    ],
 )
 def test_the_tutorials_run(kernel, name, images, tables):
     cells = CELL.findall((TUTORIALS / f"{name}.md").read_text(encoding="utf-8"))
