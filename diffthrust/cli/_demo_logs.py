@@ -47,11 +47,7 @@ unit = "N"
 
 
 def hidden_folder(folder: Path) -> Path:
-    """Write three logs of a thruster with hidden effects, and a spec of the plain model.
-
-    Example:
-        >>> spec = load_spec(hidden_folder(Path("demo_output")))
-    """
+    """Write three logs of a thruster with hidden effects, and a spec of the plain model."""
     folder_at(folder)
     spec = folder / "fit.toml"
     # A second run may overwrite its own files, never a spec that somebody wrote: the demo's starts

@@ -27,13 +27,13 @@ from diffthrust.models._craft.craft import Craft
 from diffthrust.simulation._commands import adopted, command_kind
 from diffthrust.simulation._record import bind
 from diffthrust.specs._channels import columns_of, roles_of
-from diffthrust.specs._effects import effect_of
 from diffthrust.specs._file import NAME, line_of, parse_spec, parse_toml, read_spec_text, with_place
 from diffthrust.specs._parts import SpecFile, TimePart
 from diffthrust.specs._quantities import fields_of
 from diffthrust.specs._scripts import (
     check_place,
     effect_class,
+    effect_of,
     model_class,
     model_with,
     script_file,

@@ -14,6 +14,7 @@ from diffthrust._support.figures import showing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.entries import ERROR, Axis, Entry, Labels, axes_of, entries_of
 
@@ -106,7 +107,7 @@ class Fleet(Result):
             spread beyond those errors, I^2 (Higgins & Thompson 2002); Cochran's ``q`` with its
             ``dof`` and ``p_value`` for vehicles that differ only by those errors.
         """
-        from diffthrust.many._fleet.views import spread_table
+        from diffthrust.many._fleet.statistics import spread_table
 
         return spread_table(self)
 
@@ -130,7 +131,7 @@ class Fleet(Result):
             >>> drift = fleet.drift(false_alarms=0.05)
             >>> figure = fleet.plot_drift()
         """
-        from diffthrust.many._fleet.views import drift_table
+        from diffthrust.many._fleet.statistics import drift_table
 
         if np.isnan(self.times).any():
             raise InputError(
@@ -154,7 +155,7 @@ class Fleet(Result):
             auv1        2
             auv2        2
         """
-        from diffthrust.many._fleet.views import effects_table
+        from diffthrust.many._fleet.statistics import effects_table
 
         return effects_table(self)
 
@@ -177,7 +178,7 @@ class Fleet(Result):
             >>> fleet.outliers(false_alarms=0.05).shape[0]
             0
         """
-        from diffthrust.many._fleet.views import outlier_table
+        from diffthrust.many._fleet.statistics import outlier_table
 
         return outlier_table(self, _share("false_alarms", false_alarms))
 
@@ -241,13 +242,10 @@ class Fleet(Result):
             self,
             parameters,
             dict(logs or {}),
-            correlated=correlated,
-            draws=draws,
-            warmup=warmup,
-            chains=chains,
-            seed=seed,
-            level=_share("level", level),
-            progress=reporter(progress),
+            correlated,
+            _share("level", level),
+            {"draws": draws, "warmup": warmup, "chains": chains, "seed": seed},
+            reporter(progress),
         )
 
     @showing
@@ -321,12 +319,6 @@ def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
     return Fleet(tuple(entries), axes_of(entries), unit, tuple(notes))
 
 
-def _share(what: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, float) or not 0 < value < 1:
-        raise InputError(f"{what}: expected a number in (0, 1), found {value!r}.", "Correct it.")
-    return value
-
-
 def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
     """Times as numbers, and their unit; dates become days since the first."""
     import pandas as pd
@@ -351,3 +343,7 @@ def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
             "Give a time for each fit, or for none.",
         )
     return numbers, unit
+
+
+def _share(what: str, value: float) -> float:
+    return finite(what, value, lambda share: 0 < share < 1, "a number in (0, 1)")

@@ -10,8 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import cho_solve, solve_triangular
 
-from diffthrust.many._fleet.evidence import VehicleEvidence, first_guess
-from diffthrust.many._fleet.exact import Exact, likelihood
+from diffthrust.many._fleet.evidence import Exact, VehicleEvidence, first_guess, likelihood
 from diffthrust.uncertainty._sampling.density import DensityShape
 
 _TAIL = 4.0
