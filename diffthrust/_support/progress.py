@@ -99,10 +99,6 @@ def bar(begin: str = "working") -> Iterator[Progress]:
 
     Yields the function that receives progress. Where the error stream goes to a file or a pipe, a
     line of it tells every ten seconds how far the work is.
-
-    Example:
-        >>> with bar() as report:
-        ...     fit(model, logs, progress=report)
     """
     draw, has_bar = _place_to_draw()
     message, share_done, drawn = begin, 0.0, 0.0

@@ -131,17 +131,10 @@ class Transfer:
 def transfer_of(linear: Any) -> Transfer:
     """A linear system from numbers or from an object.
 
-    Args:
-        linear: ``(num, den)`` or ``(num, den, delay)`` with coefficients highest power first and
-            the dead time [s]; or an object with ``num`` and ``den``, or ``A``, ``B``, ``C``, ``D``,
-            such as those of python-control and SciPy.
-
-    Raises:
-        InputError: not one of these, several inputs or outputs, discrete time, more zeros than
-            poles, coefficients that are not finite real numbers, or a negative dead time.
-
-    Example:
-        >>> transfer_of(([4.0], [1.0, 3.0, 2.0, 0.0]))
+    ``linear`` is ``(num, den)`` or ``(num, den, delay)`` with coefficients highest power first and
+    the dead time [s]; or an object with ``num`` and ``den``, or ``A``, ``B``, ``C``, ``D``, such as
+    those of python-control and SciPy. An `InputError` refuses what is not one of these, has several
+    inputs or outputs, discrete time or more zeros than poles.
     """
     if isinstance(linear, Transfer):
         return linear

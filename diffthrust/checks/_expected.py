@@ -218,10 +218,7 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
 
 
 def _allowed(expected: ExpectedNumber, now: FoundNumber) -> float:
-    """Allowed change of a number: its tolerance, or from its standard error, or from its size.
-
-    A refit of the same data differs only by rounding, far less than a tenth of a standard error.
-    """
+    """Allowed change of a number: its tolerance, or from its standard error, or from its size."""
     if expected.tolerance is not None:
         return expected.tolerance
     if expected.std_error is not None:

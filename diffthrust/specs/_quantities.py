@@ -23,18 +23,7 @@ _PER = " per "
 def fields_of(
     settings: ParameterPart, name: str, model: Model, written: Mapping[str, Written]
 ) -> dict[str, Any]:
-    """The fields that `Model.replace` takes, in the unit of the parameter.
-
-    The model has its command in the unit of the logs; ``written`` says how these wrote each
-    channel.
-
-    Example:
-        >>> settings, widths = ParameterPart(value="25 us"), PWM(stop=1500, full=1900)
-        >>> model = dft.Thruster(command="effort") + "command_deadband"
-        >>> written = {"command": Written("us", pwm=widths)}
-        >>> fields_of(settings, "command_deadband.half_width", model, written)
-        {'value': 0.0625}
-    """
+    """The fields that `Model.replace` takes; ``written`` says how logs wrote each channel."""
     parameter = model.parameters.get(name)
     if parameter is None:  # refused by `Model.replace`, which names the nearest
         return {}
@@ -59,14 +48,7 @@ def fields_of(
 
 @dataclass(frozen=True)
 class _Reader:
-    """Read a number, or a number with its unit, of a parameter.
-
-    Args:
-        name: of the parameter.
-        unit: its unit.
-        shown: the unit in which reports show it.
-        scale: how many of its unit are one of the shown.
-    """
+    """Reads a number, with its unit or without; ``scale`` of its units are one of the shown."""
 
     name: str
     unit: str

@@ -31,13 +31,7 @@ STEERED = {cls.name: cls for cls in (Azimuth, RudderPropeller)}
 
 
 def craft_of(body: str, thrusters: ThrustersPart, where: str = "") -> Craft:
-    """The craft that a spec file describes.
-
-    Args:
-        body: the name of its body; that of the layout where it names a frame.
-        thrusters: the table.
-        where: of the spec, for messages.
-    """
+    """The craft that a spec file describes; ``where`` begins messages."""
     if thrusters.frame:
         layout = layout_named(thrusters.frame)
         if body and body != layout.body.name:

@@ -33,11 +33,7 @@ class NoDigest(Exception):
 
 
 def digest(*things: Any) -> str:
-    """Hexadecimal digest of things that fix compiled code.
-
-    Raises:
-        NoDigest: something in them cannot be followed.
-    """
+    """Hexadecimal digest of things that fix compiled code; `NoDigest` if one cannot be followed."""
     try:
         return _Digest().of(things)
     except RecursionError as error:  # a list that holds itself

@@ -285,15 +285,7 @@ def expand(
     """The likelihood of a fit's logs, expanded at the maximum of likelihood times a guessed law.
 
     An expansion at the fit itself would be of little use: with poor logs, a parameter may have run
-    to zero there.
-
-    Args:
-        fit: the fit.
-        logs: its training logs.
-        axes: its pooled parameters.
-        middle: their coordinates at z = 0.
-        towards: start of the search, in z.
-        law: of the fleet, in z.
+    to zero there. ``middle`` are the coordinates at z = 0, ``towards`` is where the search starts.
     """
     names = [axis.name for axis in axes]
     # `posterior_of` refuses a fit that is not identifiable, whose posterior is improper. The law of
