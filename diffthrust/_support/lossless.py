@@ -77,18 +77,11 @@ def _encoded_array(array: np.ndarray, arrays: dict[str, Any]) -> Any:
     usual = array.dtype == np.float64
     values = [_written(x) if usual else x for x in array.ravel().tolist()]
     if usual and 0 < array.size <= _INLINE:
-        return _nested(values, array.shape)
+        return np.array(values, object).reshape(array.shape).tolist()
     content = {"type": array.dtype.name, "shape": list(array.shape), "values": values}
     name = sha256(repr(content).encode()).hexdigest()[:16]
     arrays[name] = content
     return {"array": name}
-
-
-def _nested(values: list[Any], shape: tuple[int, ...]) -> list[Any]:
-    if len(shape) == 1:
-        return values
-    size = len(values) // shape[0]
-    return [_nested(values[i : i + size], shape[1:]) for i in range(0, len(values), size)]
 
 
 class Decoder(NamedTuple):

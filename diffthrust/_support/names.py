@@ -4,14 +4,14 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
-def nearest(word: str, options: Iterable[str]) -> str:
+def nearest(word: str, options: Iterable[str], before: str = "") -> str:
     """The option that a misspelt word most likely meant, in words; empty where nothing is near."""
     unique = list(dict.fromkeys(options))
     lowered: dict[str, str] = {}
     for option in unique:
         lowered.setdefault(option.lower().strip(), option)
     match = get_close_matches(word.lower().strip(), list(lowered), n=1, cutoff=0.5)
-    return f"the nearest is {lowered[match[0]]!r}" if match else ""
+    return f"{before}the nearest is {lowered[match[0]]!r}" if match else ""
 
 
 def listing(names: Iterable[str], limit: int = 30) -> str:
@@ -27,7 +27,7 @@ def nearby(word: str, options: Iterable[str], most: int = 8) -> str:
     """What could have been written: all of it and the nearest if it is little, else the nearest."""
     names = list(dict.fromkeys(options))
     if len(names) <= most:
-        return "; ".join(filter(None, [f"there are {listing(names)}", nearest(word, names)]))
+        return f"there are {listing(names)}{nearest(word, names, '; ')}"
     near = get_close_matches(word.lower().strip(), names, n=3, cutoff=0.4)
     return (
         f"of {len(names)} names the nearest are {listing(near)}"

@@ -111,8 +111,8 @@ def bar(begin: str = "working") -> Iterator[Progress]:
         with drawing:
             drawn = time.monotonic()
             seconds = time.monotonic() - start
-            left = remaining.after(seconds, share_done)
-            draw(_line(message, share_done, seconds, left, has_bar))
+            seconds_left = remaining.after(seconds, share_done)
+            draw(_line(message, share_done, seconds, seconds_left, has_bar))
 
     def report(words: str, share: float) -> None:
         nonlocal message, share_done

@@ -18,6 +18,7 @@ from diffthrust._support.validation import whole_number
 from diffthrust._support.visible import in_line
 from diffthrust.checks._expected import CheckRow, compared, marks_of, updated
 from diffthrust.checks._result import Checked, FitRun, not_run
+from diffthrust.simulation._step_size import CoarseStepWarning
 from diffthrust.specs._file import NAME, compile_key
 from diffthrust.specs._scripts import as_input_error
 from diffthrust.specs._spec import load_spec
@@ -156,8 +157,6 @@ def _in_process(task: Task) -> FitRun:
 
 def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> FitRun:
     """Rerun a stored fit, and compare it with its [expected] block or update the block."""
-    from diffthrust.simulation._step_size import CoarseStepWarning
-
     begin, new, since = time.perf_counter(), False, ""
     with warnings.catch_warnings(record=True) as caught:
         # "always": Python otherwise issues a warning once per line of code, so that the second fit
@@ -222,8 +221,6 @@ def _write_over(path: Path, original: str, replacement: str) -> None:
 
 def _warn(runs: Sequence[FitRun]) -> None:
     """Repeat the warnings of the fits, with their names."""
-    from diffthrust.simulation._step_size import CoarseStepWarning
-
     for run in runs:
         for text in run.warnings:
             # stacklevel 4: _warn, check and the decorator of `progress` lie between here and the

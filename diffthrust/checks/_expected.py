@@ -201,8 +201,7 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
         quantity = key.removeprefix("parameters.")
         if key not in now:
             names = [k.removeprefix("parameters.") for k in now]
-            near = nearest(quantity, names)
-            mend = f"{quantity!r} is no result of this fit{'; ' + near if near else ''}; "
+            mend = f"{quantity!r} is no result of this fit{nearest(quantity, names, '; ')}; "
             mend += f"there are {listing(names)}."
             yield CheckRow(name, quantity, number.value, None, number.tolerance, False, mend)
             continue

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -17,6 +17,7 @@ from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.specs._parts import ChannelPart, ExpectedNumber, ParameterPart, SpecFile
 
+P = TypeVar("P", bound=BaseModel)
 NAME = "fit.toml"
 """The name of a spec file inside a folder."""
 
@@ -107,8 +108,13 @@ def parse_spec(text: str, file: Path | str) -> SpecFile:
     """Parse a spec."""
     data = parse_toml(text, file)
     _dotted(data)
+    return validated(SpecFile, data, text, file)
+
+
+def validated(kind: type[P], data: Mapping[str, Any], text: str, file: Path | str) -> P:
+    """The tables of a TOML text as a part of a spec file."""
     try:
-        return SpecFile.model_validate(data)
+        return kind.model_validate(data)
     except ValidationError as error:
         problems = error.errors()
     # A misspelt key is reported twice, as unknown and as missing: show the first.
@@ -179,10 +185,9 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     table = f"[{'.'.join(map(str, parent))}]" if parent else "the top of the file"
     if problem["type"] == "extra_forbidden":
         keys = _keys(parent)
-        near = nearest(key, keys)
         quantity = key == "unit" and parent[:1] == ("parameters",)
         return InputError(
-            f"{where}: the key {key!r} is not known in {table}{'; ' + near if near else ''}.{also}",
+            f"{where}: the key {key!r} is not known in {table}{nearest(key, keys, '; ')}.{also}",
             'Write the unit with the number: value = "25 us".'
             if quantity
             else f"Correct the key; known there are {listing(keys)}.",

@@ -39,9 +39,8 @@ def new_fit(name: str, model: str = "thruster", directory: Path | str = "fits") 
     directory = Path(directory)
     folder = directory / _checked(name)
     if model not in MODELS:
-        near = nearest(model, MODELS)
         raise InputError(
-            f"the model {model!r} is not known{'; ' + near if near else ''}.",
+            f"the model {model!r} is not known{nearest(model, MODELS, '; ')}.",
             f"Name one of {listing(MODELS)}; then put your own into the spec, as script.py:Class.",
         )
     _check_new(folder)

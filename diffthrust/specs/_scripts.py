@@ -57,9 +57,8 @@ def model_with(cls: type[Model], options: Mapping[str, Any]) -> Model:
     ]
     for name in options:
         if name not in names:
-            near = nearest(name, names)
             raise InputError(
-                f"the model '{cls.name}' has no option {name!r}{'; ' + near if near else ''}; "
+                f"the model '{cls.name}' has no option {name!r}{nearest(name, names, '; ')}; "
                 f"it has {listing(names)}.",
                 "Correct or remove the option; values of parameters belong under [parameters].",
             )
@@ -102,10 +101,10 @@ def effect_of(entry: str | Mapping[str, Any], folder: Path, trust: Sequence[Path
 def _made_of(table: Mapping[str, Any]) -> Effect:
     words = [word for word in MADE_EFFECTS if word in table]
     if len(words) != 1:
-        near = next(filter(None, (nearest(key, MADE_EFFECTS) for key in table)), "")
+        near = next(filter(None, (nearest(key, MADE_EFFECTS, "; ") for key in table)), "")
         raise InputError(
             f"expected one of the keys {listing(MADE_EFFECTS)} in a table of an effect, found "
-            f"{listing(table)}{'; ' + near if near else ''}.",
+            f"{listing(table)}{near}.",
             f"Write {_EXAMPLE}.",
         )
     cls: type[MadeEffect] = MADE_EFFECTS[words[0]]

@@ -332,10 +332,9 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     names = [spec._log_name(file) for file in (*train, *holdout)]
     for index, stretch in enumerate(file.logs.leave_out):
         if stretch.log not in names:
-            near = nearest(stretch.log, names)
             raise InputError(
                 f"{line_of(text, path, ('logs', 'leave_out', index))}: the spec has no log "
-                f"{stretch.log!r}{'; ' + near if near else ''}.",
+                f"{stretch.log!r}{nearest(stretch.log, names, '; ')}.",
                 f"Correct the name; there are {listing(names)}.",
             )
     return spec
@@ -403,10 +402,10 @@ def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Pa
         else:
             matches = []
         if not matches:
-            near = nearest(pattern, (p.name for p in path.parent.iterdir() if p.is_file()))
+            names = (file.name for file in path.parent.iterdir() if file.is_file())
             raise InputError(
                 f"{line_of(text, path, ('logs', key))}: expected the file {pattern!r} in "
-                f"{path.parent.resolve()}, found none{'; ' + near if near else ''}.",
+                f"{path.parent.resolve()}, found none{nearest(pattern, names, '; ')}.",
                 "Correct the name; paths are relative to the spec file.",
             )
         paths = [path.parent / match for match in matches]

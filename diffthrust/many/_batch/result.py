@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
-from diffthrust._support.words import joined
+from diffthrust._support.words import joined, number
 from diffthrust.comparison._compare import Comparison
 from diffthrust.estimation._result import Fit
 
@@ -125,8 +125,6 @@ class Many(Result):
         return f"{len(self) - len(self.failed)} of {len(self)} {joined(sorted(kinds))} done"
 
     def _report(self) -> Report:
-        from diffthrust._support.words import number
-
         table = self.table()
         names = [name for name in _SHOWN if name in table]
         rows = [

@@ -29,7 +29,7 @@ from diffthrust.many._campaign.job import (
     folders,
 )
 from diffthrust.many._campaign.store import ResultRow, is_whole, stored, sweep
-from diffthrust.many._campaign.tables import TABLE, arrow_table, write_table
+from diffthrust.many._campaign.tables import TABLE, arrow_table, campaign_report, write_table
 from diffthrust.many._campaign.task import head, perform, run_job
 from diffthrust.specs._file import compile_key
 
@@ -103,8 +103,6 @@ class Campaign(Result):
         return f"{self.task}: {self.summary}"
 
     def _report(self) -> Report:
-        from diffthrust.many._campaign.tables import campaign_report
-
         return campaign_report(self.rows, self.task, self.summary)
 
     def to_json(self) -> dict[str, Any]:

@@ -55,9 +55,8 @@ def check_task(task: str, options: Mapping[str, Any]) -> None:
     for name in options:
         if name not in OPTIONS[task]:
             allowed = OPTIONS[task]
-            near = nearest(name, allowed)
             raise InputError(
-                f"options: the task {task!r} knows no {name!r}{'; ' + near if near else ''}.",
+                f"options: the task {task!r} knows no {name!r}{nearest(name, allowed, '; ')}.",
                 f"It takes {listing(allowed)}." if allowed else f"Leave {name} out.",
             )
     if task == "sample":

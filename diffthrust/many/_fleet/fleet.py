@@ -17,6 +17,14 @@ from diffthrust._support.results import Result
 from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.entries import ERROR, Axis, Entry, Labels, axes_of, entries_of
+from diffthrust.many._fleet.figures import drift_figure, effects_figure, spread_figure
+from diffthrust.many._fleet.statistics import (
+    drift_table,
+    effects_table,
+    outlier_table,
+    spread_table,
+)
+from diffthrust.many._fleet.tables import fleet_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,8 +115,6 @@ class Fleet(Result):
             spread beyond those errors, I^2 (Higgins & Thompson 2002); Cochran's ``q`` with its
             ``dof`` and ``p_value`` for vehicles that differ only by those errors.
         """
-        from diffthrust.many._fleet.statistics import spread_table
-
         return spread_table(self)
 
     def drift(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
@@ -131,8 +137,6 @@ class Fleet(Result):
             >>> drift = fleet.drift(false_alarms=0.05)
             >>> figure = fleet.plot_drift()
         """
-        from diffthrust.many._fleet.statistics import drift_table
-
         if np.isnan(self.times).any():
             raise InputError(
                 "The fits have no times, which a drift needs.",
@@ -155,8 +159,6 @@ class Fleet(Result):
             auv1        2
             auv2        2
         """
-        from diffthrust.many._fleet.statistics import effects_table
-
         return effects_table(self)
 
     def outliers(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
@@ -178,8 +180,6 @@ class Fleet(Result):
             >>> fleet.outliers(false_alarms=0.05).shape[0]
             0
         """
-        from diffthrust.many._fleet.statistics import outlier_table
-
         return outlier_table(self, _share("false_alarms", false_alarms))
 
     @progressing
@@ -251,15 +251,11 @@ class Fleet(Result):
     @showing
     def plot_spread(self) -> Figure:
         """Plot each parameter of each vehicle with its 95 % interval, and the fleet's spread."""
-        from diffthrust.many._fleet.figures import spread_figure
-
         return spread_figure(self, self.outliers())
 
     @showing
     def plot_drift(self) -> Figure:
         """Plot each parameter over time, a line for each vehicle; drifting ones are highlighted."""
-        from diffthrust.many._fleet.figures import drift_figure
-
         return drift_figure(self, self.drift())
 
     @showing
@@ -270,16 +266,12 @@ class Fleet(Result):
             >>> fleet.effects().shape
             (3, 1)
         """
-        from diffthrust.many._fleet.figures import effects_figure
-
         return effects_figure(self.effects())
 
     def _line(self) -> str:
         return f"{len(self.entries)} fits of {len(self.vehicles)} vehicles"
 
     def _report(self) -> Report:
-        from diffthrust.many._fleet.tables import fleet_report
-
         drift = None if np.isnan(self.times).any() else self.drift()
         return fleet_report(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
 
