@@ -41,8 +41,7 @@ def campaign_command(
         typer.Option("--cluster", metavar="ADDRESS", help="The scheduler of a Dask cluster."),
     ] = None,
     time_limit: Annotated[
-        float | None,
-        typer.Option("--time-limit", metavar="S", help="Kill a task after S seconds."),
+        float | None, typer.Option("--time-limit", metavar="S", help="Kill a task after S seconds.")
     ] = None,
     candidates: Annotated[
         str | None,

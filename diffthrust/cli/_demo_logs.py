@@ -16,10 +16,7 @@ from diffthrust.simulation._simulate import simulate
 _STEP = 0.05
 _SAMPLES = 1200
 _SEEDS = {"train_1.csv": 1, "train_2.csv": 2, "unseen.csv": 3}
-HIDDEN = (
-    effects.CommandDeadband(half_width=0.25),
-    effects.ReverseThrustAsymmetry(change=-0.15),
-)
+HIDDEN = (effects.CommandDeadband(half_width=0.25), effects.ReverseThrustAsymmetry(change=-0.15))
 _SPEC = """\
 # A simulated thruster with effects that the plain model lacks. Which? Ask:
 #

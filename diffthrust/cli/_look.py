@@ -28,12 +28,10 @@ def look_command(
         typer.Argument(metavar="FILE...", help="A log, several of one kind, or a folder of them."),
     ] = None,
     figure: Annotated[
-        Path | None,
-        figure_option("Draw the channels over time, or the craft (.png, .svg, .pdf)."),
+        Path | None, figure_option("Draw the channels over time, or the craft (.png, .svg, .pdf).")
     ] = None,
     spec: Annotated[
-        Path | None,
-        file_option("--spec", "FILE.toml", "Write the draft of a spec file."),
+        Path | None, file_option("--spec", "FILE.toml", "Write the draft of a spec file.")
     ] = None,
     craft: Annotated[
         Path | None,

@@ -158,11 +158,7 @@ class Spec(Brief):
                     f"Remove {key}" + (", and choose a time base: base." if robot else "."),
                 )
         if not robot:
-            return read_log, {
-                "time": self._clock(),
-                "static": logs.static,
-                "sheet": logs.sheet,
-            }
+            return read_log, {"time": self._clock(), "static": logs.static, "sheet": logs.sheet}
         if logs.base is None and logs.rate is None:
             raise InputError(
                 f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "

@@ -275,12 +275,7 @@ def _slope(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
 
 
 def expand(
-    fit: Fit,
-    logs: Any,
-    axes: Sequence[Axis],
-    middle: np.ndarray,
-    towards: np.ndarray,
-    law: Guess,
+    fit: Fit, logs: Any, axes: Sequence[Axis], middle: np.ndarray, towards: np.ndarray, law: Guess
 ) -> Exact:
     """The likelihood of a fit's logs, expanded at the maximum of likelihood times a guessed law.
 
