@@ -5,6 +5,6 @@ from diffthrust.estimation._model_lines import (  # private: the lines alone
     python_lines,
     spec_lines,
 )
-from diffthrust.specs._effects import effect_of  # private: an entry of any data, without a file
+from diffthrust.specs._scripts import effect_of  # private: an entry of any data, without a file
 
 __all__ = ["effect_of", "effects_line", "python_lines", "spec_lines"]

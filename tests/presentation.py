@@ -8,7 +8,7 @@ from diffthrust._support.names import (  # private: the words of many messages
     listing,
     nearest,
 )
-from diffthrust._support.notebook import (  # private: the looks of all reports
+from diffthrust._support.page import (  # private: the looks of all reports
     notebook_html,
 )
 from diffthrust._support.report import (  # private: what is shown

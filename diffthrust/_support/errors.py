@@ -81,3 +81,7 @@ class InputError(ValueError):
         """
         typed = place if isinstance(place, Place) else None
         return cls(f"{place}: {problem}", mend, place=typed)
+
+
+class Defect(InputError):
+    """A mistake of the library, not of the user's input."""

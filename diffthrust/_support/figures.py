@@ -34,11 +34,6 @@ def showing(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
     In a notebook each shows once, at the end of its cell at the latest; in a script they show by
     ``plt.show()``. Where nobody could see them (a backend that only writes files, another thread,
     `unseen`) pyplot does not learn of them, and they last as long as the caller keeps them.
-
-    Example:
-        >>> class Comparison:
-        ...     @showing
-        ...     def plot(self) -> Figure: ...
     """
 
     @wraps(draw)

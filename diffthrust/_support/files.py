@@ -20,11 +20,7 @@ _ELSEWHERE = "Name a file in a folder that exists and that you may write to."
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name in its folder, then rename it: never a half-written file.
-
-    Raises:
-        InputError: the folder does not exist or cannot be written to.
-    """
+    """Write a file under a temporary name, then rename it: never half of it."""
     try:
         # Through symbolic links: os.replace would replace the link, not the file that it points to.
         target = Path(os.path.realpath(path))
@@ -51,12 +47,7 @@ def is_full(error: OSError) -> bool:
 
 
 def ending(path: Path, *kinds: str) -> str:
-    """The ending of a file to write, of those that its content may have.
-
-    Raises:
-        InputError: another ending; the content would not match the name, and a log or a spec with
-            that name might be overwritten.
-    """
+    """The ending of a file to write; `InputError` if its content may not have that ending."""
     suffix = path.suffix.lower()
     if suffix not in kinds:
         raise InputError(
@@ -66,11 +57,7 @@ def ending(path: Path, *kinds: str) -> str:
 
 
 def write_page(path: Path, text: str) -> None:
-    """Write a page of HTML.
-
-    Raises:
-        InputError: another ending than ``.html``, or a folder that cannot be written to.
-    """
+    """Write a page of HTML."""
     ending(path, ".html", ".htm")
     write_whole(path, text.encode("utf-8", "backslashreplace"))
 
@@ -84,12 +71,7 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
 
 
 def plain(data: Any) -> Any:
-    """The same data in the types of JSON: NaN and infinities become ``None``.
-
-    Example:
-        >>> plain({"a": (1, float("nan"))})
-        {'a': [1, None]}
-    """
+    """The same data in the types of JSON: NaN and infinities become ``None``."""
     if isinstance(data, Mapping):
         return {str(key): plain(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
@@ -117,11 +99,7 @@ def oddity(path: Path) -> str | None:
 
 
 def made_folder(folder: Path, mend: str) -> Path:
-    """The folder, made with those above it where it does not exist.
-
-    Raises:
-        InputError: it cannot be made; with the mend that suits the caller.
-    """
+    """The folder, made with those above it where it does not exist."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -13,15 +13,6 @@ class Later(Sequence[Item], Generic[Item]):
     """The items that a function gives, asked for once, at the first look at any of them.
 
     It is used as the tuple of these items, which it becomes in files and other processes.
-
-    Args:
-        work: gives the items.
-
-    Example:
-        >>> later = Later(lambda: print("works") or [1, 2])
-        >>> len(later), later == (1, 2)
-        works
-        (2, True)
     """
 
     def __init__(self, work: Callable[[], Iterable[Item]]) -> None:

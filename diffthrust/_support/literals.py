@@ -13,12 +13,7 @@ class ToCopy(str):
 
 
 def as_python(value: Any) -> str:
-    """Plain data as Python.
-
-    Example:
-        >>> as_python({"value": 2.0, "null": float("inf")})
-        '{"value": 2.0, "null": float("inf")}'
-    """
+    """Plain data as Python."""
     if isinstance(value, str):
         return json.dumps(value)
     if isinstance(value, float) and not math.isfinite(value):
@@ -31,12 +26,7 @@ def as_python(value: Any) -> str:
 
 
 def as_toml(value: Any) -> str:
-    """Plain data as TOML in one line; TOML has no null, so a missing bound becomes infinite.
-
-    Example:
-        >>> as_toml({"unit": "rad/s", "bounds": (0.0, None)})
-        '{ unit = "rad/s", bounds = [0.0, inf] }'
-    """
+    """Plain data as TOML in one line; TOML has no null, so a missing bound becomes infinite."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

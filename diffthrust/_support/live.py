@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+_NAME = re.compile(r'(?<="id": ")[^"\\]+(?=")|(?<="root_id": ")[^"\\]+(?=")')
+"""The name of a part, where a figure's JSON gives or uses it."""
 
 
 @dataclass(frozen=True)
@@ -33,33 +37,20 @@ class Live:
         from bokeh.embed import json_item
 
         self.shown.name = "shown"
-        item = _renumbered(json_item(self.layout))
         # "</script>" in the name of a log would end the script
-        return json.dumps(item).replace("<", "\\u003c")
+        return _renumbered(json.dumps(json_item(self.layout))).replace("<", "\\u003c")
 
 
-def _renumbered(item: Any) -> Any:
-    """A figure with names of its parts that follow from what it holds.
+def _renumbered(item: str) -> str:
+    """A figure's JSON with names of its parts that follow from what it holds.
 
     Bokeh counts the parts of a process: the page of a diagnosis and of the same one, loaded again,
     differed. On one page no two figures may have a name in common.
     """
     numbers: dict[str, int] = {}
-
-    def renamed(part: Any, prefix: str) -> Any:
-        if isinstance(part, list | tuple):
-            return [renamed(each, prefix) for each in part]
-        if not isinstance(part, dict):
-            return part
-        return {
-            key: f"{prefix}{numbers.setdefault(value, len(numbers))}"
-            if key in ("id", "root_id") and isinstance(value, str)
-            else renamed(value, prefix)
-            for key, value in part.items()
-        }
-
-    counted = json.dumps(renamed(item, "p"))
-    return renamed(item, f"p{hashlib.sha256(counted.encode()).hexdigest()[:12]}-")
+    counted = _NAME.sub(lambda name: str(numbers.setdefault(name[0], len(numbers))), item)
+    figure = hashlib.sha256(counted.encode()).hexdigest()[:12]
+    return _NAME.sub(lambda name: f"p{figure}-{name[0]}", counted)
 
 
 def script() -> str:

@@ -30,10 +30,6 @@ def encoded(value: Any, arrays: dict[str, Any]) -> Any:
 
     A value is made of numbers, words, arrays, enumerations and data classes; anything else offers
     itself as such by ``as_plain()``.
-
-    Example:
-        >>> encoded((1.5, float("nan"), None), {})
-        [1.5, 'nan', None]
     """
     # The order matters: an Enum may also be a str, a bool is an Integral, and a NumPy scalar offers
     # __array__; each must meet its own branch first.
@@ -81,43 +77,22 @@ def _encoded_array(array: np.ndarray, arrays: dict[str, Any]) -> Any:
     usual = array.dtype == np.float64
     values = [_written(x) if usual else x for x in array.ravel().tolist()]
     if usual and 0 < array.size <= _INLINE:
-        return _nested(values, array.shape)
+        return np.array(values, object).reshape(array.shape).tolist()
     content = {"type": array.dtype.name, "shape": list(array.shape), "values": values}
     name = sha256(repr(content).encode()).hexdigest()[:16]
     arrays[name] = content
     return {"array": name}
 
 
-def _nested(values: list[Any], shape: tuple[int, ...]) -> list[Any]:
-    if len(shape) == 1:
-        return values
-    size = len(values) // shape[0]
-    return [_nested(values[i : i + size], shape[1:]) for i in range(0, len(values), size)]
-
-
 class Decoder(NamedTuple):
-    """What makes values of plain data.
-
-    Args:
-        arrays: the long arrays, by name.
-        makers: how to make classes that are not made of their fields alone.
-        names: classes that annotations name without their module importing them.
-
-    Example:
-        >>> Decoder({}, {}, {}).decoded(tuple[float, ...], [1.5, "nan"])
-        (1.5, nan)
-    """
+    """Makes values of plain data: of long ``arrays`` by name, of classes by their ``makers``."""
 
     arrays: Mapping[str, Any]
     makers: Mapping[type, Callable[[Decoder, Any], Any]]
     names: Mapping[str, Any]
 
     def decoded(self, kind: Any, data: Any) -> Any:
-        """The value that plain data represent, of the given kind (a type, as annotated).
-
-        Raises:
-            ValueError: data that are not of that kind; the message says which.
-        """
+        """The value that plain data represent, of the given kind (a type, as annotated)."""
         kind = NoneType if kind is None else kind
         base, inner = get_origin(kind) or kind, get_args(kind)
         if base in (Union, UnionType):
@@ -149,11 +124,7 @@ class Decoder(NamedTuple):
         raise ValueError(f"the kind {kind!r} cannot be read")
 
     def fields_of(self, cls: type, data: Any) -> dict[str, Any]:
-        """The fields of a class, by its annotations; those with defaults may be absent.
-
-        Raises:
-            ValueError: a field that the class does not have, or one without default is missing.
-        """
+        """The fields of a class, by its annotations; those with defaults may be absent."""
         hints = get_type_hints(cls, localns=dict(self.names))
         if is_dataclass(cls):
             hints = {f.name: hints[f.name] for f in fields(cls)}

@@ -4,28 +4,18 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
-def nearest(word: str, options: Iterable[str]) -> str:
-    """The option that a misspelt word most likely meant, in words; empty where nothing is near.
-
-    Example:
-        >>> nearest("sped", ["speed", "thrust"])
-        "the nearest is 'speed'"
-    """
+def nearest(word: str, options: Iterable[str], before: str = "") -> str:
+    """The option that a misspelt word most likely meant, in words; empty where nothing is near."""
     unique = list(dict.fromkeys(options))
     lowered: dict[str, str] = {}
     for option in unique:
         lowered.setdefault(option.lower().strip(), option)
     match = get_close_matches(word.lower().strip(), list(lowered), n=1, cutoff=0.5)
-    return f"the nearest is {lowered[match[0]]!r}" if match else ""
+    return f"{before}the nearest is {lowered[match[0]]!r}" if match else ""
 
 
 def listing(names: Iterable[str], limit: int = 30) -> str:
-    """Write names as ``'a', 'b' and 3 more``, so that a wide table does not flood the message.
-
-    Example:
-        >>> listing(["a", "b"])
-        "'a', 'b'"
-    """
+    """Write names as ``'a', 'b' and 3 more``, so that a wide table does not flood the message."""
     quoted = [repr(name) for name in names]
     if not quoted:
         return "none"
@@ -34,17 +24,10 @@ def listing(names: Iterable[str], limit: int = 30) -> str:
 
 
 def nearby(word: str, options: Iterable[str], most: int = 8) -> str:
-    """What could have been written: all of it and the nearest if it is little, else the nearest.
-
-    Example:
-        >>> nearby("sped", ["speed", "thrust"])
-        "there are 'speed', 'thrust'; the nearest is 'speed'"
-        >>> nearby("sped", [f"speed{k}" for k in range(30)])
-        "of 30 names the nearest are 'speed9', 'speed8', 'speed7'"
-    """
+    """What could have been written: all of it and the nearest if it is little, else the nearest."""
     names = list(dict.fromkeys(options))
     if len(names) <= most:
-        return "; ".join(filter(None, [f"there are {listing(names)}", nearest(word, names)]))
+        return f"there are {listing(names)}{nearest(word, names, '; ')}"
     near = get_close_matches(word.lower().strip(), names, n=3, cutoff=0.4)
     return (
         f"of {len(names)} names the nearest are {listing(near)}"
@@ -54,12 +37,7 @@ def nearby(word: str, options: Iterable[str], most: int = 8) -> str:
 
 
 def short_repr(value: object) -> str:
-    """What was found, for a message: as Python writes it, cut where it is long.
-
-    Example:
-        >>> short_repr([1, 2])
-        '[1, 2]'
-    """
+    """What was found, for a message: as Python writes it, cut where it is long."""
     try:
         text = repr(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits, lists without end

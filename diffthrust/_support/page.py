@@ -1,4 +1,4 @@
-"""Reports as one HTML page that a colleague reads without the library (Jinja2)."""
+"""Reports as HTML (Jinja2): in notebooks, and as a page that needs no library to be read."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from diffthrust._support.figures import unseen
 from diffthrust._support.literals import ToCopy
 from diffthrust._support.live import Live, script
 from diffthrust._support.report import OnPage, Picture, Report, Rows, Section, Styled
+from diffthrust._support.visible import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,6 +20,17 @@ if TYPE_CHECKING:
 
 def page(report: Report, title: str) -> str:
     """The page as text, under its heading; it refers to no other file and to no address."""
+    return _rendered(
+        "page.html", report=report, title=title, image=image, living=_living, script=script
+    )
+
+
+def notebook_html(report: Report) -> str:
+    """The report as one block of HTML for a notebook, the folded sections last."""
+    return _rendered("notebook.html", report=report)
+
+
+def _rendered(template: str, **values: Any) -> str:
     import jinja2
 
     environment = jinja2.Environment(
@@ -26,10 +38,9 @@ def page(report: Report, title: str) -> str:
     )
     environment.tests["kind"] = lambda part, name: type(part).__name__ == name
     environment.tests["copied"] = _copied
-    template = files("diffthrust._support").joinpath("page.html").read_text(encoding="utf-8")
-    return environment.from_string(template).render(
-        report=report, title=title, image=image, living=_living, script=script
-    )
+    environment.filters["visible"] = visible
+    text = files("diffthrust._support").joinpath(template).read_text(encoding="utf-8")
+    return environment.from_string(text).render(values)
 
 
 def _living(picture: Picture) -> Live | None:

@@ -70,15 +70,7 @@ def hover(drawn: Any, line: Any, rows: Sequence[tuple[str, str, str]]) -> None:
 
 
 class Staircase:
-    """The error of a model after each effect that was added.
-
-    Args:
-        height: of the figure [px].
-
-    Attributes:
-        figure: what is drawn.
-        heights: its vertical range.
-    """
+    """The error of a model after each effect that was added."""
 
     def __init__(self, height: int) -> None:
         self.steps: Any = ColumnDataSource(data={"step": [], "error": [], "label": [], "hatch": []})

@@ -99,12 +99,8 @@ def bar(begin: str = "working") -> Iterator[Progress]:
 
     Yields the function that receives progress. Where the error stream goes to a file or a pipe, a
     line of it tells every ten seconds how far the work is.
-
-    Example:
-        >>> with bar() as report:
-        ...     fit(model, logs, progress=report)
     """
-    draw, words_of = _place_to_draw()
+    draw, has_bar = _place_to_draw()
     message, share_done, drawn = begin, 0.0, 0.0
     start = time.monotonic()
     remaining = Remaining()
@@ -115,7 +111,8 @@ def bar(begin: str = "working") -> Iterator[Progress]:
         with drawing:
             drawn = time.monotonic()
             seconds = time.monotonic() - start
-            draw(words_of(message, share_done, seconds, remaining.after(seconds, share_done)))
+            seconds_left = remaining.after(seconds, share_done)
+            draw(_line(message, share_done, seconds, seconds_left, has_bar))
 
     def report(words: str, share: float) -> None:
         nonlocal message, share_done
@@ -162,31 +159,25 @@ class Remaining:
         return remaining
 
 
-def _line(message: str, share: float, seconds: float, remaining: float | None) -> str:
-    """The current step, its share and the time taken, as wide as the terminal."""
+def _line(
+    message: str, share: float, seconds: float, remaining: float | None, has_bar: bool
+) -> str:
+    """The current step, its share and the time taken; with a bar, as wide as the terminal."""
     clock = _clock(seconds) + (f", {_clock(remaining)} left" if remaining is not None else "")
+    if not has_bar:
+        return f"{100 * share:3.0f} % {clock}  {visible(message)}"
     room = min(_WIDEST, shutil.get_terminal_size().columns) - 1
     words = visible(message)[: room // 2]
     full = max(room - len(words) - len(clock) - 11, 1)
     return f"{words}  {100 * share:3.0f} % [{'#' * int(share * full):{full}}] {clock}"
 
 
-def _log_line(message: str, share: float, seconds: float, remaining: float | None) -> str:
-    """The same without a bar, for a file."""
-    clock = _clock(seconds) + (f", {_clock(remaining)} left" if remaining is not None else "")
-    return f"{100 * share:3.0f} % {clock}  {visible(message)}"
-
-
 def _clock(seconds: float) -> str:
     return f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
 
 
-_Words = Callable[[str, float, float, "float | None"], str]
-"""How a step, its share, the seconds and those left become a line."""
-
-
-def _place_to_draw() -> tuple[Callable[[str], None], _Words]:
-    """A function that draws a line over the previous one, or below it, and what makes the line."""
+def _place_to_draw() -> tuple[Callable[[str], None], bool]:
+    """A function that draws a line, and whether over the previous one, as a bar is drawn."""
     if sys.stderr.isatty():
 
         def draw(line: str) -> None:
@@ -194,10 +185,10 @@ def _place_to_draw() -> tuple[Callable[[str], None], _Words]:
             sys.stderr.write(f"\r{line:{wide}}" if line else f"\r{'':{wide}}\r")
             sys.stderr.flush()
 
-        return draw, _line
+        return draw, True
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if not hasattr(shell, "kernel"):
-        return _lines_below(), _log_line
+        return _lines_below(), False
     from IPython.display import display
 
     def cell_content(line: str) -> dict[str, str]:
@@ -205,7 +196,7 @@ def _place_to_draw() -> tuple[Callable[[str], None], _Words]:
 
     cell = display(cell_content(""), raw=True, display_id=True)
     assert cell is not None
-    return lambda line: cell.update(cell_content(line), raw=True), _line
+    return lambda line: cell.update(cell_content(line), raw=True), True
 
 
 def _lines_below() -> Callable[[str], None]:

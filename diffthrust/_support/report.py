@@ -21,12 +21,7 @@ Style = Literal["", "strong", "quiet", "good", "bad", "doubtful", "term"]
 
 
 class Styled(str):
-    """Text with the weight and colour that `STYLES` of a medium give it.
-
-    Args:
-        text: a sentence, or a piece of one.
-        style: what the text is, not how it looks.
-    """
+    """Text, and what it is: each medium has a weight and a colour for that."""
 
     style: Style
     breakable: bool
@@ -81,13 +76,7 @@ class Bullets(tuple[str, ...]):
 
 @dataclass(frozen=True)
 class Outcome:
-    """The conclusion of a report: a word, and a few sentences.
-
-    Args:
-        label: what the word is, such as "Status".
-        word: the outcome, ``Styled`` as good or bad.
-        sentences: what it means.
-    """
+    """The conclusion of a report: a label such as "Status", a word, and a few sentences."""
 
     label: str
     word: Styled
@@ -96,13 +85,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, which only pages show.
-
-    Args:
-        draw: makes the figure.
-        caption: what it shows.
-        live: makes one that lives, for readers with a script; ``None`` where it cannot.
-    """
+    """A figure, which only pages show; ``live`` makes one that lives, where it can."""
 
     draw: Callable[[], Figure]
     caption: str
@@ -124,13 +107,7 @@ Part = Text | Picture | OnPage
 
 
 class Section:
-    """Parts of a report under one heading; those that are empty are left out.
-
-    Args:
-        title: the heading; none if empty.
-        parts: what stands under it, in order.
-        folded: whether pages and notebooks show it only where a reader opens it.
-    """
+    """Parts of a report under one heading, the empty ones left out; it may be shown ``folded``."""
 
     def __init__(self, title: str, *parts: Part, folded: bool = False) -> None:
         self.title: str = title

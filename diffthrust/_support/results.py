@@ -44,7 +44,7 @@ class Result(Brief, ABC):
         return report_text(self._report())
 
     def _repr_html_(self) -> str:
-        from diffthrust._support.notebook import notebook_html
+        from diffthrust._support.page import notebook_html
 
         return notebook_html(self._report())
 

@@ -66,11 +66,7 @@ def _text(data: Any, depth: int = 0) -> str:
 
 
 def read_saved(path: Path | str) -> dict[str, Any]:
-    """The document in a file that `write_saved` has written.
-
-    Raises:
-        InputError: there is no such file, it is another one, damaged, or of another schema.
-    """
+    """The document in a file that `write_saved` has written, or `InputError`."""
     path = Path(path)
     mend = "Save the result again, or take a copy of the file as it was written."
     try:

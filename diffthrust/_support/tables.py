@@ -6,7 +6,6 @@ The only file that imports rich; all others hand over a `Report`.
 from __future__ import annotations
 
 import shutil
-import textwrap
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import replace
@@ -40,12 +39,9 @@ _WORD = 32
 """Longer words, such as paths, may be broken."""
 
 
-def report_text(report: Report | str) -> str:
+def report_text(report: Report) -> str:
     """A report as plain text without colours, as wide as the terminal and at most `WIDEST`."""
-    width = min(WIDEST, shutil.get_terminal_size((WIDEST, 24)).columns)
-    if isinstance(report, str):
-        return "\n".join(textwrap.fill(line, width) or line for line in report.split("\n"))
-    return plain_text(report, width)
+    return plain_text(report, min(WIDEST, shutil.get_terminal_size((WIDEST, 24)).columns))
 
 
 def plain_text(report: Report, width: int) -> str:

@@ -68,19 +68,13 @@ class Transfer:
         coefficients are of size one: the companion form by itself is badly scaled.
         """
         n = self.order
-        unit = 1.0
-        if n:
-            sizes = [abs(c) ** (1.0 / k) for k, c in enumerate(self.den) if k and c]
-            unit = max(sizes, default=1.0)
+        sizes = (abs(c) ** (1.0 / k) for k, c in enumerate(self.den) if k and c)
+        unit = max(sizes, default=1.0)
         power = unit ** np.arange(n + 1)
         den = self.den / power
         num = np.concatenate([np.zeros(n + 1 - self.num.size), self.num]) / power
-        a = np.zeros((n, n))
-        if n:
-            a[0] = -den[1:]
-            a[range(1, n), range(n - 1)] = 1.0
-        b = np.zeros(n)
-        b[:1] = 1.0
+        a, b = np.eye(n, k=-1), np.zeros(n)
+        a[:1], b[:1] = -den[1:], 1.0
         return unit * a, unit * b, num[1:] - num[0] * den[1:], float(num[0])
 
     def later(self, delay: float) -> Transfer:
@@ -91,14 +85,7 @@ class Transfer:
         """The same without dead time, which becomes an all-pass of this order (Pade)."""
         if not self.delay:
             return self
-        weights = [
-            math.factorial(2 * order - k)
-            * math.factorial(order)
-            / math.factorial(2 * order)
-            / math.factorial(k)
-            / math.factorial(order - k)
-            for k in range(order + 1)
-        ]
+        weights = [math.comb(order, k) / math.perm(2 * order, k) for k in range(order + 1)]
         plus = np.array([w * self.delay**k for k, w in enumerate(weights)])[::-1]
         minus = plus * (-1.0) ** np.arange(order + 1)[::-1]
         num, den = np.polymul(self.num, minus), np.polymul(self.den, plus)
@@ -131,17 +118,10 @@ class Transfer:
 def transfer_of(linear: Any) -> Transfer:
     """A linear system from numbers or from an object.
 
-    Args:
-        linear: ``(num, den)`` or ``(num, den, delay)`` with coefficients highest power first and
-            the dead time [s]; or an object with ``num`` and ``den``, or ``A``, ``B``, ``C``, ``D``,
-            such as those of python-control and SciPy.
-
-    Raises:
-        InputError: not one of these, several inputs or outputs, discrete time, more zeros than
-            poles, coefficients that are not finite real numbers, or a negative dead time.
-
-    Example:
-        >>> transfer_of(([4.0], [1.0, 3.0, 2.0, 0.0]))
+    ``linear`` is ``(num, den)`` or ``(num, den, delay)`` with coefficients highest power first and
+    the dead time [s]; or an object with ``num`` and ``den``, or ``A``, ``B``, ``C``, ``D``, such as
+    those of python-control and SciPy. An `InputError` refuses what is not one of these, has several
+    inputs or outputs, discrete time or more zeros than poles.
     """
     if isinstance(linear, Transfer):
         return linear
@@ -213,14 +193,14 @@ def _coefficients(value: Any, what: str) -> np.ndarray:
 
 def _from_states(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
     a, b, c, d = (np.atleast_2d(np.asarray(matrix, float)) for matrix in (a, b, c, d))
-    if d.shape != (1, 1) or not a.size:
-        if d.shape == (1, 1):
-            return d[0], np.ones(1)
+    if d.shape != (1, 1):
         raise InputError(
             f"The linear part has {d.shape[1]} inputs and {d.shape[0]} outputs; a limit cycle is "
             "sought in a loop with one of each.",
             "Pick one input and one output.",
         )
+    if not a.size:
+        return d[0], np.ones(1)
     from scipy.signal import ss2tf  # slow to import
 
     num, den = ss2tf(a, b, c, d)

@@ -22,11 +22,7 @@ _OTHER_KINDS = {
 
 
 def finite(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
-    """A finite number that meets a condition.
-
-    Raises:
-        InputError: it does not.
-    """
+    """A finite number that meets a condition, or `InputError`."""
     try:
         # float() takes True for 1 and "nan" for a number; both are mistakes in a place for numbers
         number = math.nan if isinstance(value, bool | str) else float(value)
@@ -38,11 +34,7 @@ def finite(where: str, value: Any, right: Callable[[float], bool], expected: str
 
 
 def whole_number(where: str, value: Any, least: int = 1) -> int:
-    """A whole number that is large enough.
-
-    Raises:
-        InputError: it is not.
-    """
+    """A whole number that is large enough, or `InputError`."""
     try:
         number = None if isinstance(value, bool) else operator.index(value)
     except TypeError:

@@ -11,14 +11,7 @@ _BYTE = 0xDC00
 
 
 def visible(text: str) -> str:
-    r"""The text with an escape in place of each invisible character.
-
-    Line ends and tabs stay. A backslash is not escaped, so the result cannot be parsed back.
-
-    Example:
-        >>> visible("run\x1b[31m.csv")
-        'run\\x1b[31m.csv'
-    """
+    """The text with an escape in place of each invisible character; line ends and tabs stay."""
     return _UNSEEN.sub(_escape, text)
 
 

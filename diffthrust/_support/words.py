@@ -14,12 +14,7 @@ _UNCOUNTED = (
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """A number with some significant digits, ``-`` where there is none.
-
-    Example:
-        >>> number(0.0123456)
-        '0.01235'
-    """
+    """A number with some significant digits, ``-`` where there is none."""
     if value is None or math.isnan(value):
         return "-"
     if value == 0 or 1e-4 <= abs(value) < 1e6:
@@ -29,12 +24,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def with_error(value: float, error: float | None) -> tuple[str, str]:
-    """A value and its standard error, both to the second digit of the error.
-
-    Example:
-        >>> with_error(0.0370107, 3.0357e-05)
-        ('0.037011', '0.000030')
-    """
+    """A value and its standard error, both to the second digit of the error."""
     if error is None or not error > 0 or not math.isfinite(value):
         return number(value), "-" if error is None else number(error, 2)
     places = 1 - math.floor(math.log10(error))
@@ -47,23 +37,13 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 
 
 def humanize(name: str) -> str:
-    """A name of the code in words.
-
-    Example:
-        >>> humanize("command_deadband")
-        'command dead band'
-    """
+    """A name of the code in words."""
     words = re.sub(r"\w+", lambda word: _SPELT.get(word[0], word[0]), name.replace("_", " "))
     return words.replace("half width", "half-width")
 
 
 def an(words: str) -> str:
-    """The words with their article, where they take one.
-
-    Example:
-        >>> an("actuator lag"), an("Coulomb friction")
-        ('an actuator lag', 'Coulomb friction')
-    """
+    """The words with their article, where they take one."""
     if words.endswith(_UNCOUNTED):
         return words
     return f"{'an' if words[0].lower() in 'aeiou' else 'a'} {words}"
@@ -90,12 +70,7 @@ def probability(p_value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage; a small one is not rounded to zero.
-
-    Example:
-        >>> percent(0.617), percent(0.0042)
-        ('62 %', '0.4 %')
-    """
+    """A share as a percentage; a small one is not rounded to zero."""
     return f"{100 * share:.{0 if share >= 0.0095 or share == 0 else 1}f} %"
 
 
@@ -108,20 +83,10 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 
 def count_words(count: int) -> str:
-    """A small number in words.
-
-    Example:
-        >>> count_words(3), count_words(12)
-        ('three', 'many')
-    """
+    """A small number in words."""
     return _COUNTS[count] if count < len(_COUNTS) else "many"
 
 
 def counted(count: int, noun: str) -> str:
-    """So many of something.
-
-    Example:
-        >>> counted(1, "thruster"), counted(3, "thruster")
-        ('one thruster', 'three thrusters')
-    """
+    """So many of something."""
     return f"{count_words(count)} {noun}{'s' * (count != 1)}"

@@ -16,11 +16,10 @@ from diffthrust._support.files import ending, write_whole
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.validation import whole_number
 from diffthrust._support.visible import in_line
-from diffthrust.checks._expected import CheckRow, compared, updated
-from diffthrust.checks._marks import marks_of
+from diffthrust.checks._expected import CheckRow, compared, marks_of, updated
 from diffthrust.checks._result import Checked, FitRun, not_run
-from diffthrust.specs._compile_key import compile_key
-from diffthrust.specs._file import NAME
+from diffthrust.simulation._step_size import CoarseStepWarning
+from diffthrust.specs._file import NAME, compile_key
 from diffthrust.specs._scripts import as_input_error
 from diffthrust.specs._spec import load_spec
 
@@ -133,19 +132,13 @@ def _unreadable(error: OSError) -> NoReturn:
 
 
 def _run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
-    """Run fits; yields the index and outcome of each, as they finish.
-
-    In several processes where there is more than one job: a fit whose process dies counts as not
-    run.
-    """
+    """Run fits; yields the index and outcome of each, as they finish."""
     if jobs == 1:
         yield from ((i, run_again(*task)) for i, task in enumerate(tasks))
         return
     workers = [Worker(run_again) for _ in range(jobs)]
     with WorkerPool(workers, key=lambda task: compile_key(task.file)) as pool:
-        for outcome in as_done(pool, _in_process, tasks):
-            if outcome is not None:
-                yield outcome[0], outcome[1].result()
+        yield from ((i, run.result()) for i, run in as_done(pool, _in_process, tasks))
 
 
 def _in_process(task: Task) -> FitRun:
@@ -163,12 +156,7 @@ def _in_process(task: Task) -> FitRun:
 
 
 def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> FitRun:
-    """Rerun a stored fit, and compare it with its [expected] block or update the block.
-
-    A fit that cannot be run, or has no expected values, gives a failed row.
-    """
-    from diffthrust.simulation._step_size import CoarseStepWarning
-
+    """Rerun a stored fit, and compare it with its [expected] block or update the block."""
     begin, new, since = time.perf_counter(), False, ""
     with warnings.catch_warnings(record=True) as caught:
         # "always": Python otherwise issues a warning once per line of code, so that the second fit
@@ -207,8 +195,7 @@ def _rows(
     if not rows:
         mend = "Remove the empty [expected] block and run diffthrust check --update."
         rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]
-    agrees = all(row.ok for row in rows)
-    return rows, False, marks.data_since(expected) if agrees else marks.since(expected)
+    return rows, False, marks.since(expected, all(row.ok for row in rows))
 
 
 def _write_over(path: Path, original: str, replacement: str) -> None:
@@ -234,8 +221,6 @@ def _write_over(path: Path, original: str, replacement: str) -> None:
 
 def _warn(runs: Sequence[FitRun]) -> None:
     """Repeat the warnings of the fits, with their names."""
-    from diffthrust.simulation._step_size import CoarseStepWarning
-
     for run in runs:
         for text in run.warnings:
             # stacklevel 4: _warn, check and the decorator of `progress` lie between here and the

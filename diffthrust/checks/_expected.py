@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,16 +16,21 @@ from tomlkit.items import Item, Table
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.checks._marks import Marks
+from diffthrust._support.visible import visible
+from diffthrust._support.words import joined
+from diffthrust.estimation._origin import versions
 from diffthrust.specs._file import parse_toml
 from diffthrust.specs._parts import ExpectedNumber, ExpectedPart
 
 if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
+    from diffthrust.specs._spec import Spec
 
 _NUMBERS = ("expected", "found", "tolerance", "std_error")
 _FOR_PEOPLE = ("per", "shown_unit")
 _ERRORS = ("train_nrmse", "holdout_nrmse")
+_DIGITS = 16
+"""Digits of a hash that are written: enough to identify a file."""
 _SHARE = 0.1
 """A parameter may move by this share of its standard error."""
 _ROUNDING = 1e-8
@@ -101,6 +107,78 @@ class CheckRow:
         return replace(self, **scaled, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
 
 
+@dataclass(frozen=True)
+class Marks:
+    """Fingerprints of a stored fit, to report what has changed since.
+
+    Args:
+        library: versions, such as "diffthrust 0.1.0, jax 0.10.2, numpy 2.4.6".
+        spec: hash of the spec without [expected].
+        data: hash of each log file, by its path relative to the spec.
+    """
+
+    library: str
+    spec: str
+    data: dict[str, str]
+
+    def since(self, expected: ExpectedPart, agrees: bool) -> str:
+        """A sentence on what changed since a block was written; "" where results agree on its data.
+
+        A heading off by five degrees in one sample stays within every tolerance, and is no less
+        another file.
+        """
+        stored, data = expected.data, self.data
+        files = [file for file in {**stored, **data} if stored.get(file) != data.get(file)]
+        if agrees:
+            if not (stored and files):
+                return ""
+            return (
+                f"The data ({', '.join(files)}) changed since it was stored; the results stay "
+                "within their tolerances. Restore the data, or accept them: diffthrust check "
+                "--update."
+            )
+        if not (expected.library and expected.spec and stored):
+            return (
+                "Its [expected] block does not name the data, spec and library that it belongs to: "
+                "diffthrust check --update adds them."
+            )
+        changed = {
+            "data": f"the data ({', '.join(files)})" if files else "",
+            "spec": "the spec" if expected.spec != self.spec else "",
+            "library": f"the library (it was {expected.library}; now {self.library})"
+            if expected.library != self.library
+            else "",
+        }
+        same = [name for name, words in changed.items() if not words]
+        if len(same) == len(changed):
+            return (
+                "Data, spec and versions are as stored: the code of diffthrust or the machine has "
+                "moved it."
+            )
+        unchanged = f"; {joined(same)} {'is' if len(same) == 1 else 'are'} the same" if same else ""
+        return f"Since it was stored {joined(filter(None, changed.values()))} changed{unchanged}."
+
+    def of(self, expected: ExpectedPart) -> bool:
+        """Whether a block has the same data and spec, whatever the library."""
+        return bool(expected.library) and (expected.spec, expected.data) == (self.spec, self.data)
+
+
+def marks_of(spec: Spec, fit: Fit) -> Marks:
+    """The fingerprints of a spec's fit."""
+    assert fit.origin is not None
+    logs = (*fit.origin.train, *fit.origin.holdout)
+    files, here = (*spec.train, *spec.holdout), spec.path.parent
+    return Marks(
+        library=", ".join(f"{name} {version}" for name, version in versions().items()),
+        spec=spec.sha256[:_DIGITS],
+        data={
+            visible(os.path.relpath(file, here)).replace(os.sep, "/"): log.file.sha256[:_DIGITS]
+            for file, log in zip(files, logs, strict=True)
+            if log.file is not None
+        },
+    )
+
+
 class FoundNumber(NamedTuple):
     """A number of a fit, its standard error, and the least sensible tolerance."""
 
@@ -123,8 +201,7 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
         quantity = key.removeprefix("parameters.")
         if key not in now:
             names = [k.removeprefix("parameters.") for k in now]
-            near = nearest(quantity, names)
-            mend = f"{quantity!r} is no result of this fit{'; ' + near if near else ''}; "
+            mend = f"{quantity!r} is no result of this fit{nearest(quantity, names, '; ')}; "
             mend += f"there are {listing(names)}."
             yield CheckRow(name, quantity, number.value, None, number.tolerance, False, mend)
             continue
@@ -140,10 +217,7 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
 
 
 def _allowed(expected: ExpectedNumber, now: FoundNumber) -> float:
-    """Allowed change of a number: its tolerance, or from its standard error, or from its size.
-
-    A refit of the same data differs only by rounding, far less than a tenth of a standard error.
-    """
+    """Allowed change of a number: its tolerance, or from its standard error, or from its size."""
     if expected.tolerance is not None:
         return expected.tolerance
     if expected.std_error is not None:

@@ -50,12 +50,7 @@ def by_size(rows: Iterable[CheckRow]) -> list[CheckRow]:
 
 
 def by_how_much(row: CheckRow) -> str:
-    """The change in expected standard errors; in per cent where there is none.
-
-    Example:
-        >>> by_how_much(CheckRow("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
-        '+4.0 std errors'
-    """
+    """The change in expected standard errors; in per cent where there is none."""
     if row.difference is not None:
         digits = 1 if abs(row.difference) >= 1 else 2
         return f"{row.difference:+.{digits}f} std errors"
@@ -68,12 +63,7 @@ def by_how_much(row: CheckRow) -> str:
 
 
 def sentence(row: CheckRow) -> str:
-    """A row in words, for lists that hold no tables.
-
-    Example:
-        >>> sentence(CheckRow("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
-        'alpha: expected 1.000, found 1.400 (+4.0 std errors)'
-    """
+    """A row in words, for lists that hold no tables."""
     row = row.in_display_unit
     if row.expected is None:
         return row.quantity if row.found is None else f"{row.quantity}: {row.found}"

@@ -10,15 +10,12 @@ import typer
 
 from diffthrust.cli._campaign import campaign_command
 from diffthrust.cli._check import check_command
-from diffthrust.cli._compare import compare_command
 from diffthrust.cli._demo import demo_command
-from diffthrust.cli._diagnose import diagnose_command
-from diffthrust.cli._explore import explore_command
 from diffthrust.cli._export import export_command
-from diffthrust.cli._fit import fit_command
+from diffthrust.cli._fit import compare_command, diagnose_command, fit_command
 from diffthrust.cli._interrupt import ended_soon
 from diffthrust.cli._lists import cache_command, datasets_command, effects_command
-from diffthrust.cli._look import look_command
+from diffthrust.cli._look import explore_command, look_command
 from diffthrust.cli._map import map_command
 from diffthrust.cli._new import new_command, new_effect_command
 from diffthrust.cli._sample import sample_command

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -20,21 +19,14 @@ from diffthrust.cli._session import (
 )
 
 
-class TaskName(StrEnum):
-    """The tasks, by the names of the option."""
-
-    fit = "fit"
-    diagnose = "diagnose"
-    sample = "sample"
-
-
 def campaign_command(
     directory: Annotated[
         Path, typer.Argument(metavar="DIR", help="A folder, searched recursively.")
     ],
     task: Annotated[
-        TaskName, typer.Option("--task", help="What to do with each spec.")
-    ] = TaskName.fit,
+        Literal["fit", "diagnose", "sample"],
+        typer.Option("--task", help="What to do with each spec."),
+    ] = "fit",
     output: Annotated[
         Path, typer.Option("--output", metavar="OUT", help="Where the results go.")
     ] = Path("campaign_output"),
@@ -49,8 +41,7 @@ def campaign_command(
         typer.Option("--cluster", metavar="ADDRESS", help="The scheduler of a Dask cluster."),
     ] = None,
     time_limit: Annotated[
-        float | None,
-        typer.Option("--time-limit", metavar="S", help="Kill a task after S seconds."),
+        float | None, typer.Option("--time-limit", metavar="S", help="Kill a task after S seconds.")
     ] = None,
     candidates: Annotated[
         str | None,
@@ -81,7 +72,7 @@ def campaign_command(
 
         finished = campaign(
             directory,
-            task=task.value,
+            task=task,
             output=output,
             executor=cluster,
             jobs=jobs,

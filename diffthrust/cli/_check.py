@@ -14,7 +14,7 @@ from diffthrust.cli._session import (
     CHECK_FAILED,
     JsonPath,
     TrustOption,
-    file_type,
+    file_option,
     session,
     show,
     written,
@@ -46,12 +46,7 @@ def check_command(
     ] = None,
     junit: Annotated[
         Path | None,
-        typer.Option(
-            "--junit",
-            metavar="FILE.xml",
-            help="Write the results as JUnit XML, for CI services.",
-            callback=file_type(".xml"),
-        ),
+        file_option("--junit", "FILE.xml", "Write the results as JUnit XML, for CI services."),
     ] = None,
     trust: TrustOption = None,
     json: JsonPath = None,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from diffthrust._support.errors import InputError
-from diffthrust.cli._diagnose import diagnose_command
+from diffthrust.cli._fit import diagnose_command
 from diffthrust.cli._session import session, show, write_figure, written
 
 

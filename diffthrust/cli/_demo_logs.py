@@ -16,10 +16,7 @@ from diffthrust.simulation._simulate import simulate
 _STEP = 0.05
 _SAMPLES = 1200
 _SEEDS = {"train_1.csv": 1, "train_2.csv": 2, "unseen.csv": 3}
-HIDDEN = (
-    effects.CommandDeadband(half_width=0.25),
-    effects.ReverseThrustAsymmetry(change=-0.15),
-)
+HIDDEN = (effects.CommandDeadband(half_width=0.25), effects.ReverseThrustAsymmetry(change=-0.15))
 _SPEC = """\
 # A simulated thruster with effects that the plain model lacks. Which? Ask:
 #
@@ -47,11 +44,7 @@ unit = "N"
 
 
 def hidden_folder(folder: Path) -> Path:
-    """Write three logs of a thruster with hidden effects, and a spec of the plain model.
-
-    Example:
-        >>> spec = load_spec(hidden_folder(Path("demo_output")))
-    """
+    """Write three logs of a thruster with hidden effects, and a spec of the plain model."""
     folder_at(folder)
     spec = folder / "fit.toml"
     # A second run may overwrite its own files, never a spec that somebody wrote: the demo's starts

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from diffthrust._support.errors import InputError
 from diffthrust.cli._session import TrustOption, session, written
-
-
-class ExportTarget(StrEnum):
-    """The export formats, by the names of the option."""
-
-    python = "python"
-    c = "c"
-    lut = "lut"
-    gz = "gz"
-    uuv = "uuv"
-    stonefish = "stonefish"
 
 
 def export_command(
@@ -31,7 +19,7 @@ def export_command(
         ),
     ],
     to: Annotated[
-        ExportTarget,
+        Literal["python", "c", "lut", "gz", "uuv", "stonefish"],
         typer.Option(
             "--to",
             help="A module of plain Python, a C99 header, a steady-state table of force and "
@@ -69,7 +57,7 @@ def export_command(
             from diffthrust.specs._spec import load_spec
 
             files = load_spec(fit, trust=trust or ()).fit(progress=progress)
-        exported = files.export(to.value, output, limits=limits)
+        exported = files.export(to, output, limits=limits)
     if output is None:
         typer.echo(exported.text)
     for note in exported.notes:

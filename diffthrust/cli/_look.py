@@ -1,4 +1,4 @@
-"""The command ``diffthrust look``: survey a log, and draft a spec file; or draw a craft."""
+"""The commands that look at logs: ``look`` surveys them or draws a craft; ``explore``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_json
 from diffthrust._support.visible import visible
 from diffthrust.cli._session import (
-    FIGURE_TYPES,
     JsonPath,
-    file_type,
+    TrustOption,
+    figure_option,
+    file_option,
     session,
     show,
     write_figure,
@@ -27,22 +28,10 @@ def look_command(
         typer.Argument(metavar="FILE...", help="A log, several of one kind, or a folder of them."),
     ] = None,
     figure: Annotated[
-        Path | None,
-        typer.Option(
-            "--figure",
-            metavar="FILE.png",
-            help="Draw the channels over time, or the craft (.png, .svg, .pdf).",
-            callback=file_type(*FIGURE_TYPES),
-        ),
+        Path | None, figure_option("Draw the channels over time, or the craft (.png, .svg, .pdf).")
     ] = None,
     spec: Annotated[
-        Path | None,
-        typer.Option(
-            "--spec",
-            metavar="FILE.toml",
-            help="Write the draft of a spec file.",
-            callback=file_type(".toml"),
-        ),
+        Path | None, file_option("--spec", "FILE.toml", "Write the draft of a spec file.")
     ] = None,
     craft: Annotated[
         Path | None,
@@ -107,3 +96,31 @@ def _show_craft(path: Path, figure: Path | None) -> None:
         typer.echo(
             f"Next: diffthrust look --craft {visible(str(path))} --figure craft.png draws it"
         )
+
+
+def explore_command(
+    what: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SPEC|LOG|FIT",
+            help="A spec file or its folder, a log or a folder of logs, or a saved fit or "
+            "diagnosis.",
+        ),
+    ],
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address, and open no browser.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Listen there; 0 for any free one.")
+    ] = 0,
+    trust: TrustOption = None,
+) -> None:
+    """Look at logs, drag, add what is missing, and watch the error fall: a page in the browser."""
+    with session() as progress:
+        from diffthrust.workbench import explore
+
+        progress("opening the logs", 0.0)
+        bench = explore(what, trust=trust or (), browser=not no_browser, wait=False, port=port)
+    typer.echo(f"The workbench: {bench.address}")
+    typer.echo("It ends by Ctrl-C, or an hour after its page was closed.")
+    bench.wait()

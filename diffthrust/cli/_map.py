@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_json
 from diffthrust.cli._session import (
-    FIGURE_TYPES,
     JsonPath,
+    NoFitOption,
     SpecPath,
     TrustOption,
-    file_type,
+    figure_option,
     session,
     show,
     write_figure,
@@ -35,15 +34,6 @@ _SPAN = 50.0
 """Default ratio of largest to smallest amplitude."""
 
 
-class MapMethod(StrEnum):
-    """The methods, by the names of the option."""
-
-    simulation = "simulation"
-    harmonic_balance = "harmonic_balance"
-    paper = "paper"
-    consistent = "consistent"
-
-
 def map_command(
     spec: SpecPath,
     amplitudes: Annotated[
@@ -60,13 +50,13 @@ def map_command(
         typer.Option("--frequencies", metavar="A,B,... or MIN:MAX:N", help="In rad/s; N as above."),
     ] = f"0.1:30:{_POINTS}",
     method: Annotated[
-        MapMethod,
+        Literal["simulation", "harmonic_balance", "paper", "consistent"],
         typer.Option(
             "--method",
             help="simulation and harmonic_balance take any model; paper and consistent are the "
             "closed forms of the plain thruster.",
         ),
-    ] = MapMethod.simulation,
+    ] = "simulation",
     harmonics: Annotated[
         int, typer.Option("--harmonics", metavar="N", min=1, help="Number in a harmonic balance.")
     ] = 15,
@@ -75,9 +65,7 @@ def map_command(
     ] = "command",
     output: Annotated[str, typer.Option("--output", metavar="NAME", help="The output.")] = "thrust",
     bias: Annotated[float, typer.Option("--bias", metavar="X", help="Mean of the input.")] = 0.0,
-    no_fit: Annotated[
-        bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
-    ] = False,
+    no_fit: NoFitOption = False,
     draws: Annotated[
         int | None,
         typer.Option(
@@ -88,15 +76,7 @@ def map_command(
         ),
     ] = None,
     json: JsonPath = None,
-    figure: Annotated[
-        Path | None,
-        typer.Option(
-            "--figure",
-            metavar="FILE.png",
-            help="Draw gain and phase.",
-            callback=file_type(*FIGURE_TYPES),
-        ),
-    ] = None,
+    figure: Annotated[Path | None, figure_option("Draw gain and phase.")] = None,
     trust: TrustOption = None,
 ) -> None:
     """Map gain and phase of the fitted model over amplitude and frequency."""
@@ -121,7 +101,7 @@ def map_command(
         fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=unseen)
         requested: Any = {
             **{"input": input, "output": output, "bias": bias},
-            **{"method": method.value, "harmonics": harmonics},
+            **{"method": method, "harmonics": harmonics},
         }
         if draws is None:
             response = describing_function(fit or loaded.model, **grids, **requested)

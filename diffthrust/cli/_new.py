@@ -26,8 +26,7 @@ def new_command(
         Path, typer.Option("--directory", metavar="DIR", help="The folder of the fits.")
     ] = Path("fits"),
     workflow: Annotated[
-        bool,
-        typer.Option("--workflow", help="Also write .github/workflows/fits.yml, the CI gate."),
+        bool, typer.Option("--workflow", help="Also write .github/workflows/fits.yml, the CI gate.")
     ] = False,
 ) -> None:
     """Make DIR/NAME with a commented spec and example logs, ready to take logs of your own."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -14,26 +13,19 @@ from diffthrust.cli._session import (
     ReportPath,
     SpecPath,
     TrustOption,
-    file_type,
+    file_option,
     session,
     show,
     written,
 )
 
 
-class Sampler(StrEnum):
-    """The samplers, by the names of the option."""
-
-    emcee = "emcee"
-    nuts = "nuts"
-
-
 def sample_command(
     spec: SpecPath,
     method: Annotated[
-        Sampler,
+        Literal["emcee", "nuts"],
         typer.Option("--method", help="emcee: an ensemble of walkers; nuts: uses the gradient."),
-    ] = Sampler.emcee,
+    ] = "emcee",
     draws: Annotated[
         int, typer.Option("--draws", metavar="N", min=10, help="Draws of each walker or chain.")
     ] = 2000,
@@ -45,11 +37,11 @@ def sample_command(
     ] = 0,
     file: Annotated[
         Path | None,
-        typer.Option(
+        file_option(
             "--file",
-            metavar="CHAIN.h5",
-            help="Keep the chain in this file (emcee); a killed run resumes from it.",
-            callback=file_type(".h5", ".hdf5"),
+            "CHAIN.h5",
+            "Keep the chain in this file (emcee); a killed run resumes from it.",
+            ".hdf5",
         ),
     ] = None,
     walkers: Annotated[
@@ -60,11 +52,10 @@ def sample_command(
     report: ReportPath = None,
     save: Annotated[
         Path | None,
-        typer.Option(
+        file_option(
             "--save",
-            metavar="FILE.nc",
-            help="Save the posterior as netCDF, for ArviZ; in Python dft.load(FILE) reads it.",
-            callback=file_type(".nc"),
+            "FILE.nc",
+            "Save the posterior as netCDF, for ArviZ; in Python dft.load(FILE) reads it.",
         ),
     ] = None,
     trust: TrustOption = None,
@@ -79,7 +70,7 @@ def sample_command(
         from diffthrust.uncertainty._sampling.summary import sampled
         from diffthrust.uncertainty._sampling.tables import sample_report
 
-        check_sampling(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
+        check_sampling(method, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec, trust=trust or ())
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         notify = reporter(progress)
@@ -87,7 +78,7 @@ def sample_command(
         post = sample(
             fit,
             train,
-            method=method.value,
+            method=method,
             draws=draws,
             warmup=warmup,
             walkers=walkers,

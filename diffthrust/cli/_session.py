@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from diffthrust._support.errors import InputError, refused
+from diffthrust._support.errors import Defect, InputError
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.visible import visible
 from diffthrust.cli._interrupt import STOPPED, interrupted, report_stopped
@@ -49,30 +49,18 @@ def session() -> Iterator[Progress]:
         raise typer.Exit(_report_error(error)) from None
 
 
-def _report_error(error: BaseException) -> int:
+def _report_error(error: Exception | KeyboardInterrupt) -> int:
     """Report the error that ended a command, and return its exit status."""
     if isinstance(error, KeyboardInterrupt) or interrupted():
         # An interrupted import raises ImportError, an interrupted read looks like a damaged file.
         report_stopped(visible(str(error)) if isinstance(error, KeyboardInterrupt) else "")
         return STOPPED
     if not isinstance(error, InputError):
-        # An exception whose traceback ends in a user's script is a mistake of the script, with a
-        # line to correct, not a defect of the library.
-        from diffthrust.specs._scripts import error_in_script
+        from diffthrust.specs._scripts import as_input_error  # takes a second
 
-        error = error_in_script(error) or error
-    if isinstance(error, OSError):
-        error = InputError(*refused(error))
-    if isinstance(error, InputError):
-        typer.echo(f"Error: {error}", err=True)
-        return BAD_INPUT
-    typer.echo(
-        "A defect of diffthrust, not of your input: "
-        f"{type(error).__name__}: {visible(str(error))}\n"
-        "Mend: please report it, with what DIFFTHRUST_DEBUG=1 prints when set before the command.",
-        err=True,
-    )
-    return DEFECT
+        error = as_input_error(error, " ".join(["diffthrust", *sys.argv[1:]]))
+    typer.echo(f"Error: {error}", err=True)
+    return DEFECT if isinstance(error, Defect) else BAD_INPUT
 
 
 def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
@@ -85,11 +73,28 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
         typer.echo(f"{over}Warning: {visible(str(message))}", err=True)
 
 
+def file_option(flag: str, metavar: str, help: str, *more: str) -> Any:
+    """An option for a file to write; its ending, that of metavar or more, is checked early."""
+
+    def check(path: Path | None) -> Path | None:
+        try:
+            if path:
+                ending(path, Path(metavar).suffix, *more)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from None
+        return path
+
+    return typer.Option(flag, metavar=metavar, help=help, callback=check)
+
+
+def figure_option(help: str) -> Any:
+    """The option for a figure to draw."""
+    return file_option("--figure", "FILE.png", help, *FIGURE_TYPES[1:])
+
+
 SpecPath = Annotated[
     Path, typer.Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
 ]
-
-
 FittedPath = Annotated[
     Path,
     typer.Argument(
@@ -97,8 +102,6 @@ FittedPath = Annotated[
         help="A spec file (TOML), a folder with a fit.toml, or a fit that fit --save has kept.",
     ),
 ]
-
-
 TrustOption = Annotated[
     list[Path] | None,
     typer.Option(
@@ -107,49 +110,18 @@ TrustOption = Annotated[
         help="A folder whose scripts specs may run, besides those in and below their own.",
     ),
 ]
-
-
-def file_type(*kinds: str) -> Callable[[Path | None], Path | None]:
-    """An early check of a file's suffix."""
-
-    def check(path: Path | None) -> Path | None:
-        try:
-            if path:
-                ending(path, *kinds)
-        except InputError as error:
-            raise typer.BadParameter(str(error)) from None
-        return path
-
-    return check
-
-
-JsonPath = Annotated[
-    Path | None,
-    typer.Option(
-        "--json",
-        metavar="FILE.json",
-        help="Write the results as JSON.",
-        callback=file_type(".json"),
-    ),
+NoFitOption = Annotated[
+    bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
 ]
+JsonPath = Annotated[Path | None, file_option("--json", "FILE.json", "Write the results as JSON.")]
 ReportPath = Annotated[
     Path | None,
-    typer.Option(
-        "--report",
-        metavar="FILE.html",
-        help="Write a page with tables and figures.",
-        callback=file_type(".html", ".htm"),
-    ),
+    file_option("--report", "FILE.html", "Write a page with tables and figures.", ".htm"),
 ]
-
-
 SavePath = Annotated[
     Path | None,
-    typer.Option(
-        "--save",
-        metavar="FILE.json",
-        help="Save the complete result; in Python dft.load(FILE) loads it.",
-        callback=file_type(".json"),
+    file_option(
+        "--save", "FILE.json", "Save the complete result; in Python dft.load(FILE) loads it."
     ),
 ]
 

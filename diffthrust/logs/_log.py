@@ -477,7 +477,7 @@ class Log(LogEdits):
         )
 
     def _repr_html_(self) -> str:
-        from diffthrust._support.notebook import notebook_html
+        from diffthrust._support.page import notebook_html
         from diffthrust._support.words import number
 
         display, rows = ShownUnits([self.written]), []

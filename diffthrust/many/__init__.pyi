@@ -1,7 +1,7 @@
 from ._batch.calls import compare as compare
+from ._batch.calls import describing_function as describing_function
 from ._batch.calls import fit as fit
 from ._batch.calls import sample as sample
-from ._batch.maps import describing_function as describing_function
 from ._batch.result import Many as Many
 from ._campaign.campaign import Campaign as Campaign
 from ._campaign.campaign import campaign as campaign

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,23 +55,39 @@ def settling_time(
         >>> round(dft.plans.settling_time(dft.Thruster(), ["speed"], {"command": 2.0}), 1)
         1.5
     """
-    span = 20.0 * first
-    while span <= MAX_REST:
+    units = {name: {**model.inputs, **model.optional_inputs}[name] for name in inputs}
+
+    def simulated(span: float) -> tuple[np.ndarray, ...]:
         time = np.linspace(0.0, span, _SAMPLES)
         rows = {name: np.full(time.size, level) for name, level in inputs.items()}
-        units = {name: {**model.inputs, **model.optional_inputs}[name] for name in rows}
         outputs = simulate(model, Log(time, rows, units=units))
-        times = [settled(time, outputs[name]) for name in channels]
-        # Settled in the first half: the last value, from which the distance counts, is then the
-        # steady one.
-        if max(times) < 0.5 * span:
-            return max(times)
+        return time, *(outputs[name] for name in channels)
+
+    rested = time_to_rest(simulated, 20.0 * first)
+    if rested is None:
+        raise InputError(
+            f"{model}: {', '.join(channels)} do not come to rest within {MAX_REST:g} s after a "
+            f"step to {dict(inputs)}.",
+            "Look at the parameters, or give settle.",
+        )
+    return rested[0]
+
+
+def time_to_rest(
+    simulated: Callable[[float], tuple[np.ndarray, ...]], span: float
+) -> tuple[float, list[float]] | None:
+    """Settling time, and last value of each series that a simulation over a span gives with time.
+
+    The span is doubled until all have settled in its first half: the last value, from which the
+    distance counts, is then the steady one.
+    """
+    while span <= MAX_REST:
+        time, *series = simulated(span)
+        settling = max(settled(time, values) for values in series)
+        if settling < 0.5 * span:
+            return settling, [float(values[-1]) for values in series]
         span *= 2.0
-    raise InputError(
-        f"{model}: {', '.join(channels)} do not come to rest within {MAX_REST:g} s after a step to "
-        f"{dict(inputs)}.",
-        "Look at the parameters, or give settle.",
-    )
+    return None
 
 
 def settled(time: np.ndarray, values: np.ndarray) -> float:

@@ -93,7 +93,6 @@ class PlanCheck(Result):
         return tuple(finding for finding in self.findings if not finding.good)
 
     def _report(self) -> Report:
-
         rows = [(f.run, f.what, f.found, "ok" if f.good else "!") for f in self.findings]
         headings = ("Run", "Planned", "Found", "")
         return Report(Section("", Rows.of(headings, rows), f"{self._line()}."))

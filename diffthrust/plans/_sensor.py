@@ -67,12 +67,11 @@ def depth_calibration(
             "Narrow the limits, or give the sensor's own slope and offset: sensor=LinearSensor().",
         )
     settle, down = np.log(100.0) * time_constant, np.linspace(low, high, count)
-    runs = {
-        f"reading_{i + 1}_{'up' if i % 2 else 'down'}": Log(
-            *_held(down[::-1] if i % 2 else down, settle + hold, step), units={"depth": "m"}
-        )
-        for i in range(times)
-    }
+    runs = {}
+    for i in range(times):
+        time, depth = staircase((down[::-1] if i % 2 else down).tolist(), settle + hold, step)
+        name = f"reading_{i + 1}_{'up' if i % 2 else 'down'}"
+        runs[name] = Log(time, {"depth": depth}, units={"depth": "m"})
     return Plan(
         name="depth_calibration",
         source="Aras et al. 2013, section 4.2",
@@ -81,10 +80,3 @@ def depth_calibration(
         measure=("reading",),
         note="Note the reading in air: the sensor measures absolute pressure.",
     )
-
-
-def _held(
-    depths: np.ndarray, dwell: float, step: float
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    time, values = staircase(depths.tolist(), dwell, step)
-    return time, {"depth": values}

@@ -1,4 +1,4 @@
-"""Plans for thrusters: the static tests and the dynamic test."""
+"""Plans for thrusters: the static tests, the dynamic test, and steps of a speed loop."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.validation import finite
+from diffthrust.control import Loop, Step
 from diffthrust.logs._log import Log
 from diffthrust.models import DCMotorThruster
 from diffthrust.models._base.model import Model
 from diffthrust.papers._commands import lowpass_noise, staircase
 from diffthrust.papers.aras import steady_map as aras_map
-from diffthrust.plans._checks import checked_limits, settling_time
+from diffthrust.plans._checks import MAX_REST, checked_limits, settling_time, time_to_rest
 from diffthrust.plans._plan import Plan
 
 _OUTPUTS = ("speed", "thrust")
 _SOURCE = "Yoerger, Cooke & Slotine 1990, section III"
+_REACHED = 0.01
+"""Share by which a steady speed may differ from the wanted one."""
 
 
 def static_test(
@@ -58,9 +61,7 @@ def static_test(
     low, high = checked_limits("static_test", limits)
     finite("static_test, hold", hold, lambda x: x > 0, "seconds, above zero")
     count = int(finite("static_test, levels", levels, lambda x: x >= 2, "2 or more"))
-    ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end != 0.0]
-    heights = [x for end in ends for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
-    return _held("static_test", _SOURCE, model, heights, hold, step, settle)
+    return _held("static_test", _SOURCE, model, _steps(low, high, count), hold, step, settle)
 
 
 def dynamic_test(
@@ -148,10 +149,9 @@ def steady_map(
     # Even steps of thrust, not of voltage: thrust grows with the square of the voltage, so even
     # voltages would crowd the points where it is small.
     heights: list[float] = []
-    for end in (max(high, 0.0), min(low, 0.0)):
-        if end:
-            thrust = np.linspace(0.0, _thrust_at(model, abs(end)), count + 1)[1:]
-            heights += [*(np.sign(end) * aras_map(model, thrust).own), 0.0]
+    for end in _ends(low, high):
+        thrust = np.linspace(0.0, _thrust_at(model, abs(end)), count + 1)[1:]
+        heights += [*(np.sign(end) * aras_map(model, thrust).own), 0.0]
     plan = _held("steady_map", "Aras et al. 2013, section 2.2", model, heights, hold, step, settle)
     return replace(plan, note="On a bollard: the vessel held, the water at rest before each level.")
 
@@ -172,6 +172,96 @@ def _thrust_at(model: DCMotorThruster, voltage: float) -> float:
     while beyond(top) < 0.0:
         top *= 2.0
     return float(root_scalar(beyond, bracket=(small, top), xtol=1e-12).root)
+
+
+def speed_steps(
+    loop: Loop,
+    limits: tuple[float, float],
+    *,
+    levels: int = 3,
+    hold: float = 2.0,
+    step: float = 0.01,
+    settle: float | None = None,
+) -> Plan:
+    """Wanted speeds of a speed loop, each held until the loop has come to rest.
+
+    On each side of zero that the limits allow: up to the limit in even steps, and from there to
+    zero in one step. The loop is simulated from rest to the smallest and to the largest speed, to
+    find how long it takes, and whether the motor reaches them.
+
+    Args:
+        loop: a thruster with its speed controller.
+        limits: lowest and highest wanted speed [rad/s].
+        levels: steps on each side.
+        hold: time to measure at each speed [s].
+        step: time between samples [s].
+        settle: time to wait at each speed [s]; by default from the simulation.
+
+    Raises:
+        InputError: a loop that does not control a speed, limits without a range, a speed that the
+            loop does not reach.
+
+    Source: Aras et al. 2013, section 3.1 and figures 11 and 17.
+
+    Example:
+        >>> plan = dft.plans.speed_steps(dft.papers.aras.speed_loop(), limits=(0, 180))
+        >>> list(plan.runs)
+        ['speed_steps']
+    """
+    if not isinstance(loop, Loop) or loop.vehicle is not None:
+        raise InputError(
+            f"speed_steps: expected a loop of a thruster's speed, found {loop!r}.",
+            "Give a dft.control.Loop without a vehicle, such as dft.papers.aras.speed_loop().",
+        )
+    low, high = checked_limits("speed_steps", limits, "speed")
+    finite("speed_steps, hold", hold, lambda x: x > 0, "seconds, above zero")
+    count = int(finite("speed_steps, levels", levels, lambda x: x >= 1, "1 or more"))
+    # The smallest step is the slowest because of quadratic drag, the largest may saturate the
+    # motor.
+    times = [_rests(loop, x) for end in _ends(low, high) for x in {end / count, end}]
+    settle = max(times) if settle is None else settle
+    time, wanted = staircase(_steps(low, high, count), settle + hold, step)
+    return Plan(
+        name="speed_steps",
+        source="Aras et al. 2013, section 3.1",
+        runs={"speed_steps": Log(time, {"reference": wanted}, units={"reference": "rad/s"})},
+        settle=settle,
+        measure=("speed",),
+        note="Record the command too: it shows whether the voltage was at its limit.",
+    )
+
+
+def _rests(loop: Loop, speed: float) -> float:
+    """Settling time of the loop at a wanted speed [s]."""
+
+    def simulated(span: float) -> tuple[np.ndarray, ...]:
+        run = loop.simulate(Step(speed), span)
+        return run.time, run["speed"]
+
+    rested = time_to_rest(simulated, 1.0)
+    if rested is None:
+        raise InputError(
+            f"speed_steps: the loop does not come to rest at {speed:.4g} rad/s within "
+            f"{MAX_REST:g} s.",
+            "Look at the gains, or narrow the limits.",
+        )
+    settling, (final,) = rested
+    if abs(final - speed) > _REACHED * abs(speed):
+        raise InputError(
+            f"speed_steps: for {speed:.4g} rad/s the loop comes to rest at {final:.4g} rad/s.",
+            "Narrow the limits, or look at the controller's integral and its limit.",
+        )
+    return settling
+
+
+def _ends(low: float, high: float) -> list[float]:
+    """The limits on either side of zero, as far as they allow it."""
+    return [end for end in (max(high, 0.0), min(low, 0.0)) if end]
+
+
+def _steps(low: float, high: float, count: int) -> list[float]:
+    """Even steps up to the limit on each side of zero, followed by zero."""
+    return [x for end in _ends(low, high) for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
 
 
 def _held(

@@ -28,6 +28,7 @@ from diffthrust.models._base.registry import catalogue
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
 from diffthrust.specs._scripts import own_class
+from diffthrust.specs._spec import Spec, load_spec
 
 Classes = type[Component] | str | Sequence[type[Component] | str]
 _KINDS: dict[str, type] = {"fit": Fit, "diagnosis": Diagnosis}
@@ -105,6 +106,36 @@ def load(
         ) from None
 
 
+def fitted_spec(path: Path, trust: Iterable[Path | str] = ()) -> tuple[Spec, Fit | None]:
+    """A spec with its fit, where ``path`` is what ``fit --save`` has written; else without one."""
+    if path.suffix.lower() != ".json":
+        return load_spec(path, trust=trust), None
+    document = read_saved(path)
+    origin = document["origin"] or {}
+    if document["kind"] != "fit" or not origin.get("spec_file"):
+        raise InputError(
+            f"{path}: expected the fit of a spec file, found a saved {document['kind']}"
+            f"{'' if document['kind'] != 'fit' else ' that says nothing of one'}.",
+            f"Name the spec, or save its fit: diffthrust fit SPEC --save {path.name}.",
+        )
+    named = Path(origin["spec_file"])
+    # A folder that was moved or sent takes its spec along.
+    place = next((p for p in (named, path.parent / named.name) if p.is_file()), None)
+    if place is None:
+        raise InputError(
+            f"{path}: its spec {named} is not there, nor beside it.",
+            f"Put the spec beside {path.name}, with its logs.",
+        )
+    spec = load_spec(place, trust=trust)
+    if spec.sha256 != origin["spec"]:
+        raise InputError(
+            f"{place} is not as it was when {path.name} was fitted.",
+            f"Fit again: diffthrust fit {place} --save {path}.",
+        )
+    components = (spec.model, *spec.model.effects)
+    return spec, load(path, classes=[type(component) for component in components])
+
+
 def _trusted(plain: Any, trust: Sequence[Path | str]) -> list[str]:
     """The user's own classes that a document names by scripts in trusted folders."""
     if isinstance(plain, dict):
@@ -140,10 +171,7 @@ _C = TypeVar("_C", bound=Component)
 
 
 def restore_model(decoder: Decoder, plain: dict[str, Any], classes: Sequence[type]) -> Model:
-    """Restore a model with its effects from what `Model.as_plain` gave.
-
-    ``classes`` are the user's own that may be used.
-    """
+    """Restore a model with its effects from `Model.as_plain`; ``classes`` are those of the user."""
     model = restore_component(Model, decoder, plain, classes)
     for described in plain["effects"]:
         effect = restore_component(Effect, decoder, described, classes)

@@ -23,11 +23,10 @@ def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, s
     for name, channel in file.channels.items():
         loc = ("channels", name)
         if name not in inputs and name not in model.outputs:
-            names = [n for n in (*model.inputs, *model.optional_inputs, *needs, *model.outputs)]
-            near = nearest(name, names)
+            names = (*model.inputs, *model.optional_inputs, *needs, *model.outputs)
             raise InputError(
                 f"{line_of(text, path, loc)}: the model '{model}' has no channel {name!r}"
-                f"{'; ' + near if near else ''}.",
+                f"{nearest(name, names, '; ')}.",
                 "Name the column under [logs] time."
                 if name == "time"
                 else f"Correct the name; there are {listing(dict.fromkeys(names))}.",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -17,6 +17,7 @@ from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.specs._parts import ChannelPart, ExpectedNumber, ParameterPart, SpecFile
 
+P = TypeVar("P", bound=BaseModel)
 NAME = "fit.toml"
 """The name of a spec file inside a folder."""
 
@@ -73,13 +74,14 @@ def _look(path: Path) -> str:
 
 def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
     """The tables of a TOML text."""
-    check_keys(text, file)
+    if _DOTTED.search(text):  # a key of many dots, which takes tomllib minutes
+        raise _too_deep(text, file)
     try:
         tables = tomllib.loads(text.removeprefix("\ufeff"))
-        check_extent(tables, text, file)
+        _check_extent(tables, text, file)
         return tables
     except RecursionError:
-        raise too_deep(text, file) from None
+        raise _too_deep(text, file) from None
     except tomllib.TOMLDecodeError as error:
         message = str(error)
         # tomllib states the place only within its message (attributes came with Python 3.14).
@@ -99,20 +101,50 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
     except InputError:
         raise
     except ValueError:  # raised by Python for an integer of thousands of digits
-        raise too_long(text, file) from None
+        raise _too_long(text, file) from None
 
 
 def parse_spec(text: str, file: Path | str) -> SpecFile:
     """Parse a spec."""
     data = parse_toml(text, file)
     _dotted(data)
+    return validated(SpecFile, data, text, file)
+
+
+def validated(kind: type[P], data: Mapping[str, Any], text: str, file: Path | str) -> P:
+    """The tables of a TOML text as a part of a spec file."""
     try:
-        return SpecFile.model_validate(data)
+        return kind.model_validate(data)
     except ValidationError as error:
         problems = error.errors()
     # A misspelt key is reported twice, as unknown and as missing: show the first.
     problems.sort(key=lambda problem: problem["type"] != "extra_forbidden")
     raise _refusal(problems[0], text, file, len(problems) - 1)
+
+
+def compile_key(file: Path) -> str:
+    """A key that is equal for specs that share code: model, channels, options, lengths of logs.
+
+    A wrong guess only costs a compilation.
+    """
+    try:
+        spec = parse_spec(read_spec_text(file), file)
+    except InputError:
+        return ""
+    channels = {name: bool(entry.noise) for name, entry in sorted(spec.channels.items())}
+    fixed = {
+        name: entry.fixed for name, entry in spec.parameters.items() if entry.fixed is not None
+    }
+    # Lines, not samples: no log is parsed only to sort the tasks of a campaign.
+    lengths = [_lines(file.parent / name) for name in (*spec.logs.train, *spec.logs.holdout)]
+    return repr((spec.model, spec.effects, spec.options, channels, fixed, spec.fit, lengths))
+
+
+def _lines(file: Path) -> int:
+    try:
+        return file.read_bytes().count(b"\n")
+    except OSError:
+        return 0
 
 
 def _dotted(data: dict[str, Any]) -> None:
@@ -153,10 +185,9 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     table = f"[{'.'.join(map(str, parent))}]" if parent else "the top of the file"
     if problem["type"] == "extra_forbidden":
         keys = _keys(parent)
-        near = nearest(key, keys)
         quantity = key == "unit" and parent[:1] == ("parameters",)
         return InputError(
-            f"{where}: the key {key!r} is not known in {table}{'; ' + near if near else ''}.{also}",
+            f"{where}: the key {key!r} is not known in {table}{nearest(key, keys, '; ')}.{also}",
             'Write the unit with the number: value = "25 us".'
             if quantity
             else f"Correct the key; known there are {listing(keys)}.",
@@ -205,26 +236,19 @@ _LONG = re.compile(r"[0-9a-fA-F_]{17,}")
 _DOTTED = re.compile(r"(?:\.[ \t]{0,9}[\w\"'-]{1,99}[ \t]{0,9}){50}")
 
 
-def check_keys(text: str, file: Path | str) -> None:
-    """Refuse a key of many dots, which takes tomllib minutes."""
-    if _DOTTED.search(text):
-        raise too_deep(text, file)
-
-
-def check_extent(tables: Mapping[str, Any], text: str, file: Path | str) -> None:
-    """Check the tables of a TOML text."""
+def _check_extent(tables: Mapping[str, Any], text: str, file: Path | str) -> None:
     level: list[Any] = [tables]
     # By levels, not by recursion, which the depth that is checked here would exhaust.
     for _ in range(_DEEPEST):
-        level = [inner for each in level for inner in _inside(each)]
+        holders = [each for each in level if isinstance(each, dict | list)]
+        level = [x for each in holders for x in (each.values() if isinstance(each, dict) else each)]
         if any(isinstance(each, int) and each.bit_length() > _BITS for each in level):
-            raise too_long(text, file)
+            raise _too_long(text, file)
     if level:
-        raise too_deep(text, file)
+        raise _too_deep(text, file)
 
 
-def too_deep(text: str, file: Path | str) -> InputError:
-    """The error for tables or lists nested too deep."""
+def _too_deep(text: str, file: Path | str) -> InputError:
     lines = text.splitlines()
     counts = [sum(map(line.count, "[{.")) for line in lines]
     return InputError(
@@ -234,21 +258,13 @@ def too_deep(text: str, file: Path | str) -> InputError:
     )
 
 
-def too_long(text: str, file: Path | str) -> InputError:
-    """The error for an integer of too many bits."""
+def _too_long(text: str, file: Path | str) -> InputError:
     lengths = [max(map(len, _LONG.findall(line)), default=0) for line in text.splitlines()]
     return InputError(
         f"{file}, line {lengths.index(max(lengths)) + 1}: expected integers of at most {_BITS} "
         "bits, found one of more.",
         "Correct the number.",
     )
-
-
-def _inside(value: Any) -> Iterator[Any]:
-    if isinstance(value, Mapping):
-        yield from value.values()
-    elif isinstance(value, list):
-        yield from value
 
 
 def line_of(text: str, file: Path | str, loc: Iterable[Any]) -> str:

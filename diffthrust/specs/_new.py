@@ -35,27 +35,15 @@ _UNITS = {"rad/s": "rpm", "rad": "deg", "rev/s": "rpm", "V": "mV", "m/s": "kn", 
 
 
 def new_fit(name: str, model: str = "thruster", directory: Path | str = "fits") -> Path:
-    """Make a folder with a commented spec file and two small simulated logs.
-
-    The name ``harbour/run1`` makes nested folders.
-
-    Example:
-        >>> load_spec(new_fit("bollard")).fit().status.value
-        'converged'
-    """
+    """Make a folder (``harbour/run1`` is nested) with a commented spec and two simulated logs."""
     directory = Path(directory)
     folder = directory / _checked(name)
     if model not in MODELS:
-        near = nearest(model, MODELS)
         raise InputError(
-            f"the model {model!r} is not known{'; ' + near if near else ''}.",
+            f"the model {model!r} is not known{nearest(model, MODELS, '; ')}.",
             f"Name one of {listing(MODELS)}; then put your own into the spec, as script.py:Class.",
         )
-    if folder.exists():
-        raise InputError(
-            f"{folder}: expected a new name, found something there.",
-            "Take another name; nothing is overwritten.",
-        )
+    _check_new(folder)
     example = MODELS[model]()
     texts = {
         _TRAIN: example_table(example, seed=1),
@@ -108,6 +96,14 @@ def _checked(name: str) -> str:
             "Take a name such as bollard_pull or harbour/run1.",
         )
     return name
+
+
+def _check_new(path: Path) -> None:
+    if path.exists():
+        raise InputError(
+            f"{path}: expected a new name, found something there.",
+            "Take another name; nothing is overwritten.",
+        )
 
 
 def _spec(model: Model, folder: Path, directory: Path) -> str:
@@ -208,30 +204,20 @@ def new_effect(
             f"{'a word of Python' if keyword.iskeyword(name) else 'an effect of the catalogue'}.",
             "Take another name.",
         )
+    script, tests = folder / f"{name}.py", folder / f"test_{name}.py"
+    for path in (script, tests):
+        _check_new(path)
+    described = {"doc": doc} if doc else {}
     texts = {
-        folder / f"{name}.py": effect_class_text(formula, name, **({"doc": doc} if doc else {})),
-        folder / f"test_{name}.py": effect_test_text(formula, name),
+        script.name: effect_class_text(formula, name, **described),
+        tests.name: effect_test_text(formula, name),
     }
-    for path in texts:
-        if path.exists():
-            raise InputError(
-                f"{path}: expected a new name, found something there.",
-                "Take another name; nothing is overwritten.",
-            )
-    made_folder(folder, "Name another place.")
-    for path, text in texts.items():
-        write_whole(path, text.encode())
-    script, tests = texts
+    _write(folder, texts)
     return script, tests
 
 
 def parse_parameter(text: str) -> tuple[str, Any]:
-    """Parse a parameter of the command line: ``a=rad/s^2``, or with fields, ``p={ value = 1.5 }``.
-
-    Example:
-        >>> parse_parameter("p={ value = 1.5, bounds = [0.5, 3] }")
-        ('p', {'value': 1.5, 'bounds': [0.5, 3]})
-    """
+    """A parameter of the command line: ``a=rad/s^2``, or with fields, ``p={ value = 1.5 }``."""
     name, equal, described = (piece.strip() for piece in text.partition("="))
     if not equal:
         raise InputError(

@@ -33,17 +33,14 @@ def _as_effects(value: Any) -> Any:
     return entries
 
 
-def _as_column(value: Any) -> Any:
-    return {"column": value} if isinstance(value, str) else value
+def _named(key: str, *kinds: type) -> BeforeValidator:
+    """A bare value stands for a table with this key."""
+    return BeforeValidator(lambda value: {key: value} if isinstance(value, kinds) else value)
 
 
 @dataclass(frozen=True)
 class RegisteredWord:
-    """A key whose words are those of a registry of `fit`: a check of pydantic.
-
-    Args:
-        registry: its name in `diffthrust.estimation._arguments`.
-    """
+    """A key whose words are those of a registry in `estimation._arguments`: a check of pydantic."""
 
     registry: str
 
@@ -66,15 +63,7 @@ def _as_time(value: Any) -> Any:
         return None
     if not isinstance(value, str | dict) and not (step and 0 < value < float("inf")):
         raise ValueError("a column, a step in seconds above zero, or false")
-    return _as_column(value)
-
-
-def _as_sensor(value: Any) -> Any:
-    return {"model": value} if isinstance(value, str) else value
-
-
-def _as_value(value: Any) -> Any:
-    return {"value": value} if isinstance(value, int | float | str) else value
+    return {"column": value} if isinstance(value, str) else value
 
 
 def _stage(value: Any) -> float | None:
@@ -210,15 +199,6 @@ class ChannelPart(_Part):
         return Column(**{key: value for key, value in fields.items() if value is not None})
 
 
-def _as_thrusters(value: Any) -> Any:
-    """Tables of thrusters stand beside the keys of all: both below ``[thrusters]``."""
-    if not isinstance(value, dict):
-        return value
-    keys = set(ThrustersPart.model_fields) - {"each"}
-    tables = {k: v for k, v in value.items() if k not in keys and isinstance(v, dict)}
-    return {**{k: v for k, v in value.items() if k not in tables}, "each": tables}
-
-
 class ThrusterPart(_Part):
     """``[thrusters.NAME]``: one thruster of a craft."""
 
@@ -267,7 +247,12 @@ class ThrustersPart(_Part):
     @model_validator(mode="before")
     @classmethod
     def _split(cls, value: Any) -> Any:
-        return _as_thrusters(value)
+        """Tables of thrusters stand beside the keys of all: both below ``[thrusters]``."""
+        if not isinstance(value, dict):
+            return value
+        keys = set(cls.model_fields) - {"each"}
+        tables = {k: v for k, v in value.items() if k not in keys and isinstance(v, dict)}
+        return {**{k: v for k, v in value.items() if k not in tables}, "each": tables}
 
 
 class SensorPart(_Part):
@@ -281,7 +266,7 @@ class SensorPart(_Part):
     """The axes of its readings: "FRD" or "FLU", of an attitude "NED" or "ENU"."""
 
 
-_Sensors = dict[str, Annotated[SensorPart, BeforeValidator(_as_sensor)]]
+_Sensors = dict[str, Annotated[SensorPart, _named("model", str)]]
 
 
 class CraftPart(_Part):
@@ -376,11 +361,11 @@ class ExpectedPart(_Part):
     """Hash of each file of data."""
     status: str | None = None
     """The status of the fit."""
-    train_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
+    train_nrmse: Annotated[ExpectedNumber | None, _named("value", int, float, str)] = None
     """The error on the training logs."""
-    holdout_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
+    holdout_nrmse: Annotated[ExpectedNumber | None, _named("value", int, float, str)] = None
     """The error on the unseen logs."""
-    parameters: dict[str, Annotated[ExpectedNumber, BeforeValidator(_as_value)]] = {}
+    parameters: dict[str, Annotated[ExpectedNumber, _named("value", int, float, str)]] = {}
     """The estimates by name."""
 
 
@@ -402,10 +387,10 @@ class SpecFile(_Part):
     logs: LogsPart
     """Which files, and how they are read."""
     channels: Annotated[
-        dict[str, Annotated[ChannelPart, BeforeValidator(_as_column)]], Field(min_length=1)
+        dict[str, Annotated[ChannelPart, _named("column", str)]], Field(min_length=1)
     ]
     """The column of each channel, by its name in the model."""
-    parameters: dict[str, Annotated[ParameterPart, BeforeValidator(_as_value)]] = {}
+    parameters: dict[str, Annotated[ParameterPart, _named("value", int, float, str)]] = {}
     """What differs from the model's own description, by name."""
     fit: FitPart = FitPart()
     """Arguments of the fit."""

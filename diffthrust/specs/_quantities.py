@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from diffthrust._support.errors import InputError
@@ -23,23 +23,12 @@ _PER = " per "
 def fields_of(
     settings: ParameterPart, name: str, model: Model, written: Mapping[str, Written]
 ) -> dict[str, Any]:
-    """The fields that `Model.replace` takes, in the unit of the parameter.
-
-    The model has its command in the unit of the logs; ``written`` says how these wrote each
-    channel.
-
-    Example:
-        >>> settings, widths = ParameterPart(value="25 us"), PWM(stop=1500, full=1900)
-        >>> model = dft.Thruster(command="effort") + "command_deadband"
-        >>> written = {"command": Written("us", pwm=widths)}
-        >>> fields_of(settings, "command_deadband.half_width", model, written)
-        {'value': 0.0625}
-    """
+    """The fields that `Model.replace` takes; ``written`` says how logs wrote each channel."""
     parameter = model.parameters.get(name)
     if parameter is None:  # refused by `Model.replace`, which names the nearest
         return {}
     per, shown = shown_unit(parameter, model, ShownUnits((written,)))
-    read = _Reader(name, parameter.unit, shown, 1 / per)
+    read = partial(_read, unit=parameter.unit, shown=shown, scale=1 / per)
     fields: dict[str, Any] = {}
     if settings.value is not None:
         fields["value"] = read(settings.value)
@@ -57,55 +46,40 @@ def fields_of(
     return fields
 
 
-@dataclass(frozen=True)
-class _Reader:
-    """Read a number, or a number with its unit, of a parameter.
-
-    Args:
-        name: of the parameter.
-        unit: its unit.
-        shown: the unit in which reports show it.
-        scale: how many of its unit are one of the shown.
-    """
-
-    name: str
-    unit: str
-    shown: str
-    scale: float
-
-    def __call__(self, number: float | str) -> float:
-        if isinstance(number, str):
-            return self._with_unit(number)
-        if self.unit == "effort" and FURTHEST < abs(number) < float("inf"):
-            # 25 of a dead band that reports show as 25 us would start the fit at 25 full commands.
-            raise InputError(
-                f"expected a share of the full command, found {number:g} times it.",
-                f'Give the unit with the number: "{number:g} {self.shown}".'
-                if self.shown != self.unit
-                else "Write 0.05 for 5 %.",
-            )
-        return number
-
-    def _with_unit(self, text: str) -> float:
-        match = _QUANTITY.fullmatch(text)
-        unit = match[2] if match else ""
-        if match is None or not unit:
-            raise InputError(
-                f"expected a number, or a number with its unit, found {text!r}.",
-                f'Write it as in "0.05 {self.shown}".' if self.shown else "Write it as in 0.05.",
-            )
-        number, near = float(match[1]), [(self.shown, self.scale), (self.unit, 1.0)]
-        for known, scale in near:
-            if unit == known:
-                return number * scale
-        for known, scale in near:
-            if convert := _conversion(unit, known):
-                return convert(number) * scale
-        units = " or ".join(f"'{u}'" for u in dict.fromkeys((self.shown, self.unit)) if u)
+def _read(number: float | str, unit: str, shown: str, scale: float) -> float:
+    """A number of a unit, or one with its own; ``scale`` of the unit are one of that shown."""
+    if isinstance(number, str):
+        return _with_unit(number, unit, shown, scale)
+    if unit == "effort" and FURTHEST < abs(number) < float("inf"):
+        # 25 of a dead band that reports show as 25 us would start the fit at 25 full commands.
         raise InputError(
-            f"expected a number in {units or 'no unit'}, found {text!r}.",
-            f"Write it in {self.shown!r}, as reports do." if self.shown else "Leave the unit out.",
+            f"expected a share of the full command, found {number:g} times it.",
+            f'Give the unit with the number: "{number:g} {shown}".'
+            if shown != unit
+            else "Write 0.05 for 5 %.",
         )
+    return number
+
+
+def _with_unit(text: str, unit: str, shown: str, scale: float) -> float:
+    match = _QUANTITY.fullmatch(text)
+    if match is None or not match[2]:
+        raise InputError(
+            f"expected a number, or a number with its unit, found {text!r}.",
+            f'Write it as in "0.05 {shown}".' if shown else "Write it as in 0.05.",
+        )
+    number, written = float(match[1]), match[2]
+    sizes = {unit: 1.0, shown: scale}
+    if written in sizes:
+        return number * sizes[written]
+    for target in (shown, unit):
+        if convert := _conversion(written, target):
+            return convert(number) * sizes[target]
+    units = " or ".join(f"'{u}'" for u in dict.fromkeys((shown, unit)) if u)
+    raise InputError(
+        f"expected a number in {units or 'no unit'}, found {text!r}.",
+        f"Write it in {shown!r}, as reports do." if shown else "Leave the unit out.",
+    )
 
 
 def _conversion(unit: str, target: str) -> Callable[[float], float] | None:

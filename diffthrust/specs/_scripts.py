@@ -5,24 +5,27 @@ from __future__ import annotations
 import inspect
 import sys
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from diffthrust._support.errors import InputError, refused
+from diffthrust._support.errors import Defect, InputError, refused
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearby, nearest
+from diffthrust.effects import Formula
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.made_effect import MADE_EFFECTS, MadeEffect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
 
 _USERS = "_user_"
 """Prefix of the module names of users' scripts."""
+_EXAMPLE = f'{{ {Formula.name} = "-a * speed", port = "shaft", a = "rad/s^2", name = "drag" }}'
 
 
 def model_class(word: str, folder: Path) -> type[Model]:
@@ -54,9 +57,8 @@ def model_with(cls: type[Model], options: Mapping[str, Any]) -> Model:
     ]
     for name in options:
         if name not in names:
-            near = nearest(name, names)
             raise InputError(
-                f"the model '{cls.name}' has no option {name!r}{'; ' + near if near else ''}; "
+                f"the model '{cls.name}' has no option {name!r}{nearest(name, names, '; ')}; "
                 f"it has {listing(names)}.",
                 "Correct or remove the option; values of parameters belong under [parameters].",
             )
@@ -88,6 +90,40 @@ def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> No
         )
 
 
+def effect_of(entry: str | Mapping[str, Any], folder: Path, trust: Sequence[Path | str]) -> Effect:
+    """The effect of an entry under ``effects``: a name, a ``script.py:Class``, or a table."""
+    if isinstance(entry, Mapping):
+        return _made_of(entry)
+    check_place(entry, folder, trust)
+    return effect_class(entry, folder)()
+
+
+def _made_of(table: Mapping[str, Any]) -> Effect:
+    words = [word for word in MADE_EFFECTS if word in table]
+    if len(words) != 1:
+        near = next(filter(None, (nearest(key, MADE_EFFECTS, "; ") for key in table)), "")
+        raise InputError(
+            f"expected one of the keys {listing(MADE_EFFECTS)} in a table of an effect, found "
+            f"{listing(table)}{near}.",
+            f"Write {_EXAMPLE}.",
+        )
+    cls: type[MadeEffect] = MADE_EFFECTS[words[0]]
+    arguments = {key: value for key, value in table.items() if key != words[0]}
+    if cls.main in arguments:
+        raise InputError(
+            f"{words[0]}: the key {cls.main!r} is not known; {words[0]!r} stands for it.",
+            "Remove it.",
+        )
+    arguments[cls.main] = table[words[0]]
+    try:
+        # Bound before the call, so that a TypeError raised inside the class is not taken for a
+        # wrong key.
+        inspect.signature(cls).bind(**arguments)
+    except TypeError as error:
+        raise InputError(f"{words[0]}: {error}.", f"Write {_EXAMPLE}.") from None
+    return cls(**arguments)
+
+
 def error_in_script(error: BaseException) -> InputError | None:
     """The message for an exception raised in a user's script, with its innermost line; or None."""
     way = traceback.walk_tb(error.__traceback__)
@@ -112,7 +148,7 @@ def as_input_error(error: Exception, command: str) -> InputError:
         return in_script
     if isinstance(error, OSError):
         return InputError(*refused(error))
-    return InputError(
+    return Defect(
         f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}",
         f"Please report it, with what DIFFTHRUST_DEBUG=1 {command} prints.",
     )

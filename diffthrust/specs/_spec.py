@@ -27,13 +27,13 @@ from diffthrust.models._craft.craft import Craft
 from diffthrust.simulation._commands import adopted, command_kind
 from diffthrust.simulation._record import bind
 from diffthrust.specs._channels import columns_of, roles_of
-from diffthrust.specs._effects import effect_of
 from diffthrust.specs._file import NAME, line_of, parse_spec, parse_toml, read_spec_text, with_place
 from diffthrust.specs._parts import SpecFile, TimePart
 from diffthrust.specs._quantities import fields_of
 from diffthrust.specs._scripts import (
     check_place,
     effect_class,
+    effect_of,
     model_class,
     model_with,
     script_file,
@@ -158,11 +158,7 @@ class Spec(Brief):
                     f"Remove {key}" + (", and choose a time base: base." if robot else "."),
                 )
         if not robot:
-            return read_log, {
-                "time": self._clock(),
-                "static": logs.static,
-                "sheet": logs.sheet,
-            }
+            return read_log, {"time": self._clock(), "static": logs.static, "sheet": logs.sheet}
         if logs.base is None and logs.rate is None:
             raise InputError(
                 f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
@@ -332,10 +328,9 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     names = [spec._log_name(file) for file in (*train, *holdout)]
     for index, stretch in enumerate(file.logs.leave_out):
         if stretch.log not in names:
-            near = nearest(stretch.log, names)
             raise InputError(
                 f"{line_of(text, path, ('logs', 'leave_out', index))}: the spec has no log "
-                f"{stretch.log!r}{'; ' + near if near else ''}.",
+                f"{stretch.log!r}{nearest(stretch.log, names, '; ')}.",
                 f"Correct the name; there are {listing(names)}.",
             )
     return spec
@@ -403,10 +398,10 @@ def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Pa
         else:
             matches = []
         if not matches:
-            near = nearest(pattern, (p.name for p in path.parent.iterdir() if p.is_file()))
+            names = (file.name for file in path.parent.iterdir() if file.is_file())
             raise InputError(
                 f"{line_of(text, path, ('logs', key))}: expected the file {pattern!r} in "
-                f"{path.parent.resolve()}, found none{'; ' + near if near else ''}.",
+                f"{path.parent.resolve()}, found none{nearest(pattern, names, '; ')}.",
                 "Correct the name; paths are relative to the spec file.",
             )
         paths = [path.parent / match for match in matches]

@@ -16,7 +16,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
-from diffthrust.specs._file import line_of, parse_toml, read_spec_text, with_place
+from diffthrust.specs._file import parse_toml, read_spec_text, validated, with_place
 from diffthrust.specs._parts import (
     ChannelPart,
     CraftPart,
@@ -30,27 +30,21 @@ STEERED = {cls.name: cls for cls in (Azimuth, RudderPropeller)}
 """Actuators around the model of a thruster, which spec files give as ``on``."""
 
 
-def craft_of(body: str, thrusters: ThrustersPart, where: str = "") -> Craft:
-    """The craft that a spec file describes.
-
-    Args:
-        body: the name of its body; that of the layout where it names a frame.
-        thrusters: the table.
-        where: of the spec, for messages.
-    """
+def craft_of(body: str, thrusters: ThrustersPart) -> Craft:
+    """The craft that a spec file describes."""
     if thrusters.frame:
         layout = layout_named(thrusters.frame)
         if body and body != layout.body.name:
             raise InputError(
-                f"{where}the frame '{layout.name}' is a craft of the body '{layout.body.name}', "
+                f"the frame '{layout.name}' is a craft of the body '{layout.body.name}', "
                 f"found body = {body!r}.",
                 "Leave body out, or place the thrusters one by one.",
             )
-        model = _model(thrusters.model, thrusters.on, where) if thrusters.model else None
+        model = _model(thrusters.model, thrusters.on) if thrusters.model else None
         craft = layout.craft(model)
         if thrusters.columns and len(thrusters.columns) != len(craft.actuators):
             raise InputError(
-                f"{where}expected {len(craft.actuators)} columns, one for each thruster of "
+                f"expected {len(craft.actuators)} columns, one for each thruster of "
                 f"'{layout.name}', found {len(thrusters.columns)}.",
                 f"Name them in the order of {', '.join(craft.actuators)}.",
             )
@@ -58,11 +52,16 @@ def craft_of(body: str, thrusters: ThrustersPart, where: str = "") -> Craft:
         return craft.replace(strengths)
     if not thrusters.each:
         raise InputError(
-            f"{where}expected a frame or thrusters with their places in [thrusters], found none.",
+            "expected a frame or thrusters with their places in [thrusters], found none.",
             'Write frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
         )
-    mounts: dict[str, Any] = _mounts(thrusters, where)
-    return Craft(_body(body, where)(), share=_groups(thrusters.each, where), **mounts)
+    if body not in BODIES:
+        raise InputError(
+            f"expected the body of the craft, found {body!r}; {nearby(body, BODIES)}.",
+            'Write body = "planar" at the top of the file.',
+        )
+    mounts: dict[str, Any] = _mounts(thrusters)
+    return Craft(BODIES[body](), share=_groups(thrusters.each), **mounts)
 
 
 def channels_of(file: SpecFile) -> dict[str, ChannelPart]:
@@ -97,8 +96,6 @@ def craft_from(path: Path | str) -> Craft:
         >>> list(dft.specs.craft_from("boat.toml").actuators)
         ['port', 'starboard']
     """
-    from pydantic import ValidationError
-
     path = Path(path)
     text = read_spec_text(path)
     tables = parse_toml(text, path)
@@ -108,44 +105,38 @@ def craft_from(path: Path | str) -> Craft:
             f"{path}: expected a table [thrusters], found {listing(tables)}.",
             'Write [thrusters] with frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
         )
+    parts = {name: tables[name] for name in CraftPart.model_fields if name in tables}
+    part = validated(CraftPart, parts, text, path)
+    loc: tuple[str, ...] = ("thrusters",)
     try:
-        part = CraftPart.model_validate(
-            {n: tables[n] for n in CraftPart.model_fields if n in tables}
-        )
-    except ValidationError as error:
-        problem = error.errors()[0]
-        where = line_of(text, path, problem["loc"])
-        raise InputError(f"{where}: {problem['msg']}.", "Correct the key.") from None
-    craft = craft_of(part.body, part.thrusters, f"{path}: ")
-    for name, sensor in part.sensors.items():
-        try:
+        craft = craft_of(part.body, part.thrusters)
+        for name, sensor in part.sensors.items():
+            loc = ("sensors", name)
             craft = with_sensor(craft, name, sensor)
-        except InputError as error:
-            raise with_place(text, path, ("sensors", name), error) from None
+    except InputError as error:
+        raise with_place(text, path, loc, error) from None
     return craft
 
 
-def _mounts(thrusters: ThrustersPart, where: str) -> dict[str, Mounted[Model]]:
+def _mounts(thrusters: ThrustersPart) -> dict[str, Mounted[Model]]:
     mounts = {}
     for name, part in thrusters.each.items():
         like = thrusters.each.get(part.like, part)
         kind, on = part.model or like.model or thrusters.model, part.on or like.on
-        model = _model(kind, on, f"{where}[thrusters.{name}]: ")
+        model = _model(kind, on, f"[thrusters.{name}]: ")
         if part.at is None:
-            raise InputError(
-                f"{where}[thrusters.{name}] has no place.", "Add at = [x, y, z] in metres."
-            )
+            raise InputError(f"[thrusters.{name}] has no place.", "Add at = [x, y, z] in metres.")
         mounts[name] = model.at(part.at, part.pointing, reaction=part.reaction)
     return mounts
 
 
-def _groups(each: Mapping[str, ThrusterPart], where: str) -> list[tuple[str, ...]]:
+def _groups(each: Mapping[str, ThrusterPart]) -> list[tuple[str, ...]]:
     """Who shares numbers with whom: ``like`` names the first of a group."""
     groups: dict[str, list[str]] = {}
     for name, part in each.items():
         if part.like and (part.like not in each or each[part.like].like or part.like == name):
             raise InputError(
-                f"{where}[thrusters.{name}]: like = {part.like!r} names no thruster with numbers "
+                f"[thrusters.{name}]: like = {part.like!r} names no thruster with numbers "
                 "of its own.",
                 f"Name one of {listing(n for n, p in each.items() if not p.like and n != name)}.",
             )
@@ -166,15 +157,6 @@ def _model(name: str, on: str = "", where: str = "") -> Model:
     if name in STEERED:
         return STEERED[name](_model(on or "static_thruster", where=where))
     return models[name]()
-
-
-def _body(name: str, where: str) -> Any:
-    if name not in BODIES:
-        raise InputError(
-            f"{where}expected the body of the craft, found {name!r}; {nearby(name, BODIES)}.",
-            'Write body = "planar" at the top of the file.',
-        )
-    return BODIES[name]
 
 
 def with_sensor(model: Model, name: str, part: SensorPart) -> Craft:

@@ -20,8 +20,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._kinds import is_log
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.saved._load import load
-from diffthrust.saved._spec_of_fit import fitted_spec
+from diffthrust.saved._load import fitted_spec, load
 from diffthrust.specs._file import NAME, parse_spec, read_spec_text
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec

@@ -16,8 +16,7 @@ from places import FITS
 import diffthrust
 from diffthrust import InputError
 from diffthrust.checks import check
-from diffthrust.checks._expected import with_expected  # private: texts that no spec may have
-from diffthrust.checks._marks import Marks  # private: what a block says of its making
+from diffthrust.checks._expected import Marks, with_expected  # private: texts no spec may have
 from diffthrust.simulation import CoarseStepWarning
 from diffthrust.specs import Spec, load_spec
 from diffthrust.specs._parts import ExpectedNumber  # private: what a block holds

@@ -13,7 +13,7 @@ from processes import Worker, WorkerPool, own_worker
 
 from diffthrust import InputError
 from diffthrust.checks import check
-from diffthrust.specs._compile_key import compile_key  # private: no result shows it
+from diffthrust.specs._file import compile_key  # private: no result shows it
 
 SENSOR = FITS / "depth_sensor"
 
@@ -79,7 +79,7 @@ def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
         assert last == "f4"
         go.set(), go_last.set()
         assert [future.result(60.0) for future in futures] == [None] * 8
-    with pytest.raises(RuntimeError, match="closed"):
+    with pytest.raises(RuntimeError, match="shutdown"):
         pool.submit(work, "f0")
 
 

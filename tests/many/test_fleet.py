@@ -11,7 +11,7 @@ from short_logs import MODEL, made_log
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.many._fleet.estimates import (  # private: numbers by hand
+from diffthrust.many._fleet.statistics import (  # private: numbers by hand
     between,
     holm,
     weighted_mean,

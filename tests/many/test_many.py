@@ -14,7 +14,7 @@ from processes import SharedRuns, program, run_stacked
 
 import diffthrust as dft
 from diffthrust.effects import ActuatorLag
-from diffthrust.many._batch import calls, maps  # private: patched, to fail
+from diffthrust.many._batch import calls  # private: patched, to fail
 from diffthrust.many._batch.each import ladder  # private: the cheapest lengths
 from diffthrust.many._batch.result import named_members  # private: names alone
 
@@ -354,14 +354,14 @@ def test_an_interruption_ends_the_work_of_all(logs, monkeypatch):
 
 
 def test_a_map_that_fails_costs_the_others_nothing(fits, monkeypatch):
-    real = maps.maps_of
+    real = calls.maps_of
 
     def failing(asked, models):
         if fits[1] in models:
             raise ArithmeticError("not this one")
         return real(asked, models)
 
-    monkeypatch.setattr(maps, "maps_of", failing)
+    monkeypatch.setattr(calls, "maps_of", failing)
     found = dft.many.describing_function(fits[:3], [0.5, 2.0], [0.5, 3.0])
     assert list(found.failed) == ["run1"]
     assert len(list(found)) == 2

@@ -138,11 +138,7 @@ class SharedRuns:
         self._closed = False
 
     def drive(self, works: Iterable[Callable[[], Any]]) -> Generator[None]:
-        """Do pieces of work, each in a separate member; yields whenever one has ended.
-
-        Raises:
-            BaseException: what a piece of work raised; all others are given up.
-        """
+        """Do pieces of work, each in a separate member; yields whenever one has ended."""
         self._driver = getcurrent()
         waiting, members = iter(works), set[greenlet]()
         # One group's worth of members for each run in progress, and one more that fills the next

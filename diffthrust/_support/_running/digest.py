@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache, partial
@@ -33,11 +33,7 @@ class NoDigest(Exception):
 
 
 def digest(*things: Any) -> str:
-    """Hexadecimal digest of things that fix compiled code.
-
-    Raises:
-        NoDigest: something in them cannot be followed.
-    """
+    """Hexadecimal digest of things that fix compiled code; `NoDigest` if one cannot be followed."""
     try:
         return _Digest().of(things)
     except RecursionError as error:  # a list that holds itself
@@ -99,34 +95,17 @@ class _Digest:
             self._compound(thing)
 
     def _compound(self, thing: Any) -> None:
-        if isinstance(thing, (np.ndarray, np.generic)):
+        if isinstance(thing, (np.ndarray, np.generic, jax.Array)):
             values = np.asarray(thing)
             if values.dtype.hasobject:
                 raise NoDigest(f"an array of objects: {thing!r:.60}")
             self._mark("array", str(values.dtype), str(values.shape), values.tobytes().hex())
-        elif isinstance(thing, (jax.Array, np.dtype)):
-            self._add(str(thing) if isinstance(thing, np.dtype) else np.asarray(thing))
-        elif isinstance(thing, BuiltinFunctionType):
-            self._all("built in", (thing.__module__, thing.__qualname__, thing.__self__))
-        elif isinstance(thing, MethodType):
-            self._all("method", (thing.__func__, thing.__self__))
         elif isinstance(thing, CodeType):
             self._code(thing)
-        elif isinstance(thing, partial):
-            self._all("partial", (thing.func, thing.args, thing.keywords))
-        elif isinstance(thing, (tuple, list)):
-            self._all("sequence", (type(thing), *thing))
-        elif isinstance(thing, (set, frozenset)):
-            self._all("set", sorted(digest(member) for member in thing))
-        elif isinstance(thing, Mapping):
-            # an order of insertion may fix an order of summation
-            self._all("mapping", (x for item in thing.items() for x in item))
-        elif isinstance(thing, (staticmethod, classmethod)):
-            self._all("wrapped", (type(thing), thing.__func__))
-        elif isinstance(thing, property):
-            self._all("property", (thing.fget, thing.fset, thing.fdel))
         elif isinstance(thing, jax.tree_util.PyTreeDef):
             self._tree(thing)
+        elif kind := next((kind for kind in _PARTS if isinstance(thing, kind)), None):
+            self._all(kind.__name__, _PARTS[kind](thing))
         elif isinstance(getattr(thing, "__wrapped__", None), FunctionType):  # `Programs`
             self._all("wrapper", (type(thing), thing.__wrapped__))
         elif is_dataclass(thing):
@@ -188,6 +167,22 @@ class _Digest:
                 self._add(member)
 
 
+_PARTS: dict[type, Callable[[Any], Iterable[Any]]] = {
+    np.dtype: lambda dtype: (str(dtype),),
+    BuiltinFunctionType: lambda f: (f.__module__, f.__qualname__, f.__self__),
+    MethodType: lambda method: (method.__func__, method.__self__),
+    partial: lambda call: (call.func, call.args, call.keywords),
+    tuple: lambda sequence: (type(sequence), *sequence),
+    list: lambda sequence: (type(sequence), *sequence),
+    set: lambda members: sorted(map(digest, members)),
+    frozenset: lambda members: sorted(map(digest, members)),
+    # an order of insertion may fix an order of summation
+    Mapping: lambda mapping: (x for item in mapping.items() for x in item),
+    staticmethod: lambda wrapped: (wrapped.__func__,),
+    classmethod: lambda wrapped: (wrapped.__func__,),
+    property: lambda p: (p.fget, p.fset, p.fdel),
+}
+"""What an object of a kind consists of, as far as code depends on it."""
 _NOT_CODE = frozenset({
     "__dict__", "__weakref__", "__doc__", "__module__", "__annotations__", "__abstractmethods__",
     "_abc_impl", "__firstlineno__", "__static_attributes__", "__dataclass_fields__",

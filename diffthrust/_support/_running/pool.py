@@ -7,7 +7,7 @@ import queue
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Hashable, Iterable, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 from diffthrust._support._running.process import Worker
 
 _TICK = 1.0
-"""Seconds after which the caller regains control although no result has come."""
+"""Seconds of one wait for a result: on Windows an interrupt is only seen between two."""
 _own = threading.local()
 
 
@@ -35,11 +35,10 @@ def own_worker(answer: Callable[..., Any] | None = None) -> Worker:
 
 def as_done(
     executor: Executor, call: Callable[[Any], Any], tasks: Iterable[Any]
-) -> Generator[tuple[int, Future[Any]] | None]:
+) -> Generator[tuple[int, Future[Any]]]:
     """Give tasks to an executor; yields the place of each and its future, as they are done.
 
-    ``None`` when none was for a second. Those that have not begun are cancelled when the iteration
-    is left.
+    Those that have not begun are cancelled when the iteration is left.
     """
     done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
     places: dict[Future[Any], int] = {}
@@ -59,7 +58,6 @@ def as_done(
             try:
                 future = done.get(timeout=_TICK)
             except queue.Empty:
-                yield None
                 continue
             yield places.pop(future), future
     finally:
@@ -67,83 +65,63 @@ def as_done(
             future.cancel()
 
 
-class WorkerPool(Executor):
+class WorkerPool(ThreadPoolExecutor):
     """A thread for each of several workers, its `own_worker`.
 
-    A thread stays with tasks that share compiled code. Leaving the pool ends its workers, in the
-    midst of a task if need be.
-
-    Args:
-        workers: as many tasks are done at a time.
-        key: of the arguments of a task; equal where tasks share compiled code.
+    A thread stays with tasks of equal ``key``, which share compiled code. Leaving the pool ends its
+    workers, in the midst of a task if need be.
     """
 
     def __init__(
         self, workers: Sequence[Worker], key: Callable[..., Hashable] = lambda *_: None
     ) -> None:
-        self._workers, self._key = workers, key
-        self._changed = threading.Condition()
-        self._closed = False
+        super().__init__(len(workers), initializer=self._begin)
+        self._workers, self._key, self._unused = workers, key, deque(workers)
+        self._choosing = threading.Lock()
         self._begun: set[Hashable] = set()
         self._left: dict[Hashable, deque[tuple[Future[Any], Callable[[], Any]]]] = {}
-        use = [threading.Thread(target=self._use, args=(w,), daemon=True) for w in workers]
-        self._threads = use
-        for thread in use:
-            thread.start()
+
+    def _begin(self) -> None:
+        _own.worker, _own.key = self._unused.popleft(), None
+        # A task is taken when the worker is ready: by then most are submitted, and the largest
+        # group is known. One that does not start is asked all the same, and says why.
+        with suppress(Exception):
+            _own.worker.start()
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
         """Call a function in one of the threads."""
         future, key = Future[Any](), self._key(*arguments)
-        with self._changed:
-            if self._closed:
-                raise RuntimeError("The pool of workers is closed.")
+        with self._choosing:
             task = future, partial(call, *arguments, **options)
             self._left.setdefault(key, deque()).append(task)
-            self._changed.notify()
+        super().submit(self._do_next)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         """Cancel what has not begun, and end the workers."""
-        with self._changed:
-            self._closed = True
+        with self._choosing:
             for future, _ in (task for tasks in self._left.values() for task in tasks):
                 future.cancel()
-            self._left.clear()
-            self._changed.notify_all()
         # Stop before join: a thread that waits for its worker ends only when that is killed.
         for worker in self._workers:
             worker.stop()
-        for thread in self._threads:
-            thread.join()
+        super().shutdown(cancel_futures=True)
+        for worker in self._workers:
+            worker.close()
 
-    def _use(self, worker: Worker) -> None:
-        _own.worker, key = worker, None
-        # A task is taken when the worker is ready: by then most are submitted, and the largest
-        # group is known. One that does not start is asked all the same, and says why.
-        with suppress(Exception):
-            worker.start()
-        while taken := self._next(key):
-            key, (future, task) = taken
-            if future.set_running_or_notify_cancel():
-                try:
-                    future.set_result(task())
-                except BaseException as error:  # raised where the result is asked for
-                    future.set_exception(error)
-        worker.close()
-
-    def _next(
-        self, last: Hashable
-    ) -> tuple[Hashable, tuple[Future[Any], Callable[[], Any]]] | None:
+    def _do_next(self) -> None:
         """A task of the last group, or of the largest that is left, untouched ones first."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._left or self._closed)
-            if not self._left:
-                return None
-            key = last
-            if key not in self._left:
-                key = max(self._left, key=lambda k: (k not in self._begun, len(self._left[k])))
-            self._begun.add(key)
-            task = self._left[key].popleft()
-            if not self._left[key]:
-                del self._left[key]
-            return key, task
+        with self._choosing:
+            if _own.key not in self._left:
+                sizes = {k: (k not in self._begun, len(tasks)) for k, tasks in self._left.items()}
+                _own.key = max(sizes, key=sizes.__getitem__)
+            tasks = self._left[_own.key]
+            self._begun.add(_own.key)
+            future, task = tasks.popleft()
+            if not tasks:
+                del self._left[_own.key]
+        if future.set_running_or_notify_cancel():
+            try:
+                future.set_result(task())
+            except BaseException as error:  # raised where the result is asked for
+                future.set_exception(error)

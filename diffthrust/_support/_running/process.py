@@ -111,12 +111,7 @@ class Worker:
     __del__ = close
 
     def start(self) -> subprocess.Popen[bytes]:
-        """The process, that has said that it is ready.
-
-        Raises:
-            ProcessNotStarted: it ended before.
-            CancelledError: `stop` was called.
-        """
+        """The process, that has said that it is ready."""
         if self._stopped:
             raise CancelledError
         if self._process is not None and self._process.poll() is None:

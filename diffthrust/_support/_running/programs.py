@@ -46,13 +46,8 @@ enable_compilation_cache()
 class Programs:
     """The programs of a function, one for its first arguments and the shapes of the others.
 
-    Args:
-        function: of arguments that fix the code, hashable, and of pytrees of numbers.
-        static: how many arguments fix the code.
-        quick_compile: whether it runs so few times that to compile counts more than to run.
-
-    Attributes:
-        traces: how often it was traced.
+    Its first ``static`` arguments fix the code and are hashable, the others are pytrees of numbers.
+    ``quick_compile`` is for what runs so few times that to compile counts more than to run.
     """
 
     def __init__(

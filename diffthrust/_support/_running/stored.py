@@ -44,10 +44,6 @@ class ProgramStore:
 
     What JAX has compiled stays in the folder around it, and is never deleted here: where a user
     has chosen that folder, it may hold the code of other projects.
-
-    Args:
-        folder: of JAX's cache.
-        largest: bytes that the traced programs may take.
     """
 
     def __init__(self, folder: Path, largest: float = LARGEST) -> None:

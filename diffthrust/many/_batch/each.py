@@ -49,18 +49,7 @@ def each(
     runs: int | None = None,
     progress: Progress | None = None,
 ) -> Many:
-    """Call ``work(i)`` for every name; an exception becomes the error of that member.
-
-    Args:
-        work: the work of one member; its programs run batched with those of other members.
-        names: of the members.
-        lengths: lengths to which logs are padded, so that they share programs.
-        width: rows per run and device; by default `WIDTH` on a processor, and on an accelerator
-            `ACCELERATED`, or all members if fewer.
-        devices: devices over which runs are divided; by default the one JAX would choose.
-        runs: concurrent runs; by default one more than processors, so that none is idle.
-        progress: called with a message and the share done.
-    """
+    """Call ``work(i)`` for every name; an exception becomes the error of that member."""
     chosen = () if devices is None else _checked(devices)
     processor = (chosen[0] if chosen else default_device()).platform == "cpu"
     runs = runs or (min(os.cpu_count() or 1, 4) + 1 if processor else 2)
@@ -97,10 +86,7 @@ def divided(
     processes: int,
     progress: Progress,
 ) -> Many:
-    """Call ``work(members, names, common)`` in several processes, some members at a time.
-
-    One process runs one thread of Python, for the sake of the GIL.
-    """
+    """Call ``work(members, names, common)`` in several processes, some members at a time."""
     started, count, finished = time.monotonic(), len(members), 0
     share = max(1, min(_MEMBERS_AT_A_TIME, -(-count // processes)))
     chunks = [slice(at, min(at + share, count)) for at in range(0, count, share)]
@@ -124,12 +110,10 @@ def divided(
             ) from None
 
     with WorkerPool([Worker(work) for _ in range(min(processes, len(chunks)))]) as pool:
-        for done in as_done(pool, ask, chunks):
-            if done is not None:
-                chunk = chunks[done[0]]
-                outcomes[chunk] = done[1].result()
-                finished += chunk.stop - chunk.start
-                progress(f"{finished} of {count}", finished / count)
+        for i, answer in as_done(pool, ask, chunks):
+            outcomes[chunks[i]] = answer.result()
+            finished += chunks[i].stop - chunks[i].start
+            progress(f"{finished} of {count}", finished / count)
     return gathered(names, outcomes, started)
 
 
@@ -174,19 +158,7 @@ _MOST = 512  # distinct lengths; more are merged first
 
 
 def ladder(lengths: Iterable[int], program: float = PROGRAM) -> list[int]:
-    """The lengths to pad to, ascending: each log is padded to the next length.
-
-    Args:
-        lengths: of the logs, in samples.
-        program: what one more length costs, in samples.
-
-    Returns:
-        The set of least total cost; with very many lengths, neighbours are merged first.
-
-    Example:
-        >>> ladder([1000] * 50 + [1010] * 50, program=20_000)
-        [1010]
-    """
+    """The lengths to pad to, ascending, of least total cost; each log is padded to the next."""
     sizes, counts = np.unique(np.asarray(list(lengths), int), return_counts=True)
     if sizes.size > _MOST:
         edges = np.unique(np.linspace(0, sizes.size - 1, _MOST).astype(int))

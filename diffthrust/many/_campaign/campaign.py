@@ -20,12 +20,18 @@ from diffthrust._support.progress import Progress, ProgressOption, progressing, 
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.validation import finite, whole_number
-from diffthrust.many._campaign.job import Job, check_task, fingerprint
-from diffthrust.many._campaign.specs import PathLike, find_specs, folders
+from diffthrust.many._campaign.job import (
+    Job,
+    PathLike,
+    check_task,
+    find_specs,
+    fingerprint,
+    folders,
+)
 from diffthrust.many._campaign.store import ResultRow, is_whole, stored, sweep
-from diffthrust.many._campaign.tables import TABLE, arrow_table, write_table
+from diffthrust.many._campaign.tables import TABLE, arrow_table, campaign_report, write_table
 from diffthrust.many._campaign.task import head, perform, run_job
-from diffthrust.specs._compile_key import compile_key
+from diffthrust.specs._file import compile_key
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,8 +103,6 @@ class Campaign(Result):
         return f"{self.task}: {self.summary}"
 
     def _report(self) -> Report:
-        from diffthrust.many._campaign.tables import campaign_report
-
         return campaign_report(self.rows, self.task, self.summary)
 
     def to_json(self) -> dict[str, Any]:
@@ -194,19 +198,16 @@ def campaign(
     if todo:
         report_progress(_progress_text(rows, kept, len(work), 0.0), kept / len(work))
         try:
-            try:
-                count = min(jobs or processors(), len(todo))
-                _run(executor, count, todo, rows, out, report_progress)
-            # Also if the table cannot be written: that stops workers in the middle of writing.
-            finally:
-                sweep(out, work)
+            count = min(jobs or processors(), len(todo))
+            _run(executor, count, todo, rows, out, report_progress)
         except KeyboardInterrupt:
-            _save(out, rows)
             raise KeyboardInterrupt(
                 f"{len(rows)} of {len(work)} specs are done and kept in {out}; running the same "
                 "campaign again continues from there."
             ) from None
-        _save(out, rows)
+        finally:  # also if the table cannot be written: that stops workers in the midst of writing
+            sweep(out, work)
+            _save(out, rows)
     ordered = tuple(rows[name] for name in sorted(rows))
     return Campaign(out, task, ordered, kept, time.monotonic() - started)
 
@@ -224,15 +225,13 @@ def _run(
     with executor_for(executor, jobs) as chosen, closing(as_done(chosen, perform, todo)) as each:
         started = saved = time.monotonic()
         cost = 0.0
-        for done in each:
-            if done is not None:
-                row = row_of(done[1], todo[done[0]])
-                rows[row["name"]] = row
+        for i, future in each:
+            rows[todo[i].name] = row_of(future, todo[i])
             now = time.monotonic()
             report_progress(_progress_text(rows, kept, total, now - started), len(rows) / total)
             # The whole table is written each time: with thousands of rows that takes seconds, so
             # that the pause grows with its cost.
-            if done is not None and now - saved > max(5.0, cost / _SAVING):
+            if now - saved > max(5.0, cost / _SAVING):
                 _save(out, rows)
                 saved = time.monotonic()
                 cost = saved - now

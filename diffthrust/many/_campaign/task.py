@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,10 @@ from diffthrust._support._running.process import ProcessDied, ProcessLate, Worke
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
 from diffthrust._support.visible import visible
+from diffthrust.estimation._result import Fit
+from diffthrust.many._batch.result import estimates_of, fit_row
 from diffthrust.many._campaign.job import Job, fingerprint
 from diffthrust.many._campaign.store import ResultRow, store
-from diffthrust.many._rows import estimates_of, fit_row
 from diffthrust.specs._scripts import as_input_error
 from diffthrust.specs._spec import Spec
 
@@ -25,14 +25,8 @@ _DEATHS = 3
 """A task is given up after its process died this many times."""
 
 
-@dataclass(frozen=True)
-class _Result:
-    """A result: as plain data, as columns of the table, and as a page."""
-
-    data: Mapping[str, Any]
-    columns: ResultRow
-    numbers: ResultRow
-    page: Callable[[Path], None]
+_Result = tuple[Mapping[str, Any], ResultRow, Callable[[Path], None]]
+"""A result as plain data, as columns of the table, and what writes it as a page."""
 
 
 def perform(job: Job) -> ResultRow:
@@ -48,11 +42,7 @@ def perform(job: Job) -> ResultRow:
 
 
 def helped(worker: Worker, job: Job) -> ResultRow:
-    """Do a task in a worker; retry if it dies, kill it at the time limit.
-
-    Raises:
-        CancelledError: the worker was stopped meanwhile.
-    """
+    """Do a task in a worker; retry if it dies, kill it at the time limit."""
     started, why = time.perf_counter(), ""
     # The first death may be bad luck: another process took the memory, or an administrator killed
     # it.
@@ -72,16 +62,13 @@ def helped(worker: Worker, job: Job) -> ResultRow:
 
 
 def run_job(job: Job) -> ResultRow:
-    """Do the work on one spec in this process, and write its folder.
-
-    Never raises: any error goes into the row as ``error`` and ``mend``.
-    """
+    """Do the work on one spec and write its folder; any error goes into the row."""
     started, mark = time.perf_counter(), None
     try:
         mark = fingerprint(job.load(), job)
         # Loaded after the first fingerprint: a change in between shows in the second one below.
         spec = job.load()
-        result = _TASKS[job.task](spec, job)
+        data, columns, page = _TASKS[job.task](spec, job)
         if fingerprint(job.load(), job) != mark:
             raise InputError(
                 "The spec, one of its logs or a script that it names was changed while it was "
@@ -89,10 +76,8 @@ def run_job(job: Job) -> ResultRow:
                 "Run the campaign again.",
             )
         seconds = time.perf_counter() - started
-        row = plain(
-            {**head(job, "ok"), **result.columns, "seconds": seconds, "numbers": result.numbers}
-        )
-        store(job, row, mark, result.data, result.page if job.report else None)
+        row = plain({**head(job, "ok"), **columns, "seconds": seconds})
+        store(job, row, mark, data, page if job.report else None)
         return row
     except Exception as error:
         told = as_input_error(error, f"diffthrust {job.task} {job.spec}")
@@ -126,7 +111,7 @@ def _fit(spec: Spec, job: Job) -> _Result:
         held = comparisons_of(fit, train, unseen)
         write_comparison_page(path, title=job.name, spec=spec.text, comparisons=held, fit=fit)
 
-    return _Result(fit.to_json(), fit_row(fit), estimates_of(fit), page)
+    return fit.to_json(), _columns(fit), page
 
 
 def _diagnose(spec: Spec, job: Job) -> _Result:
@@ -136,12 +121,7 @@ def _diagnose(spec: Spec, job: Job) -> _Result:
         diagnosis.save(path, title=f"Diagnosis: {job.name}", spec=spec.text)
 
     verdict = {"verdict": diagnosis.verdict, "added": ", ".join(diagnosis.added)}
-    return _Result(
-        diagnosis.to_json(),
-        {**fit_row(diagnosis.fit), **verdict},
-        estimates_of(diagnosis.fit),
-        page,
-    )
+    return diagnosis.to_json(), {**_columns(diagnosis.fit), **verdict}, page
 
 
 def _sample(spec: Spec, job: Job) -> _Result:
@@ -159,8 +139,12 @@ def _sample(spec: Spec, job: Job) -> _Result:
         write_posterior_page(posterior, path, title=f"Posterior: {job.name}", spec=spec.text)
 
     numbers = {name: (s.median, s.sd) for name, s in posterior.parameters.items()}
-    verdict = {"verdict": posterior.convergence.status.value}
-    return _Result(posterior.to_json(), {**fit_row(fit), **verdict}, numbers, page)
+    columns = {"verdict": posterior.convergence.status.value, "numbers": numbers}
+    return posterior.to_json(), {**_columns(fit), **columns}, page
+
+
+def _columns(fit: Fit) -> ResultRow:
+    return {**fit_row(fit), "numbers": estimates_of(fit)}
 
 
 _TASKS: Mapping[str, Callable[[Spec, Job], _Result]] = {

@@ -15,10 +15,9 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.estimation._result import Fit
-from diffthrust.many._batch.result import Many, named_members
+from diffthrust.many._batch.result import Many, estimates_of, fit_row, named_members
 from diffthrust.many._campaign.campaign import Campaign
 from diffthrust.many._campaign.tables import TABLE
-from diffthrust.many._rows import estimates_of, fit_row
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
 
@@ -71,11 +70,7 @@ class Entry(Brief):
 def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
     """The entries, and notes on fits that were left out."""
     if isinstance(source, Many | Mapping | Sequence) and not isinstance(source, str):
-        names, fits, vehicles, notes = _fits(source, vehicle)
-        names = list(named_members(None, names))
-        vehicles = _labels(vehicle, names, "vehicle") if vehicle is not None else vehicles
-        times = _labels(time, names, "time") if time is not None else [None] * len(names)
-        made = [_of_fit(*row) for row in zip(names, vehicles, times, fits, strict=True)]
+        made, notes = _of_fits(source, vehicle, time)
     else:
         made, notes = _of_table(_frame(source), vehicle, time)
     if not made:
@@ -89,49 +84,44 @@ def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry],
     return made, notes
 
 
-def _fits(
-    source: Many | Mapping[str, Any] | Sequence[Any], vehicle: Labels
-) -> tuple[list[str], list[Fit], list[str], list[str]]:
-    """Names, fits, vehicles and notes of a source of fits."""
+def _of_fits(
+    source: Many | Mapping[str, Any] | Sequence[Any], vehicle: Labels, time: Labels
+) -> tuple[list[Entry], list[str]]:
     notes: list[str] = []
+    pairs: Iterable[tuple[str, Any]]
     if isinstance(source, Many):
-        failed = source.failed
-        if failed:
+        if failed := source.failed:
             notes.append(f"Failed, and left out: {', '.join(failed)}.")
         names = [name for name in source.names if name not in failed]
-        fits, vehicles = list(source), names
+        pairs = zip(names, source, strict=True)
     elif isinstance(source, Mapping):
-        pairs = [
-            (str(name), fit)
-            for name, of_vehicle in source.items()
-            for fit in (of_vehicle if isinstance(of_vehicle, list | tuple) else [of_vehicle])
-        ]
-        names, fits = [name for name, _ in pairs], [fit for _, fit in pairs]
-        vehicles = names
+        several = {n: f if isinstance(f, list | tuple) else [f] for n, f in source.items()}
+        pairs = ((str(name), fit) for name, fits in several.items() for fit in fits)
+    elif vehicle is None:
+        raise InputError(
+            "vehicle: expected the vehicle of each fit in the list, found none.",
+            "Give vehicle=[...], or {'auv1': [fit, ...], ...} instead of the list.",
+        )
     else:
-        fits = list(source)
-        names = [f"fit {i + 1}" for i in range(len(fits))]
-        vehicles = names
-        if vehicle is None:
-            raise InputError(
-                "vehicle: expected the vehicle of each fit in the list, found none.",
-                "Give vehicle=[...], or {'auv1': [fit, ...], ...} instead of the list.",
-            )
-    for name, fit in zip(names, fits, strict=True):
+        pairs = ((f"fit {i}", fit) for i, fit in enumerate(source, 1))
+    fits = list(pairs)
+    for name, fit in fits:
         if not isinstance(fit, Fit):
             raise InputError(
                 f"{name}: expected a fit, found {type(fit).__name__}.",
                 "Give what dft.fit or dft.many.fit returns, a table of fits, or a campaign.",
             )
-    return names, fits, vehicles, notes
-
-
-def _of_fit(name: str, vehicle: Any, time: Any, fit: Fit) -> Entry:
-    columns = fit_row(fit)
-    effects = tuple(effect.name for effect in fit.model.effects)
-    return Entry(
-        name, str(vehicle), time, columns["model"], effects, columns, estimates_of(fit), fit
-    )
+    vehicles = [name for name, _ in fits]
+    unique = named_members(None, vehicles)
+    if vehicle is not None:
+        vehicles = _labels(vehicle, unique, "vehicle")
+    times = _labels(time, unique, "time") if time is not None else [None] * len(unique)
+    made = []
+    for name, whose, when, (_, fit) in zip(unique, vehicles, times, fits, strict=True):
+        columns, effects = fit_row(fit), tuple(effect.name for effect in fit.model.effects)
+        model, estimates = columns["model"], estimates_of(fit)
+        made.append(Entry(name, str(whose), when, model, effects, columns, estimates, fit))
+    return made, notes
 
 
 def _frame(source: Any) -> pd.DataFrame:

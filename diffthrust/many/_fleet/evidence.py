@@ -1,28 +1,33 @@
-"""Evidence of each vehicle's logs on the pooled parameters."""
+"""Evidence of each vehicle's logs on the pooled parameters: quadratic, or exact."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
 from diffthrust.many._fleet.entries import Axis, Entry
-from diffthrust.many._fleet.estimates import Estimates, dispersed, weighted_mean
-from diffthrust.many._fleet.exact import Exact, Normals, expand
+from diffthrust.many._fleet.statistics import Estimates, dispersed, weighted_mean
+from diffthrust.uncertainty._sampling.density import DensityShape
+from diffthrust.uncertainty._sampling.nuts import Box, smooth
+from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
+
+_STEPS = 50
+"""Most steps towards the point of expansion."""
 
 
 @dataclass(frozen=True)
 class Ruler:
-    """Scales the pooled parameters: distance from the fleet's middle in typical spreads.
-
-    Args:
-        axes: of the parameters.
-        middle: coordinate of the fleet's middle, by parameter.
-    """
+    """Scales the pooled parameters: distance from the fleet's middle in typical spreads."""
 
     axes: tuple[Axis, ...]
     middle: np.ndarray
@@ -163,7 +168,7 @@ def _with_exact_likelihood(
         [ruler.axes[i] for i in which],
         ruler.middle[which],
         towards[which],
-        Normals(begin.mean[which], begin.spread[which]),
+        Guess(*(numbers[which] for numbers in begin)),
     )
     p = len(ruler.axes)
     values, information = np.zeros(p), np.zeros((p, p))
@@ -221,3 +226,133 @@ def _together(parabolas: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.nd
 
 def _marginal_error(information: np.ndarray, i: int) -> float:
     return float(np.sqrt(np.linalg.pinv(information, hermitian=True)[i, i]))
+
+
+@dataclass(frozen=True)
+class Exact:
+    """The likelihood of a vehicle's logs over the coordinates of its fit.
+
+    Pooled parameters are in units of the fleet's ruler: coordinate = shift + scale * z.
+
+    Args:
+        posterior: the likelihood, times the priors of unpooled parameters.
+        pooled: columns of the pooled parameters among its coordinates, ``(q,)``.
+        unpooled: other columns: unpooled parameters, initial states, noise, ``(r,)``.
+        shift: coordinates of the pooled parameters at z = 0.
+        scale: coordinates per unit of z.
+        top: maximum of the quadratic approximation: pooled (z), then unpooled, ``(q + r,)``.
+        covariance: of the quadratic approximation, in the same order.
+    """
+
+    posterior: Posterior
+    pooled: np.ndarray
+    unpooled: np.ndarray
+    shift: np.ndarray
+    scale: np.ndarray
+    top: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def order(self) -> np.ndarray:
+        """Columns of the pooled parameters, then of the unpooled ones."""
+        return np.concatenate([self.pooled, self.unpooled])
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The numbers of `likelihood`, a pytree of arrays."""
+        d = self.posterior.dim
+        return {**self.posterior.data, "origin": jnp.zeros(d), "root": jnp.eye(d)}
+
+
+def likelihood(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
+    """Log likelihood at coordinates ``(d,)``, with its derivative by one forward-mode pass."""
+    return smooth(shape, Box((False,) * dim, (False,) * dim), numbers, x)
+
+
+@program(2)
+def _slope(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
+    return jax.value_and_grad(likelihood, argnums=3)(shape, dim, numbers, x)
+
+
+def expand(
+    fit: Fit, logs: Any, axes: Sequence[Axis], middle: np.ndarray, towards: np.ndarray, law: Guess
+) -> Exact:
+    """The likelihood of a fit's logs, expanded at the maximum of likelihood times a guessed law.
+
+    An expansion at the fit itself would be of little use: with poor logs, a parameter may have run
+    to zero there. ``middle`` are the coordinates at z = 0, ``towards`` is where the search starts.
+    """
+    names = [axis.name for axis in axes]
+    # `posterior_of` refuses a fit that is not identifiable, whose posterior is improper. The law of
+    # the fleet makes it proper, hence the status.
+    near = {n: fit.parameters[n].value for n in names}
+    posterior = posterior_of(
+        replace(fit, status=Status.CONVERGED, guess={**fit.guess, **near}), logs
+    )
+    labels = list(posterior.labels)
+    pooled = np.array([labels.index(name) for name in names], int)
+    unpooled = np.setdiff1d(np.arange(posterior.dim), pooled)
+    described = [posterior.problem.named[name] for name in names]
+    low, high = posterior.low.copy(), posterior.high.copy()
+    for column, axis, p in zip(pooled, axes, described, strict=True):
+        # The bounds of a fit are decades around its guess, which is here the estimate itself: an
+        # estimate that ran to zero would have no way back.
+        if axis.log:
+            with np.errstate(divide="ignore"):
+                low[column], high[column] = np.log(p.limits)
+    posterior = replace(posterior, low=low, high=high)
+    per = np.array([1.0 if axis.log else 1.0 / p.scale
+                    for axis, p in zip(axes, described, strict=True)])  # fmt: skip
+    typical = np.array([axis.typical for axis in axes])
+    size = np.concatenate([per * typical, np.ones(unpooled.size)])
+    begin = np.concatenate([towards, posterior.centre[unpooled]])
+    bare = Exact(posterior, pooled, unpooled, per * middle, per * typical, begin, np.diag(size))
+    return _with_parabola(bare, size, law)
+
+
+def _with_parabola(bare: Exact, size: np.ndarray, law: Guess) -> Exact:
+    """Expand at the maximum of likelihood times law."""
+    from scipy.optimize import minimize  # slow to import
+
+    order, posterior, numbers = bare.order, bare.posterior, bare.numbers
+    unpooled = np.zeros(bare.unpooled.size)
+    shift, mean, precision = (
+        np.append(pooled, unpooled) for pooled in (bare.shift, law.mean, 1.0 / law.spread**2)
+    )
+
+    def coordinates(y: np.ndarray) -> np.ndarray:
+        x = np.empty(y.size)
+        x[order] = y * size + shift
+        return x
+
+    def log_likelihood(y: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = _slope(posterior.shape, y.size, numbers, coordinates(y))
+        return float(value), np.asarray(slope)[order] * size
+
+    def covariance(y: np.ndarray) -> np.ndarray:
+        x, base = coordinates(y), posterior.base.copy()
+        base[posterior.moved] = x[: posterior.moved.size]
+        shifted = replace(posterior, base=base, centre=x)
+        scaled = shifted.covariance[np.ix_(order, order)] / np.outer(size, size)
+        return 0.5 * (scaled + scaled.T)
+
+    def cost(y: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = log_likelihood(y)
+        pull = precision * (y - mean)
+        total = 0.5 * float(pull @ (y - mean)) - value
+        return total if np.isfinite(total) else np.inf, pull - slope
+
+    # The information is that of Gauss and Newton, and the likelihood may be far from a parabola:
+    # steps stay within a region in which it is one.
+    top: np.ndarray = minimize(
+        cost,
+        bare.top,
+        jac=True,
+        hess=lambda y: np.linalg.inv(covariance(y)) + np.diag(precision),
+        method="trust-exact",
+        options={"maxiter": _STEPS},
+    ).x
+    # The parabola of the likelihood alone: its maximum lies a Newton step from the expansion point,
+    # which is the maximum of likelihood times law.
+    result = covariance(top)
+    return replace(bare, top=top + result @ log_likelihood(top)[1], covariance=result)

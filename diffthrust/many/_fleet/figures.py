@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,8 +12,13 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
 from diffthrust._support.words import humanize
 from diffthrust.many._fleet.entries import Axis
-from diffthrust.many._fleet.estimates import Estimates, between, vehicle_means, weighted_mean
-from diffthrust.many._fleet.views import trend
+from diffthrust.many._fleet.statistics import (
+    Estimates,
+    between,
+    trend,
+    vehicle_means,
+    weighted_mean,
+)
 from diffthrust.uncertainty._prediction.figures import bracketed
 
 if TYPE_CHECKING:
@@ -22,7 +28,7 @@ if TYPE_CHECKING:
 
 
 _ACROSS = 3
-_SIGMAS = 1.959964
+_SIGMAS = NormalDist().inv_cdf(0.975)
 """Standard errors in half a 95 % interval."""
 _MARKED = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
 _MARKS = "osD^v"
@@ -75,12 +81,10 @@ def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
             times, values, errors = times[order], values[order], errors[order]
             moves = vehicle in here
             half = _SIGMAS * errors
-            middle = axis.value(values)
-            arms = np.abs(np.stack([axis.value(values - half), axis.value(values + half)]) - middle)
             axes.errorbar(
                 times,
-                middle,
-                yerr=arms,
+                axis.value(values),
+                yerr=_arms(axis, values - half, values, values + half),
                 fmt=mark[vehicle] if moves else "o",
                 color=colour[vehicle] if moves else "0.65",
                 markersize=5 if moves else 3,
@@ -136,7 +140,7 @@ def pooled_figure(
     """Each vehicle by itself and pooled; behind it the median of the fleet and its spread."""
     vehicles = [str(vehicle) for vehicle in posterior["vehicle"].values]
     share = f"{100 * level:g} %"
-    width = _SIGMAS if level == 0.95 else _quantile(level)
+    width = NormalDist().inv_cdf(0.5 + level / 2)
     figure, panels = _panels(list(parameters), 0.9 + 0.34 * len(vehicles))
     for axes, axis in zip(panels, parameters, strict=True):
         alone = vehicle_means(fleet, axis.name)
@@ -162,12 +166,6 @@ def pooled_figure(
     return figure
 
 
-def _quantile(level: float) -> float:
-    from scipy.stats import norm
-
-    return float(norm.ppf(0.5 + level / 2))
-
-
 def _panels(parameters: list[Axis], height: float) -> tuple[Figure, list[Axes]]:
     from matplotlib.figure import Figure
 
@@ -186,9 +184,12 @@ def _law(axes: Axes, axis: Axis, mean: float, sd: float) -> None:
 
 def _bars(axes: Axes, axis: Axis, low: Any, at: Any, high: Any, rows: Any, **look: Any) -> None:
     """Horizontal intervals given in coordinates."""
-    middle = axis.value(at)
-    arms = np.abs(np.stack([axis.value(low), axis.value(high)]) - middle)
-    axes.errorbar(middle, rows, xerr=arms, markersize=4.5, linewidth=1.2, **look)
+    arms = _arms(axis, low, at, high)
+    axes.errorbar(axis.value(at), rows, xerr=arms, markersize=4.5, linewidth=1.2, **look)
+
+
+def _arms(axis: Axis, low: Any, at: Any, high: Any) -> np.ndarray:
+    return np.abs(np.stack([axis.value(low), axis.value(high)]) - axis.value(at))
 
 
 def _rows(axes: Axes, axis: Axis, vehicles: Any) -> None:

@@ -14,8 +14,17 @@ from diffthrust._support.figures import showing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.entries import ERROR, Axis, Entry, Labels, axes_of, entries_of
+from diffthrust.many._fleet.figures import drift_figure, effects_figure, spread_figure
+from diffthrust.many._fleet.statistics import (
+    drift_table,
+    effects_table,
+    outlier_table,
+    spread_table,
+)
+from diffthrust.many._fleet.tables import fleet_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,8 +115,6 @@ class Fleet(Result):
             spread beyond those errors, I^2 (Higgins & Thompson 2002); Cochran's ``q`` with its
             ``dof`` and ``p_value`` for vehicles that differ only by those errors.
         """
-        from diffthrust.many._fleet.views import spread_table
-
         return spread_table(self)
 
     def drift(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
@@ -130,8 +137,6 @@ class Fleet(Result):
             >>> drift = fleet.drift(false_alarms=0.05)
             >>> figure = fleet.plot_drift()
         """
-        from diffthrust.many._fleet.views import drift_table
-
         if np.isnan(self.times).any():
             raise InputError(
                 "The fits have no times, which a drift needs.",
@@ -154,8 +159,6 @@ class Fleet(Result):
             auv1        2
             auv2        2
         """
-        from diffthrust.many._fleet.views import effects_table
-
         return effects_table(self)
 
     def outliers(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
@@ -177,8 +180,6 @@ class Fleet(Result):
             >>> fleet.outliers(false_alarms=0.05).shape[0]
             0
         """
-        from diffthrust.many._fleet.views import outlier_table
-
         return outlier_table(self, _share("false_alarms", false_alarms))
 
     @progressing
@@ -241,27 +242,20 @@ class Fleet(Result):
             self,
             parameters,
             dict(logs or {}),
-            correlated=correlated,
-            draws=draws,
-            warmup=warmup,
-            chains=chains,
-            seed=seed,
-            level=_share("level", level),
-            progress=reporter(progress),
+            correlated,
+            _share("level", level),
+            {"draws": draws, "warmup": warmup, "chains": chains, "seed": seed},
+            reporter(progress),
         )
 
     @showing
     def plot_spread(self) -> Figure:
         """Plot each parameter of each vehicle with its 95 % interval, and the fleet's spread."""
-        from diffthrust.many._fleet.figures import spread_figure
-
         return spread_figure(self, self.outliers())
 
     @showing
     def plot_drift(self) -> Figure:
         """Plot each parameter over time, a line for each vehicle; drifting ones are highlighted."""
-        from diffthrust.many._fleet.figures import drift_figure
-
         return drift_figure(self, self.drift())
 
     @showing
@@ -272,16 +266,12 @@ class Fleet(Result):
             >>> fleet.effects().shape
             (3, 1)
         """
-        from diffthrust.many._fleet.figures import effects_figure
-
         return effects_figure(self.effects())
 
     def _line(self) -> str:
         return f"{len(self.entries)} fits of {len(self.vehicles)} vehicles"
 
     def _report(self) -> Report:
-        from diffthrust.many._fleet.tables import fleet_report
-
         drift = None if np.isnan(self.times).any() else self.drift()
         return fleet_report(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
 
@@ -321,12 +311,6 @@ def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
     return Fleet(tuple(entries), axes_of(entries), unit, tuple(notes))
 
 
-def _share(what: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, float) or not 0 < value < 1:
-        raise InputError(f"{what}: expected a number in (0, 1), found {value!r}.", "Correct it.")
-    return value
-
-
 def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
     """Times as numbers, and their unit; dates become days since the first."""
     import pandas as pd
@@ -351,3 +335,7 @@ def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
             "Give a time for each fit, or for none.",
         )
     return numbers, unit
+
+
+def _share(what: str, value: float) -> float:
+    return finite(what, value, lambda share: 0 < share < 1, "a number in (0, 1)")

@@ -10,8 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import cho_solve, solve_triangular
 
-from diffthrust.many._fleet.evidence import VehicleEvidence, first_guess
-from diffthrust.many._fleet.exact import Exact, likelihood
+from diffthrust.many._fleet.evidence import Exact, VehicleEvidence, first_guess, likelihood
 from diffthrust.uncertainty._sampling.density import DensityShape
 
 _TAIL = 4.0
@@ -115,17 +114,12 @@ def _correlation(p: int, y: Any) -> tuple[Any, Any]:
     The partial correlation of i and j given all before j is the hyperbolic tangent of an unbounded
     coordinate; under the LKJ prior it is Beta distributed (Lewandowski et al. 2009, section 3).
     """
-    root, prior, at = [[jnp.asarray(1.0)] + [jnp.asarray(0.0)] * (p - 1)], jnp.asarray(0.0), 0
-    for i in range(1, p):
-        row, remaining = [], jnp.asarray(1.0)
-        for j in range(i):
-            partial = jnp.tanh(y[at])
-            row.append(partial * jnp.sqrt(remaining))
-            remaining = remaining * (1.0 - partial**2)
-            prior += (_CORRELATION_SHAPE + 0.5 * (p - 2 - j)) * jnp.log1p(-(partial**2))
-            at += 1
-        root.append([*row, jnp.sqrt(remaining)] + [jnp.asarray(0.0)] * (p - 1 - i))
-    return jnp.stack([jnp.stack(row) for row in root]), prior
+    partial = jnp.zeros((p, p)).at[np.tril_indices(p, -1)].set(jnp.tanh(y))
+    remaining = jnp.cumprod(1.0 - partial[:, :-1] ** 2, axis=1)
+    before = jnp.pad(remaining, ((0, 0), (1, 0)), constant_values=1.0)
+    root = (partial + jnp.eye(p)) * jnp.sqrt(before)
+    shape = _CORRELATION_SHAPE + 0.5 * (p - 2 - np.arange(p))
+    return root, shape @ jnp.sum(jnp.log1p(-(partial**2)), axis=0)
 
 
 def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]:

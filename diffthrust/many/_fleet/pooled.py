@@ -15,9 +15,13 @@ from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
-from diffthrust.many._fleet.estimates import Estimates, vehicle_means
 from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence, gather_evidence
+from diffthrust.many._fleet.figures import pooled_figure
+from diffthrust.many._fleet.hierarchy import arrange
+from diffthrust.many._fleet.statistics import Estimates, vehicle_means
+from diffthrust.many._fleet.tables import pooled_report
 from diffthrust.models._base.parameter import Normal
+from diffthrust.uncertainty._sampling import nuts
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
 from diffthrust.uncertainty._sampling.sample import check_sampling
 
@@ -207,8 +211,6 @@ class Pooled(Result):
     @showing
     def plot(self) -> Figure:
         """Plot each vehicle's separate and pooled estimates with intervals."""
-        from diffthrust.many._fleet.figures import pooled_figure
-
         return pooled_figure(
             self.fleet, self.ruler.axes, self.post.posterior, self.table, self.level
         )
@@ -217,8 +219,6 @@ class Pooled(Result):
         return f"{len(self.evidence)} vehicles, {self.convergence.status.value}"
 
     def _report(self) -> Report:
-        from diffthrust.many._fleet.tables import pooled_report
-
         notes = [self.convergence.message, *(f"Note: {note}" for note in self.notes)]
         return pooled_report(self.population, self.table, self.level, notes)
 
@@ -232,20 +232,13 @@ def pool_vehicles(
     fleet: Estimates,
     parameters: Sequence[str] | None,
     logs: Mapping[str, Any],
-    *,
     correlated: bool,
-    draws: int,
-    warmup: int,
-    chains: int,
-    seed: int,
     level: float,
+    sampling: Mapping[str, int],
     progress: Progress,
 ) -> Pooled:
-    """See `Fleet.pool`."""
-    from diffthrust.many._fleet.hierarchy import arrange
-    from diffthrust.uncertainty._sampling import nuts  # slow to import, as BlackJAX is
-
-    check_sampling("nuts", draws, warmup, chains, seed, None, None)
+    """See `Fleet.pool`; ``sampling`` are the numbers of draws and chains, and the seed."""
+    check_sampling("nuts", **sampling, walkers=None, file=None)
     nuts.available("Pooling", "use the separate fits")
     names, notes = _chosen(fleet, parameters)
     ruler = _ruler(fleet, names)
@@ -255,18 +248,9 @@ def pool_vehicles(
         if lacking:
             notes.append(f"{name}: {listing(lacking)} did not estimate it and are left out of it.")
     target, data = arrange(evidence, correlated)
-    walked = nuts.sample_target(
-        target,
-        data,
-        target.dim,
-        draws=draws,
-        warmup=warmup,
-        chains=chains,
-        seed=seed,
-        progress=progress,
-    )
+    walked = nuts.sample_target(target, data, target.dim, progress=progress, **sampling)
     progress("done", 1.0)
-    post = _posterior(ruler, evidence, walked.kept, walked.stats, correlated, seed)
+    post = _posterior(ruler, evidence, walked.kept, walked.stats, correlated, sampling["seed"])
     weight = np.mean(walked.kept["weight"], axis=(0, 1))
     return Pooled(fleet, ruler, tuple(evidence), post, weight, level, (*notes, *more))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.words import humanize, joined, number, percent, probability, with_error
-from diffthrust.many._fleet.estimates import Estimates
+from diffthrust.many._fleet.statistics import Estimates
 
 
 def fleet_report(

@@ -488,7 +488,7 @@ class Model(Component):
         return " + ".join([super().__repr__(), *(repr(effect) for effect in self.effects)])
 
     def _repr_html_(self) -> str:
-        from diffthrust._support.notebook import notebook_html
+        from diffthrust._support.page import notebook_html
         from diffthrust._support.words import number
 
         rows = [
