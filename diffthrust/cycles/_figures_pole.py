@@ -44,24 +44,18 @@ def plot_pole_motion(
         >>> figure = dft.cycles.plot_pole_motion(([2.0], [1, 3, 2, 0]), dft.cycles.Saturation(1.0))
     """
     transfer, element = transfer_of(linear), element_of(nonlinearity)
-    grid = range_of("amplitudes", amplitudes, element.least)
-    if grid is None:
-        a, _ = grid_of(transfer, element, None, None)
-        scale = element.scale
-        ends = (a[0], a[-1]) if scale is None else (element.least + 0.1 * scale, 100.0 * scale)
-    else:
-        ends = (grid[0], grid[-1])
-    return pole_figure(transfer, element, (float(ends[0]), float(ends[1])))
+    grid, scale = range_of("amplitudes", amplitudes, element.least), element.scale
+    if grid is None and scale is not None:
+        grid = np.array([element.least + 0.1 * scale, 100.0 * scale])
+    elif grid is None:
+        grid, _ = grid_of(transfer, element, None, None)
+    return pole_figure(transfer, element, (float(grid[0]), float(grid[-1])))
 
 
 def pole_path(
     transfer: Transfer, element: Nonlinearity, amplitudes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poles of the quasi-linear loop at amplitudes where there is a describing function.
-
-    Returns:
-        Amplitudes ``(m,)`` and poles [1/s], complex ``(m, n)``.
-    """
+    """Amplitudes ``(m,)`` with a describing function, and the loop's poles [1/s], ``(m, n)``."""
     w = np.full(amplitudes.shape, np.sqrt(transfer.corners[0] * transfer.corners[-1]))
     rows: list[np.ndarray] = []
     for _ in range(8):  # the lag depends on the frequency of the pair that it moves
@@ -138,12 +132,7 @@ def pole_figure(
 
 
 def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float, bool]]:
-    """Where a pair crosses the imaginary axis: amplitude, frequency, and whether to the left.
-
-    Args:
-        a: amplitudes, ``(m,)``.
-        poles: complex ``(m, n)``.
-    """
+    """Where a pair crosses the imaginary axis: amplitude, frequency, and whether to the left."""
     crossed = []
     upper = np.where(np.imag(poles) > 1e-6 * np.abs(poles), poles, -np.inf)
     best = np.argmax(np.real(upper), axis=1)
