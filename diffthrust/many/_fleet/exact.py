@@ -14,9 +14,8 @@ from diffthrust._support._running.programs import program
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.many._fleet.entries import Axis
-from diffthrust.uncertainty._sampling.density import DensityShape
 from diffthrust.uncertainty._sampling.nuts import Box, smooth
-from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
+from diffthrust.uncertainty._sampling.posterior import DensityShape, Posterior, posterior_of
 
 _STEPS = 50
 """Most Newton steps towards the point of expansion."""

@@ -12,7 +12,7 @@ from jax.scipy.linalg import cho_solve, solve_triangular
 
 from diffthrust.many._fleet.evidence import VehicleEvidence, first_guess
 from diffthrust.many._fleet.exact import Exact, likelihood
-from diffthrust.uncertainty._sampling.density import DensityShape
+from diffthrust.uncertainty._sampling.posterior import DensityShape
 
 _TAIL = 4.0
 """Degrees of freedom of the half Student-t prior of a standard deviation."""
