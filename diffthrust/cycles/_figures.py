@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
 from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
 
@@ -35,8 +32,6 @@ def nyquist_figure(
     The window is laid around the crossings, or without any around the place where the two come
     nearest; parts of the curves far outside are not drawn.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(7.4, 6.8), layout="constrained")
     axes = figure.add_subplot()
     w = np.geomspace(*frequencies, 4000)
@@ -129,8 +124,6 @@ def _drawn(
 
 def course_figure(course: LoopCourse, levels: Mapping[str, float], title: str) -> Figure:
     """Command and thrust over time, with what the formulas and the balance say of the peak."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(8.4, 4.4), layout="constrained")
     axes = figure.add_subplot()
     axes.plot(course.time, course.output, color=GREY, linewidth=1.6, label="thrust")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
@@ -13,9 +15,6 @@ from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.cycles._crossings import grid_of, loop_poles
 from diffthrust.cycles._element import Nonlinearity
 from diffthrust.cycles._find import element_of, range_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _COUNT = 64
 
@@ -90,9 +89,6 @@ def pole_figure(
     label: str = "amplitude",
 ) -> Figure:
     """The figure; amplitudes are shown times ``factor``."""
-    from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
-
     a, poles = pole_path(transfer, element, np.geomspace(*ends, _COUNT))
     figure = Figure(figsize=(7.6, 5.6), layout="constrained")
     axes = figure.add_subplot()

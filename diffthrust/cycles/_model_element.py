@@ -223,22 +223,10 @@ class PropelledAxis(ModelElement):
 
         mass * d(velocity)/dt = thrust - drag * velocity |velocity|
 
-    The describing function is that of the thruster times the quasi-linear vehicle, whose drag
+    The mass [kg] is with the water that moves along, the drag [N s^2/m^2] above zero. The
+    describing function is that of the thruster times the quasi-linear vehicle, whose drag
     coefficient is 8/(3 pi) drag times the amplitude of the velocity; the balance of harmonics and
-    the simulation take the drag as it is.
-
-    Args:
-        model: the thruster, with its effects.
-        mass: of the vehicle, with the water that moves along [kg].
-        drag: [N s^2/m^2], above zero.
-
-    Raises:
-        InputError: a mass or drag that is not positive, or a model that `ModelElement` refuses.
-
-    Source: Yoerger, Cooke & Slotine 1990, section IV.
-
-    Example:
-        >>> PropelledAxis(dft.Thruster(), mass=340.0, drag=67.0).describing(0.6, 1.0)
+    the simulation take the drag as it is. Source: Yoerger, Cooke & Slotine 1990, section IV.
     """
 
     def __init__(self, model: Any, *, mass: float, drag: float) -> None:

@@ -204,27 +204,21 @@ class _Unknowns:
     def __init__(self, order: np.ndarray, amplitude: float, frequency: float) -> None:
         self.order, self.amplitude, self.frequency = order, amplitude, frequency
         self.mean = int(order[0] == 0)
-        self.turning = order[self.mean :]
 
     def start(self, guess: CycleSeries) -> np.ndarray:
         """The unknowns of a cycle that may have fewer harmonics."""
-        m, count = self.mean, self.turning.size
-        z = np.zeros(m + 2 * count)
-        for i, k in enumerate(self.order):
-            places = np.flatnonzero(guess.order == k)
-            c = guess.input[places[0]] / self.amplitude if places.size else 0j
-            z[i] = c.real
-            if i >= m:
-                z[count + i] = c.imag
-        z[m + count] = math.log(guess.frequency / self.frequency)
-        return z
+        by_order = dict(zip(guess.order.tolist(), guess.input, strict=True))
+        e = np.array([by_order.get(k, 0j) for k in self.order.tolist()]) / self.amplitude
+        imaginary = e.imag[self.mean :].copy()
+        imaginary[0] = math.log(guess.frequency / self.frequency)
+        return np.concatenate([e.real, imaginary])
 
     def taken(self, z: np.ndarray) -> tuple[np.ndarray, float]:
         """Complex coefficients and frequency; the fundamental's imaginary part gives its place."""
-        m, count = self.mean, self.turning.size
-        imaginary = z[m + count :].copy()
-        log_w, imaginary[0] = imaginary[0], 0.0
-        e = np.concatenate([z[:m] + 0j, z[m : m + count] + 1j * imaginary])
+        size = self.order.size
+        imaginary = np.concatenate([np.zeros(self.mean), z[size:]])
+        log_w, imaginary[self.mean] = imaginary[self.mean], 0.0
+        e = z[:size] + 1j * imaginary
         # another cycle long before e^5, and no overflow where a search leads nowhere
         return self.amplitude * e, self.frequency * math.exp(np.clip(log_w, -5.0, 5.0))
 
@@ -240,8 +234,7 @@ def _residual(
     size = np.maximum(np.abs(den), 1e-9 * np.abs(num))
     size = np.where(np.abs(den) > 1e-12 * np.abs(num), size, np.abs(num))
     missed = (den * e + num * np.exp(-transfer.delay * s) * y) / size / unknowns.amplitude
-    m = unknowns.mean
-    return np.concatenate([missed[:m].real, missed[m:].real, missed[m:].imag])
+    return np.concatenate([missed.real, missed[unknowns.mean :].imag])
 
 
 def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:

@@ -106,17 +106,13 @@ class ThrusterLoop(Result):
 
         The thruster has no effects, and its ct is that of the paper's static or dynamic test.
         """
-        design = (self.mass, self.drag, self.natural_frequency, self.damping)
         thruster = self._thruster
-        pairs = zip(
-            (*design, thruster.load, thruster.drive_gain),
-            (340.0, 67.0, 1.0, 0.707, 0.037, 42.0),
-            strict=True,
-        )
-        near = all(math.isclose(a, b, rel_tol=2e-3) for a, b in pairs)
-        tests = (0.022, 0.019)  # ct of the static and of the dynamic test
-        tested = any(math.isclose(thruster.thrust_gain, ct, rel_tol=2e-3) for ct in tests)
-        return near and tested and not self.model.effects
+        design = (self.mass, self.drag, self.natural_frequency, self.damping)
+        values = np.array([*design, thruster.load, thruster.drive_gain])
+        near = np.isclose(values, [340.0, 67.0, 1.0, 0.707, 0.037, 42.0], rtol=2e-3, atol=0.0)
+        tests = [0.022, 0.019]  # ct of the static and of the dynamic test
+        tested = np.isclose(thruster.thrust_gain, tests, rtol=2e-3, atol=0.0)
+        return bool(near.all() and tested.any() and not self.model.effects)
 
     def _line(self) -> str:
         return self.found.sentence
