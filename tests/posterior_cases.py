@@ -16,37 +16,29 @@ from diffthrust.uncertainty._intervals import (  # private: the sentences alone
     heading,
     sentences,
 )
-from diffthrust.uncertainty._intervals_row import (  # private: rows that no logs give
-    Interval,
-    Row,
-    scaled,
-)
 from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: a closed form
 from diffthrust.uncertainty._prediction.draws import draws_of  # private: no result keeps its draws
 from diffthrust.uncertainty._prediction.tables import interval_text  # private: digits alone
 from diffthrust.uncertainty._profile import (  # private: the threshold alone
     threshold_of,
 )
-from diffthrust.uncertainty._profile_curve import Profile  # private: with arms that no logs give
-from diffthrust.uncertainty._profile_lines import (  # private: a line of one's own
+from diffthrust.uncertainty._profile_walk import (  # private: walks and lines of a test
+    DeeperError,
     ParameterLine,
     ProfilePoint,
     QuantityLine,
+    root,
     spread,
+    walk,
 )
-from diffthrust.uncertainty._profile_result import (  # private: made by a call
+from diffthrust.uncertainty._results import (  # private: made by a call
     Better,
     Profiles,
 )
-from diffthrust.uncertainty._profile_walk import (  # private: the walk alone
-    DeeperError,
-    root,
-    walk,
-)
 from diffthrust.uncertainty._sampling import chain_file, nuts  # private: coordinates; marks
 from diffthrust.uncertainty._sampling.arviz import arviz  # private: without its warning
-from diffthrust.uncertainty._sampling.identity import problem_identity  # private: whose a file is
-from diffthrust.uncertainty._sampling.moves import (  # private: proposals of a law not their own
+from diffthrust.uncertainty._sampling.chain_file import problem_identity  # private: whose a file is
+from diffthrust.uncertainty._sampling.ensemble import (  # private: proposals of a law not their own
     independent_proposals,
     learned,
 )
@@ -58,6 +50,12 @@ from diffthrust.uncertainty._sampling.propriety import open_ends  # private: bef
 from diffthrust.uncertainty._scores import (  # private: the parts alone
     sample_scores,
     summed,
+)
+from diffthrust.uncertainty._values import (  # private: rows that no logs give
+    Interval,
+    Profile,  # private: with arms that no logs give
+    Row,
+    scaled,
 )
 
 __all__ = [

@@ -14,16 +14,10 @@ _CLOSE = 1e-6
 
 
 def continued(system: System, step: float, method: str) -> tuple[np.ndarray, ...]:
-    """The continuous system whose sampling gives a system.
+    """A, B, C and D of the continuous system whose sampling gives a system.
 
-    Args:
-        system: sampled.
-        step: [s].
-        method: input between samples, ``"zero"`` (held) or ``"linear"``, inverted exactly; or
-            ``"tustin"``, the bilinear transformation, for any system without a pole at -1.
-
-    Returns:
-        A ``(n, n)``, B ``(n, m)``, C ``(p, n)``, D ``(p, m)``.
+    The input between samples is held (``"zero"``) or ``"linear"``, which is inverted exactly;
+    ``"tustin"`` is the bilinear transformation, for any system without a pole at -1.
     """
     a, b, c, d = system.a, system.b, system.c, system.d
     n = len(a)

@@ -23,18 +23,13 @@ def samples_of(records: Sequence[SampledLog]) -> int:
     return int(sum(np.isfinite(record.y).sum() for record in records))
 
 
-def prediction_errors(system: System, records: Sequence[SampledLog]) -> list[np.ndarray]:
-    """Measured minus predicted by record, ``(n, p)``; NaN where a sample is missing."""
-    return [record.y - system.predict(record.u, record.y) for record in records]
-
-
 def bic_of(system: System, records: Sequence[SampledLog], size: int) -> tuple[float, np.ndarray]:
     """The Bayesian information criterion of the one-step errors, and their standard deviations.
 
     Source: Schwarz 1978, with the Gaussian likelihood of white errors. All models are rated on the
     same samples, each from its best starting states, which count as parameters of each record.
     """
-    e = np.concatenate(prediction_errors(system, records))
+    e = np.concatenate([record.y - system.predict(record.u, record.y) for record in records])
     if np.isinf(e).any():
         return np.inf, np.full(e.shape[1], np.inf)
     e = e[np.isfinite(e).all(axis=1)]

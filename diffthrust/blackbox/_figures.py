@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, styled, thinned
-from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-
-def model_figure(model: SampledModel, log: Log) -> Figure:
+def model_figure(
+    title: str,
+    log: Log,
+    units: Mapping[str, str],
+    simulated: Mapping[str, np.ndarray],
+    predicted: Mapping[str, np.ndarray],
+    fits: Mapping[str, float],
+) -> Figure:
     """Measured, simulated and predicted outputs; below, what is left of each."""
-    from matplotlib.figure import Figure
-
-    outputs = model.channels.outputs
+    outputs = tuple(simulated)
     figure = Figure(figsize=(8.5, 4.6 * len(outputs)), layout="constrained")
     panels = figure.subplots(
         2 * len(outputs), 1, sharex=True, height_ratios=[3, 1.5] * len(outputs)
     )
-    simulated, predicted = model.simulate(log), model.predict(log)
-    errors = model.errors(log).channels
-    predicting = model.kind != "output_error"  # which predicts what it simulates
     for i, name in enumerate(outputs):
         top, below = panels[2 * i], panels[2 * i + 1]
-        unit = model.channels.units[name]
+        unit = units[name]
         words = f"{name} [{unit}]" if unit else name
         measured = log.values(name, unit)
         # Of a channel at half the rate of its log no two samples are neighbours, to be joined.
@@ -37,17 +39,16 @@ def model_figure(model: SampledModel, log: Log) -> Figure:
         top.plot(*thinned(log.time, measured), label="measured", **look)
         top.plot(*thinned(log.time, simulated[name]), color=VERMILLION, linewidth=1.2,
                  label="simulated freely")  # fmt: skip
-        if predicting:
+        if predicted:
             top.plot(*thinned(log.time, predicted[name]), color=BLUE, linewidth=0.9,
                      linestyle="--", label="predicted one step ahead")  # fmt: skip
-        fit = f", fit {errors[name].fit_percent:.1f} %" if name in errors else ""
-        title = f"{literal(log.name)}: {model}{fit} in free simulation"
-        styled(top, title, "", words)
+        fit = f", fit {fits[name]:.1f} %" if name in fits else ""
+        styled(top, f"{literal(title)}{fit} in free simulation", "", words)
         top.legend(fontsize=8, frameon=False, ncols=3)
         below.axhline(0.0, color="0.4", linewidth=0.8)
         look = {"color": VERMILLION, "linewidth": 0.9, **dots}
         below.plot(*thinned(log.time, measured - simulated[name]), **look)
-        if predicting:
+        if predicted:
             look = {"color": BLUE, "linewidth": 0.9, **dots}
             below.plot(*thinned(log.time, measured - predicted[name]), **look)
         last = name == outputs[-1]

@@ -2,31 +2,177 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section, Styled, notes
 from diffthrust._support.results import Result
-from diffthrust.blackbox._sampled_model import SampledModel
-from diffthrust.estimation._estimate import parameter_rows
+from diffthrust._support.transfer import Transfer, transfer_of
+from diffthrust.blackbox._continuous import Method, continued
+from diffthrust.blackbox._records import Channels
+from diffthrust.blackbox._system import System
+from diffthrust.estimation._estimate import Estimate, parameter_rows
+from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
+from diffthrust.simulation._errors import Errors, errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+ModelKind = Literal["arx", "armax", "output_error", "state_space"]
 
-class BlackBox(Result, SampledModel):
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BlackBox(Result):
     """A sampled linear model of a log's inputs and outputs, with its parameters and errors.
+
+    Args:
+        kind: "arx", "armax", "output_error" or "state_space".
+        orders: requested orders, by name.
+        channels: inputs, outputs, their units, and the step.
+        parameters: an `Estimate` for each; empty for matrices, which depend on the states' basis.
+        covariance: of the parameters, ``(k, k)``; ``None`` if they are not identifiable. Like the
+            standard errors it assumes white residuals, except for an output error, where it allows
+            for correlated ones; see ``notes``.
+        noise: standard deviation of the one-step prediction's error by output, in its unit.
+        polynomials: A, C, and B by input, as coefficients of 1, q^-1, ... (B: from q^-delay on);
+            empty for a state space.
+        system: state-space form with predictor; its last input is 1 if an offset is estimated.
+        plain: the same without states of the noise, from inputs to outputs.
+        status: what may be claimed.
+        bic: of the one-step errors, counting starting states as parameters; comparable between
+            models of the same logs and outputs.
+        samples: number of measured outputs.
+        singular_values: of a subspace identification, for choosing an order; else empty.
+        notes: caveats, one sentence each.
 
     Example:
         >>> model = dft.blackbox.arx(log, input="command", output="thrust", orders=(1, 1, 1))
         >>> model.kind, model.status, sorted(model.parameters)
         ('arx', <Status.CONVERGED: 'converged'>, ['a1', 'b1'])
+        >>> model.step, model.poles.shape, model.stable, model.zeros().size
+        (0.05, (1,), True, 0)
+        >>> sorted(model.simulate(unseen)), sorted(model.predict(unseen))
+        (['thrust'], ['thrust'])
+        >>> list(model.errors(unseen).channels), model.transfer().den.size
+        (['thrust'], 2)
         >>> figure = model.plot(unseen)
     """
+
+    kind: ModelKind
+    orders: Mapping[str, Any]
+    channels: Channels = field(repr=False)
+    parameters: Mapping[str, Estimate] = field(repr=False)
+    covariance: np.ndarray | None = field(repr=False)
+    noise: Mapping[str, float]
+    polynomials: Mapping[str, np.ndarray] = field(repr=False)
+    system: System = field(repr=False)
+    plain: System = field(repr=False)
+    status: Status
+    bic: float = np.nan
+    samples: int = 0
+    singular_values: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        return self.channels.step
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Poles in z, from inputs to outputs, ``(n,)``."""
+        return np.linalg.eigvals(self.plain.a)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles lie within the unit circle."""
+        return bool(np.all(np.abs(self.poles) < 1.0))
+
+    def zeros(self, input: str | None = None, output: str | None = None) -> np.ndarray:
+        """Zeros in z from one input to one output, without those of a delay."""
+        num, _ = self._rational(*self._pair(input, output))
+        return np.roots(num)
+
+    def simulate(
+        self, log: Log, *, start: Literal["estimated", "rest"] = "estimated"
+    ) -> dict[str, np.ndarray]:
+        """Simulate the outputs of a log from its inputs.
+
+        Args:
+            log: with the inputs; for ``start="estimated"`` also with the outputs.
+            start: starting states estimated from the log's outputs, or all zero, like the inputs
+                before the log.
+
+        Returns:
+            By output ``(n,)``, in the unit of the model's logs; with estimated starting states NaN
+            in the first samples, up to the largest input delay.
+
+        Raises:
+            InputError: a channel is absent, or samples are uneven or have another step.
+        """
+        if start not in ("estimated", "rest"):
+            raise InputError(
+                f"start: expected 'estimated' or 'rest', found {start!r}.", "Correct it."
+            )
+        record = self.channels.record(log)
+        y = self.system.simulate(record.u, record.y if start == "estimated" else None)
+        return {name: y[:, i] for i, name in enumerate(self.channels.outputs)}
+
+    def predict(self, log: Log) -> dict[str, np.ndarray]:
+        """One-step predictions of a log: by output ``(n,)``. Raises as `simulate`."""
+        record = self.channels.record(log)
+        y = self.system.predict(record.u, record.y)
+        return {name: y[:, i] for i, name in enumerate(self.channels.outputs)}
+
+    def errors(
+        self, logs: Log | Sequence[Log], how: Literal["simulation", "prediction"] = "simulation"
+    ) -> Errors:
+        """RMSE, NRMSE and fit percent of free simulation, or of one-step prediction.
+
+        The starting states of each log are estimated from it. Raises as `simulate`.
+        """
+        if how not in ("simulation", "prediction"):
+            raise InputError(
+                f"how: expected 'simulation' or 'prediction', found {how!r}.", "Correct it."
+            )
+        logs = [logs] if isinstance(logs, Log) else list(logs)
+        pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        for log in logs:
+            outputs = self.simulate(log) if how == "simulation" else self.predict(log)
+            for name, modelled in outputs.items():
+                measured = log.values(name, self.channels.units[name])
+                # the first samples, in which inputs from before the log have a part, are left out
+                measured = np.where(np.isnan(modelled), np.nan, measured)
+                pairs.setdefault(name, []).append((measured, measured - modelled))
+        return errors(pairs)
+
+    def transfer(
+        self, input: str | None = None, output: str | None = None, method: Method | None = None
+    ) -> Transfer:
+        """The continuous transfer function from one input to one output, with its dead time.
+
+        It is accepted wherever the library takes a linear system, as in `dft.cycles.limit_cycles`.
+
+        Args:
+            input: name of the input; optional if there is only one.
+            output: likewise.
+            method: "zero" for an input held between samples, "linear" for a linear one; by default
+                as in the logs. "tustin" is the bilinear transformation.
+
+        Raises:
+            InputError: a channel is unknown, or the poles have no continuous counterpart.
+        """
+        j, i = self._pair(input, output)
+        a, b, c, d = continued(self._of(j, i), self.step, method or self.channels.hold)
+        lag = self.plain.lags[j] * self.step if self.plain.lags else 0.0
+        return transfer_of((*_fraction(a, b, c, d), lag))
 
     def to_control(self, form: Literal["transfer", "states"] = "transfer") -> Any:
         """The sampled model as an object of python-control, with the delay of the inputs in it.
@@ -55,23 +201,13 @@ class BlackBox(Result, SampledModel):
             raise InputError(
                 f"to_control, form: expected 'transfer' or 'states', found {form!r}.", "Correct it."
             )
-        channels = self.channels
-        lags = self.plain.lags or (0,) * len(channels.inputs)
+        lags = self.plain.lags or (0,) * len(self.channels.inputs)
+        names: Any = {"inputs": [*self.channels.inputs], "outputs": [*self.channels.outputs]}
         if form == "transfer":
-            num, den = self.rational(*self.pair(None, None))
-            return control.TransferFunction(
-                num,
-                np.concatenate([den, np.zeros(lags[0])]),
-                self.step,
-                inputs=list(channels.inputs),
-                outputs=list(channels.outputs),
-            )
-        return control.StateSpace(
-            *_with_lags(self, lags),
-            self.step,
-            inputs=list(channels.inputs),
-            outputs=list(channels.outputs),
-        )
+            num, den = self._rational(*self._pair(None, None))
+            den = np.concatenate([den, np.zeros(lags[0])])
+            return control.TransferFunction(num, den, self.step, **names)
+        return control.StateSpace(*_with_lags(self, lags), self.step, **names)
 
     def _line(self) -> str:
         return f"{self}: {self.status}, {self.samples} samples"
@@ -91,7 +227,7 @@ class BlackBox(Result, SampledModel):
             Section("", parameter_rows(self.parameters)),
             Section(
                 "",
-                f"Poles: {', '.join(complex_word(pole) for pole in self.poles)} "
+                f"Poles: {', '.join(_complex_word(pole) for pole in self.poles)} "
                 f"({'stable' if self.stable else 'not stable'})",
                 f"One-step error: {noise}; {self.samples} samples; BIC {self.bic:.1f}",
                 *notes(self.notes),
@@ -103,17 +239,62 @@ class BlackBox(Result, SampledModel):
         """Measured, simulated and predicted outputs of a log, and the residuals."""
         from diffthrust.blackbox._figures import model_figure
 
-        return model_figure(self, log)
+        # an output error predicts what it simulates
+        predicted = {} if self.kind == "output_error" else self.predict(log)
+        fits = {name: error.fit_percent for name, error in self.errors(log).channels.items()}
+        title = f"{log.name}: {self}"
+        units = self.channels.units
+        return model_figure(title, log, units, self.simulate(log), predicted, fits)
+
+    def __str__(self) -> str:
+        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
+        return f"{self.kind.replace('_', ' ')} ({orders})"
+
+    def _pair(self, input: str | None, output: str | None) -> tuple[int, int]:
+        """The indices of an input and an output."""
+        places = []
+        named = (("input", input, self.channels.inputs), ("output", output, self.channels.outputs))
+        for what, name, available in named:
+            if name is None and len(available) == 1:
+                name = available[0]
+            if name not in available:
+                raise InputError(
+                    f"{what}: expected one of {listing(available)}, found {name!r}.",
+                    f"Write {what}={available[0]!r}.",
+                )
+            places.append(available.index(name))
+        return places[0], places[1]
+
+    def _of(self, j: int, i: int) -> System:
+        """The system of one input and one output, without noise and lag."""
+        s = self.plain
+        return System(s.a, s.b[:, [j]], s.c[[i]], s.d[[i]][:, [j]], np.zeros((s.order, 1)))
+
+    def _rational(self, j: int, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Numerator and denominator in z, highest power first, without the lag."""
+        s = self._of(j, i)
+        return _fraction(s.a, s.b, s.c, s.d)
 
 
-def complex_word(value: complex) -> str:
+def _fraction(a: Any, b: Any, c: Any, d: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator of one input and one output, highest power first."""
+    den = np.real(np.atleast_1d(np.poly(a)))
+    # |C adj(s - A) B| = |s - A + B C| - |s - A|
+    num = np.real(np.poly(a - b @ c)) - den + d[0, 0] * den
+    # rounding in a leading coefficient would be a zero near infinity
+    num[np.abs(num) < 1e-12 * max(1e-300, np.abs(num).max())] = 0.0
+    first = int(np.argmax(num != 0)) if num.any() else num.size - 1
+    return num[first:], den
+
+
+def _complex_word(value: complex) -> str:
     """A complex number with five digits: many poles lie close to 1."""
     if abs(np.imag(value)) < 1e-9 * max(1.0, abs(value)):
         return f"{np.real(value):.5g}"
     return f"{np.real(value):.5g} {'+' if np.imag(value) > 0 else '-'} {abs(np.imag(value)):.5g}i"
 
 
-def _with_lags(model: SampledModel, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+def _with_lags(model: BlackBox, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     """The matrices with a chain of states for each delayed input; without an offset."""
     m = len(model.channels.inputs)
     s = model.plain

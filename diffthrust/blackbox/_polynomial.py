@@ -9,12 +9,19 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.blackbox._criteria import Orders, bic_of, memory_note, samples_of, shape_of
-from diffthrust.blackbox._model import BlackBox
+from diffthrust.blackbox._model import BlackBox, ModelKind
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
 from diffthrust.blackbox._records import Channels, SampledLog, sampled_channels
-from diffthrust.blackbox._sampled_model import ModelKind
-from diffthrust.blackbox._search import FLAT, SearchEnd, judged, search_coefficients, size_of
-from diffthrust.blackbox._starts import armax_starts, least_squares, output_error_starts
+from diffthrust.blackbox._search import (
+    FLAT,
+    SearchEnd,
+    armax_starts,
+    equation_fit,
+    judged,
+    output_error_starts,
+    search_coefficients,
+    size_of,
+)
 from diffthrust.blackbox._system import observer_form
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Status
@@ -58,7 +65,7 @@ def arx(
     channels, records, shape = _request(
         "arx", logs, input, output, orders, ("na", "nb", "delay"), offset
     )
-    theta = least_squares(records, shape)
+    theta = equation_fit(records, shape)
     parts = stretches(records, shape, theta)
     return polynomial_model(
         "arx", channels, records, shape, judged(parts, theta, shape, size_of(records))
@@ -82,8 +89,7 @@ def armax(
     Arguments and errors as in `arx`, with ``orders = (na, nb, nc, delay)``.
 
     Source: Ljung 1999, sections 4.2, 7.2 and 10.2 to 10.3; Ansley 1979, Biometrika 66, for the
-    likelihood; two starts, see
-    `diffthrust.blackbox._starts`.
+    likelihood; Hannan & Rissanen 1982, Biometrika 69, for the second of two starts.
 
     Example:
         >>> model = dft.blackbox.armax(log, input="command", output="thrust", orders=(1, 1, 1, 1))

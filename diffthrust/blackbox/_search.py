@@ -1,9 +1,9 @@
-"""Search for the coefficients of least squared residuals, and assessment of its end."""
+"""Search for the coefficients of least squared residuals: its starts, and what its end is worth."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,10 @@ import numpy as np
 from diffthrust.blackbox._criteria import WHITENESS_LEVEL, memory_of
 from diffthrust.blackbox._prediction_error import Shape, Stretch, equations, stretches
 from diffthrust.blackbox._records import SampledLog
-from diffthrust.blackbox._starts import reflected
+from diffthrust.blackbox._system import passed
 
+_ROUNDS = 10
+"""Of iterated least squares before an output error."""
 FLAT = 1e-5
 """Largest |J_j . r| / (|J_j| |r|) at a point that counts as stationary."""
 _RANK = 1e-10
@@ -25,6 +27,95 @@ _BEYOND = 10.0
 grow to exp(10) keep ten digits."""
 
 
+def reflected(polynomial: np.ndarray, limit: float = 0.999) -> np.ndarray:
+    """The polynomial in q^-1 with its roots inside the unit circle."""
+    roots = np.roots(polynomial)
+    size = np.abs(roots)
+    inside = np.where(size > 1.0, roots / np.maximum(size, 1e-300) ** 2, roots)
+    # a root on the circle itself would filter without end
+    inside = inside * np.minimum(1.0, limit / np.maximum(np.abs(inside), 1e-300))
+    return np.atleast_1d(np.real(np.poly(inside))) if roots.size else polynomial
+
+
+def equation_fit(records: Sequence[SampledLog], shape: Shape) -> np.ndarray:
+    """A and B of least squared equation errors: the closed form of ARX."""
+    stretches = [stretch for record in records for stretch in equations(record, shape)]
+    rows = np.concatenate([stretch[1] for stretch in stretches])
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0] = 1.0
+    y = np.concatenate([stretch[2] for stretch in stretches])
+    return np.linalg.lstsq(rows / scale, y, rcond=None)[0] / scale
+
+
+def without_c(shape: Shape) -> Shape:
+    """The same without C."""
+    return Shape(shape.na, shape.nb, 0, shape.delays)
+
+
+def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray]:
+    """ARX with C = 1, and a regression with residuals of a long ARX in place of the noise.
+
+    Source of the second: Hannan & Rissanen 1982, Biometrika 69.
+    """
+    starts = [np.concatenate([equation_fit(records, without_c(shape)), np.zeros(shape.nc)])]
+    samples = sum(int(record.complete.sum()) for record in records)
+    # long enough for the noise model's memory, with five equations or more for each coefficient
+    depth = min(max(10, 3 * shape.reach), samples // (5 * (1 + len(shape.nb))))
+    long = Shape(depth, tuple(n if n == 1 else max(n, depth) for n in shape.nb), 0, shape.delays)
+    if depth <= shape.nc or not any(equations(record, long) for record in records):
+        return starts
+    theta = equation_fit(records, long)
+    rows, target = [], []
+    for record in records:
+        noise = np.full(len(record.u), np.nan)
+        for t, past, y in equations(record, long):
+            noise[t] = y - past @ theta
+        for t, past, y in equations(record, without_c(shape)):
+            earlier = t[:, None] - np.arange(1, shape.nc + 1)
+            lagged = np.where(earlier >= 0, noise[earlier], np.nan)
+            complete = np.isfinite(lagged).all(axis=1)
+            rows.append(np.concatenate([past, lagged], axis=1)[complete])
+            target.append(y[complete])
+    matrix, y = np.concatenate(rows), np.concatenate(target)
+    if len(y) > matrix.shape[1]:
+        theta = np.linalg.lstsq(matrix, y, rcond=None)[0]
+        _, _, c = shape.split(theta)
+        starts.append(shape.with_c(theta, reflected(c)))
+    return starts
+
+
+def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray]:
+    """ARX, and ARX on records filtered by 1 / A of the last round (Steiglitz & McBride 1965).
+
+    Unstable poles are reflected into the unit circle.
+    """
+    free = without_c(shape)
+
+    def inside(theta: np.ndarray) -> np.ndarray:
+        a = reflected(np.concatenate([[1.0], theta[: shape.na]]))
+        return np.concatenate([a[1:], theta[shape.na :]])
+
+    raw = equation_fit(records, free)
+    theta = inside(raw)
+    # the raw ARX stays among the starts: an unstable system is lost by reflection
+    starts = [theta] if np.allclose(theta, raw) else [theta, raw]
+    filled = [_filled(record) for record in records]
+    for _ in range(_ROUNDS):
+        a, _, _ = free.split(theta)
+        whitened = [SampledLog(passed(a, r.u), passed(a, r.y), r.log) for r in filled]
+        theta = inside(equation_fit(whitened, free))
+    return [theta, *starts]
+
+
+def _filled(record: SampledLog) -> SampledLog:
+    """The record with gaps interpolated linearly."""
+    measured, y = record.complete, record.y
+    if measured.all():
+        return record
+    t = np.arange(len(y))
+    return SampledLog(record.u, np.interp(t, t[measured], y[measured, 0])[:, None], record.log)
+
+
 @dataclass(frozen=True)
 class SearchEnd:
     """The outcome of a search.
@@ -32,24 +123,16 @@ class SearchEnd:
     Args:
         theta: coefficients, ``(k,)``.
         covariance: of the coefficients, ``(k, k)``; ``None`` if they are not identifiable.
-        variance: of the one-step prediction's error (of the output's for an output error).
-        residuals: by stretch.
         flat: max over coefficients of |J_j . r| / (|J_j| |r|).
         rank: of the scaled gradient.
-        starts: number of starts.
-        agreeing: number of starts that ended there.
         memory: lag-one correlation of residuals, and its p-value for white ones; NaN if there are
             too few.
     """
 
     theta: np.ndarray
     covariance: np.ndarray | None
-    variance: float
-    residuals: list[np.ndarray] = field(repr=False)
     flat: float
     rank: int
-    starts: int
-    agreeing: int
     memory: tuple[float, float]
 
     @property
@@ -163,17 +246,16 @@ def search_coefficients(
         raise FloatingPointError
     if shape.nc:  # of the two only the one inside can predict
         theta = shape.with_c(theta, reflected(shape.split(theta)[2], 1.0))
-    agreeing = sum(cost <= best * 1.001 + 1e-20 * count for cost, _ in ends)
     # an unstable model is kept only if the records clearly favour it
     if shape.tied and not settles(shape.split(theta)[0]):
         restarts = [np.concatenate([reflected(shape.split(s)[0])[1:], s[shape.na :]])
                  for s in (theta, *starts)]  # fmt: skip
         cost, alternative = min((end_of(start, True) for start in restarts), key=lambda end: end[0])
         if count * np.log(max(cost, 1e-300) / max(best, 1e-300)) < _WORTH:
-            stable = judged(parts(alternative), alternative, shape, scale, len(starts), agreeing)
+            stable = judged(parts(alternative), alternative, shape, scale)
             if stable.stationary:  # not merely stopped at the stability limit
                 return stable
-    return judged(parts(theta), theta, shape, scale, len(starts), agreeing)
+    return judged(parts(theta), theta, shape, scale)
 
 
 def joint(parts: Sequence[Stretch]) -> tuple[np.ndarray, np.ndarray]:
@@ -195,21 +277,13 @@ def size_of(records: Sequence[SampledLog]) -> float:
     return float(np.sqrt(np.mean(np.concatenate([r.y[r.complete] for r in records]) ** 2))) or 1.0
 
 
-def judged(
-    parts: Sequence[Stretch],
-    theta: np.ndarray,
-    shape: Shape,
-    scale: float,
-    starts: int = 1,
-    agreeing: int = 1,
-) -> SearchEnd:
+def judged(parts: Sequence[Stretch], theta: np.ndarray, shape: Shape, scale: float) -> SearchEnd:
     """Variance and covariance at a point, and whether it is stationary.
 
     For an output error, the covariance allows for autocorrelated residuals that are independent of
     the input: sums over lags of their correlation times that of the gradient (Ljung 1999, section
     9.3).
     """
-    residuals = [stretch.errors for stretch in parts]
     r, j = joint(parts)
     # columns of unit length: the rank then does not depend on the units of the channels
     size = np.linalg.norm(j, axis=0)
@@ -222,7 +296,9 @@ def judged(
     rank = int(np.sum(values > _RANK * values.max(initial=0.0)))
     degrees = r.size - theta.size - sum(stretch.past for stretch in parts)
     variance = norm**2 / degrees if degrees > 0 else np.nan
-    memory = memory_of(residuals, 0 if shape.tied else shape.na + shape.nc)
+    memory = memory_of(
+        [stretch.errors for stretch in parts], 0 if shape.tied else shape.na + shape.nc
+    )
     covariance = None
     if rank == theta.size and degrees > 0:
         half = v.T / values / size[:, None]
@@ -231,7 +307,7 @@ def judged(
             covariance = covariance @ _with_memory(parts, r.size / degrees) @ covariance
         else:
             covariance = variance * covariance
-    return SearchEnd(theta, covariance, variance, residuals, flat, rank, starts, agreeing, memory)
+    return SearchEnd(theta, covariance, flat, rank, memory)
 
 
 def _with_memory(parts: Sequence[Stretch], factor: float) -> np.ndarray:

@@ -12,10 +12,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
+from diffthrust._support.words import number
 from diffthrust.blackbox._criteria import check_integer
-from diffthrust.blackbox._model import BlackBox
+from diffthrust.blackbox._model import BlackBox, ModelKind
 from diffthrust.blackbox._polynomial import armax, arx, output_error
-from diffthrust.blackbox._sampled_model import ModelKind
 from diffthrust.blackbox._subspace import state_space
 from diffthrust.logs._log import Log
 
@@ -94,8 +94,6 @@ class Selection(Result):
         return model
 
     def _report(self) -> Report:
-        from diffthrust._support.words import number
-
         headings = ("", "Kind", "Order", "Delay", "BIC", "One step", "Simulated", "Unseen", "")
         chosen = self.chosen
         rows = (
@@ -179,9 +177,9 @@ def select(
     if by == "unseen" and not unseen:
         raise InputError("by='unseen': no unseen logs were passed.", "Give holdout=[...].")
     several = not isinstance(output, str) and len(output) > 1
-    chosen: tuple[ModelKind, ...] = ("state_space",) if several else _POLYNOMIAL
+    usual: tuple[ModelKind, ...] = ("state_space",) if several else _POLYNOMIAL
     available = (*_POLYNOMIAL, "state_space")
-    chosen = chosen if kinds is None else tuple(kinds)
+    chosen = usual if kinds is None else tuple(kinds)
     strange = [kind for kind in chosen if kind not in available]
     if strange or not chosen:
         raise InputError(
@@ -224,14 +222,12 @@ def _made(
     focus: Literal["prediction", "simulation"],
     common: dict[str, Any],
 ) -> BlackBox:
-    n = order
-    if kind == "arx":
-        return arx(logs, orders=(n, n, delay), **common)
+    if kind == "state_space":
+        return state_space(logs, order=order, delay=delay, focus=focus, **common)
     if kind == "armax":
-        return armax(logs, orders=(n, n, n, delay), **common)
-    if kind == "output_error":
-        return output_error(logs, orders=(n, n, delay), **common)
-    return state_space(logs, order=n, delay=delay, focus=focus, **common)
+        return armax(logs, orders=(order, order, order, delay), **common)
+    method = arx if kind == "arx" else output_error
+    return method(logs, orders=(order, order, delay), **common)
 
 
 def _judged(

@@ -25,19 +25,14 @@ _STILL = 1e-6
 
 
 class Simulated(NamedTuple):
-    """The end of the search.
-
-    Args:
-        system: the system, without a predictor (K = 0).
-        error: sum of squares, each output scaled by its size.
-        stationary: whether the end is stationary.
-        agreeing: number of starts that ended there.
-    """
+    """The end of the search: a system without a predictor (K = 0)."""
 
     system: System
     error: float
+    """Sum of squares, each output scaled by its size."""
     stationary: bool
     agreeing: int = 1
+    """Number of starts that ended there."""
 
 
 def simulation_fit(

@@ -14,8 +14,8 @@ from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import SampledLog, sampled_channels
+from diffthrust.blackbox._search import armax_starts, reflected
 from diffthrust.blackbox._simulation_error import simulation_fit
-from diffthrust.blackbox._starts import armax_starts, reflected
 from diffthrust.blackbox._system import System
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log

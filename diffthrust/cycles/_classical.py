@@ -1,4 +1,4 @@
-"""Relay, saturation, dead zone and backlash, with their describing functions in closed form.
+"""Relay, saturation, dead zone and backlash with closed describing functions; curves of your own.
 
 Source: Gelb & Vander Velde 1968, appendix B; Slotine & Li 1991, section 5.2.
 """
@@ -6,6 +6,7 @@ Source: Gelb & Vander Velde 1968, appendix B; Slotine & Li 1991, section 5.2.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -255,6 +256,70 @@ class Backlash(Static):
 
     def __str__(self) -> str:
         return f"backlash of {self.gap:.4g}, slope {self.slope:.4g}"
+
+
+class StaticNonlinearity(Static):
+    """A curve of your own, without memory; its describing function comes by quadrature.
+
+    Args:
+        function: from inputs to outputs, arrays of the same shape ``(n,)``.
+        jumps: inputs at which it jumps.
+        bends: inputs at which it bends sharply.
+        scale: the input at which its behaviour changes, for the default range of a search.
+        name: a word for reports and figures.
+
+    Raises:
+        InputError: it is no function, or does not give finite numbers of the same shape.
+
+    Example:
+        >>> cubic = dft.cycles.StaticNonlinearity(lambda e: e**3)
+        >>> cubic.describing(1.0, 1.0).round(3), cubic.scale, cubic.over(np.array([2.0]))
+        (np.complex128(0.75+0j), 1.0, array([8.]))
+    """
+
+    def __init__(
+        self,
+        function: Callable[[np.ndarray], object],
+        *,
+        jumps: Sequence[float] = (),
+        bends: Sequence[float] = (),
+        scale: float = 1.0,
+        name: str = "function",
+    ) -> None:
+        if not callable(function):
+            raise InputError(
+                f"Expected a function from inputs to outputs, found {function!r}.",
+                "Give a function of one array, such as lambda e: e**3.",
+            )
+        self.function: Callable[[np.ndarray], object] = function
+        self.name: str = name
+        self.jumps: tuple[float, ...] = tuple(float(jump) for jump in jumps)
+        self.bends: tuple[float, ...] = (*self.jumps, *(float(bend) for bend in bends))
+        self._scale = positive("scale", scale)
+        probe = self._scale * np.linspace(0.03, 2.03, 9)
+        self.odd: bool = bool(np.allclose(self.over(-probe), -self.over(probe), rtol=1e-9))
+
+    @property
+    def scale(self) -> float:
+        """The input at which the behaviour changes, as given."""
+        return self._scale
+
+    def over(self, e: np.ndarray) -> np.ndarray:
+        """The function's values."""
+        with np.errstate(all="ignore"):  # what is not finite is named below
+            out = np.asarray(self.function(e), float)
+        if out.shape != e.shape or not np.isfinite(out).all():
+            raise InputError(
+                f"The nonlinear element '{self.name}': expected {e.size} finite outputs for inputs "
+                f"between {e.min():.4g} and {e.max():.4g}, found shape {out.shape}"
+                + (", not all finite." if out.shape == e.shape else "."),
+                "Let the function act on every entry of an array and stay finite there, or search "
+                "smaller amplitudes.",
+            )
+        return out
+
+    def __str__(self) -> str:
+        return self.name
 
 
 def _kept(share: np.ndarray) -> np.ndarray:

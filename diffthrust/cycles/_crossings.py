@@ -84,17 +84,7 @@ def loop_balance(
 def crossings(
     transfer: Transfer, element: Nonlinearity, amplitudes: np.ndarray, frequencies: np.ndarray
 ) -> tuple[list[Crossing], np.ndarray]:
-    """All solutions in the range, from low to high amplitude, and the balance on the grid.
-
-    Args:
-        transfer: the linear part G.
-        element: the nonlinear element N.
-        amplitudes: rising, ``(a,)``.
-        frequencies: rising [rad/s], ``(f,)``.
-
-    Returns:
-        The solutions, and 1 + N G, ``(a, f)``.
-    """
+    """All solutions in the range, amplitudes rising, and 1 + N G on the grid, ``(a, f)``."""
     f = loop_balance(transfer, element, amplitudes[:, None], frequencies[None, :])
     solutions: list[Crossing] = []
     for i, j, apart in _candidates(_turning(np.real(f)), _turning(np.imag(f))):
@@ -146,19 +136,16 @@ def _candidates(real: np.ndarray, imaginary: np.ndarray) -> Iterator[tuple[int, 
     the other does in a neighbour: a line that only bulges into a cell does not change the sign of
     its corners.
     """
-    both = real & imaginary
-    for i, j in zip(*np.nonzero(both), strict=True):
+    from scipy.ndimage import binary_dilation  # takes a while
+
+    both, neighbours = real & imaginary, np.ones((3, 3))
+    for i, j in np.argwhere(both):
         yield int(i), int(j), 0.75
-    beside = (real & _widened(imaginary)) | (_widened(real) & imaginary)
-    for i, j in zip(*np.nonzero(beside & ~both), strict=True):
+    beside = (real & binary_dilation(imaginary, neighbours)) | (
+        binary_dilation(real, neighbours) & imaginary
+    )
+    for i, j in np.argwhere(beside & ~both):
         yield int(i), int(j), 1.75
-
-
-def _widened(cells: np.ndarray) -> np.ndarray:
-    """These cells and the eight around each."""
-    padded = np.pad(cells, 1)
-    n, m = cells.shape
-    return np.any([padded[i : i + n, j : j + m] for i in range(3) for j in range(3)], axis=0)
 
 
 def _cells_apart(cell: tuple[np.ndarray, np.ndarray], c: Crossing) -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
@@ -13,9 +15,6 @@ from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.cycles._crossings import grid_of, loop_poles
 from diffthrust.cycles._element import Nonlinearity
 from diffthrust.cycles._find import element_of, range_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _COUNT = 64
 
@@ -44,24 +43,18 @@ def plot_pole_motion(
         >>> figure = dft.cycles.plot_pole_motion(([2.0], [1, 3, 2, 0]), dft.cycles.Saturation(1.0))
     """
     transfer, element = transfer_of(linear), element_of(nonlinearity)
-    grid = range_of("amplitudes", amplitudes, element.least)
-    if grid is None:
-        a, _ = grid_of(transfer, element, None, None)
-        scale = element.scale
-        ends = (a[0], a[-1]) if scale is None else (element.least + 0.1 * scale, 100.0 * scale)
-    else:
-        ends = (grid[0], grid[-1])
-    return pole_figure(transfer, element, (float(ends[0]), float(ends[1])))
+    grid, scale = range_of("amplitudes", amplitudes, element.least), element.scale
+    if grid is None and scale is not None:
+        grid = np.array([element.least + 0.1 * scale, 100.0 * scale])
+    elif grid is None:
+        grid, _ = grid_of(transfer, element, None, None)
+    return pole_figure(transfer, element, (float(grid[0]), float(grid[-1])))
 
 
 def pole_path(
     transfer: Transfer, element: Nonlinearity, amplitudes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poles of the quasi-linear loop at amplitudes where there is a describing function.
-
-    Returns:
-        Amplitudes ``(m,)`` and poles [1/s], complex ``(m, n)``.
-    """
+    """Amplitudes ``(m,)`` with a describing function, and the loop's poles [1/s], ``(m, n)``."""
     w = np.full(amplitudes.shape, np.sqrt(transfer.corners[0] * transfer.corners[-1]))
     rows: list[np.ndarray] = []
     for _ in range(8):  # the lag depends on the frequency of the pair that it moves
@@ -96,9 +89,6 @@ def pole_figure(
     label: str = "amplitude",
 ) -> Figure:
     """The figure; amplitudes are shown times ``factor``."""
-    from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
-
     a, poles = pole_path(transfer, element, np.geomspace(*ends, _COUNT))
     figure = Figure(figsize=(7.6, 5.6), layout="constrained")
     axes = figure.add_subplot()
@@ -138,12 +128,7 @@ def pole_figure(
 
 
 def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float, bool]]:
-    """Where a pair crosses the imaginary axis: amplitude, frequency, and whether to the left.
-
-    Args:
-        a: amplitudes, ``(m,)``.
-        poles: complex ``(m, n)``.
-    """
+    """Where a pair crosses the imaginary axis: amplitude, frequency, and whether to the left."""
     crossed = []
     upper = np.where(np.imag(poles) > 1e-6 * np.abs(poles), poles, -np.inf)
     best = np.argmax(np.real(upper), axis=1)

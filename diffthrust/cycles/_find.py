@@ -8,13 +8,16 @@ The describing function finds them, a balance of harmonics refines them, a full 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer, transfer_of
+from diffthrust._support.validation import whole_number
+from diffthrust.cycles._classical import StaticNonlinearity
 from diffthrust.cycles._crossings import Crossing, crossings, grid_of, loop_poles
 from diffthrust.cycles._element import Nonlinearity, NotSimulated
 from diffthrust.cycles._model_element import ModelElement
@@ -27,11 +30,11 @@ from diffthrust.cycles._oscillation import (
     measured,
 )
 from diffthrust.cycles._result import LimitCycles
-from diffthrust.cycles._static_element import StaticNonlinearity
 from diffthrust.models._base.model import Model
 
 # few lengths, so that few programs are compiled: the number of steps is part of the program
 _LENGTHS = (16, 32, 64, 128, 256)
+_MOST_HARMONICS = 200
 _FACTORS = (1.0, 0.9, 1.1)
 _BACK, _AWAY = 0.05, 0.15
 
@@ -83,7 +86,11 @@ def limit_cycles(
     """
     element = element_of(nonlinearity)
     transfer = transfer_of(linear).later(element.delay)
-    high = _harmonics(harmonics, element)
+    high = element.harmonics if harmonics is None else whole_number("harmonics", harmonics)
+    if high > _MOST_HARMONICS:
+        raise InputError(
+            f"harmonics: expected at most {_MOST_HARMONICS}, found {high}.", "Correct it."
+        )
     a, w = grid_of(
         transfer,
         element,
@@ -137,22 +144,32 @@ def element_of(nonlinearity: Any) -> Nonlinearity:
 def _followed(
     transfer: Transfer, element: Nonlinearity, c: Crossing, harmonics: int, verify: bool
 ) -> LimitCycle:
-    cycle, check = None, None
-    if verify:
-        cycle = element.balanced(transfer, c.amplitude, c.frequency, harmonics)
-        check = _verified(transfer, element, cycle or _sine(element, c), c.growth)
-    return LimitCycle(
+    """A solution, refined by a balance and simulated from it and from 10 % below and above."""
+    described = LimitCycle(
         amplitude=c.amplitude,
         frequency=c.frequency,
         stable=c.stable,
         growth=c.growth,
         at_edge=c.edge,
-        refined=cycle.oscillation if cycle is not None else None,
-        simulated=check.oscillation if check else None,
-        lasts=check.lasts if check else None,
-        simulation=check.words if check else "not simulated",
-        harmonics=cycle,
+        refined=None,
+        simulated=None,
+        lasts=None,
+        simulation="not simulated",
     )
+    if not verify:
+        return described
+    balanced = element.balanced(transfer, c.amplitude, c.frequency, harmonics)
+    refined = replace(described, refined=balanced and balanced.oscillation, harmonics=balanced)
+    cycle = balanced or _sine(element, c)
+    # four time constants of the deviation: 10 % falls below 0.2 %, or has grown fifty-fold
+    wanted = 4.0 / max(abs(c.growth) * cycle.oscillation.period, 1e-9)
+    periods = next((n for n in _LENGTHS if n >= wanted), _LENGTHS[-1])
+    try:
+        runs = element.courses(transfer, cycle, _FACTORS, periods)
+    except NotSimulated as reason:
+        return replace(refined, simulation=f"not simulated: {reason}")
+    simulated, lasts, words = _judged(runs, cycle.oscillation, periods)
+    return replace(refined, simulated=simulated, lasts=lasts, simulation=words)
 
 
 def _sine(element: Nonlinearity, c: Crossing) -> CycleSeries:
@@ -169,16 +186,6 @@ def _rightmost(transfer: Transfer, element: Nonlinearity, a: np.ndarray, w: np.n
         return float("nan")
     poles = loop_poles(transfer, element, float(a[int(np.argmax(finite))]), middle)
     return float(np.real(poles).max()) if poles.size else float("-inf")
-
-
-def _harmonics(harmonics: int | None, element: Nonlinearity) -> int:
-    if harmonics is None:
-        return element.harmonics
-    if isinstance(harmonics, bool) or not isinstance(harmonics, int) or not 1 <= harmonics <= 200:
-        raise InputError(
-            f"harmonics: expected a whole number from 1 to 200, found {harmonics!r}.", "Correct it."
-        )
-    return harmonics
 
 
 def range_of(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | None:
@@ -209,45 +216,10 @@ def range_of(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | N
     return values
 
 
-class _Verification(NamedTuple):
-    """What simulations from near the cycle did.
-
-    Args:
-        oscillation: the course that began on the cycle, in numbers; ``None`` if it is no
-            oscillation, or nothing was simulated.
-        lasts: simulations from 10 % below and above came back (``True``) or left (``False``);
-            ``None`` where they were still under way, differed, or nothing was simulated.
-        words: the same as a sentence.
-    """
-
-    oscillation: Oscillation | None
-    lasts: bool | None
-    words: str
-
-
-def _verified(
-    transfer: Transfer, element: Nonlinearity, cycle: CycleSeries, growth: float
-) -> _Verification:
-    """Simulate the whole loop from a cycle and from 10 % below and above it.
-
-    Args:
-        transfer: the linear part.
-        element: the nonlinear element.
-        cycle: the cycle.
-        growth: of a deviation [1/s], which sets how long to simulate.
-    """
-    period = cycle.oscillation.period
-    # four time constants of the deviation: 10 % falls below 0.2 %, or has grown fifty-fold
-    wanted = 4.0 / max(abs(growth) * period, 1e-9)
-    periods = next((n for n in _LENGTHS if n >= wanted), _LENGTHS[-1])
-    try:
-        runs = element.courses(transfer, cycle, _FACTORS, periods)
-    except NotSimulated as reason:
-        return _Verification(None, None, f"not simulated: {reason}")
-    return _judged(runs, cycle.oscillation, periods)
-
-
-def _judged(runs: list[LoopCourse], cycle: Oscillation, periods: int) -> _Verification:
+def _judged(
+    runs: list[LoopCourse], cycle: Oscillation, periods: int
+) -> tuple[Oscillation | None, bool | None, str]:
+    """The course on the cycle in numbers, whether its neighbours come back, and this in words."""
     on, *sides = runs
     ends = [_end(run, cycle) for run in sides]
     back = [abs(end - 1.0) < _BACK for end in ends]
@@ -266,7 +238,7 @@ def _judged(runs: list[LoopCourse], cycle: Oscillation, periods: int) -> _Verifi
             for side, run, end in zip(("below", "above"), sides, ends, strict=True)
         ]
         words = ("the simulation leaves it: " if lasts is False else "") + ", ".join(sides_said)
-    return _Verification(oscillation, lasts, words)
+    return oscillation, lasts, words
 
 
 def _end(run: LoopCourse, cycle: Oscillation) -> float:

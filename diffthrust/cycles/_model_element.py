@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._balance_model import balanced_states
-from diffthrust.cycles._element import Nonlinearity, NotSimulated
+from diffthrust.cycles._element import Nonlinearity, NotSimulated, positive
+from diffthrust.cycles._model_loop import balanced_states, course_of, simulated_states
 from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
-from diffthrust.cycles._run_model import course_of, simulated_states
 from diffthrust.describing._periodic.harmonic_balance import HarmonicBalance
 from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import Reason, respond, some
@@ -25,6 +24,7 @@ from diffthrust.describing._periodic.shooting import Shooting
 from diffthrust.effects import CommandDelay
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.quadratic_load import SQUARED_SINE
 from diffthrust.models._base.signals import Relaxing, Signals
 from diffthrust.simulation._bare import bare
 from diffthrust.simulation._trajectory import equations_of
@@ -130,14 +130,7 @@ class ModelElement(Nonlinearity):
         command: Array,
         time: Array,
     ) -> tuple[dict[str, Array | Relaxing], Array]:
-        """Rates of the states and the output; traceable, elementwise.
-
-        Args:
-            values: parameter values by full name.
-            states: by name.
-            command: the input, in the model's unit.
-            time: [s].
-        """
+        """Rates of the states and the output; traceable, elementwise, in the model's units."""
         model = self.model.bind(values)
         outer = Ports(model.effects, Signals({self.input: command, "time": time}))
         s = Signals({**states, self.input: outer(self.input, command), "time": time})
@@ -223,6 +216,83 @@ class ModelElement(Nonlinearity):
 
     def __str__(self) -> str:
         return str(self.model)
+
+
+class PropelledAxis(ModelElement):
+    """From a thruster's command to the velocity of the vehicle that it drives.
+
+        mass * d(velocity)/dt = thrust - drag * velocity |velocity|
+
+    The mass [kg] is with the water that moves along, the drag [N s^2/m^2] above zero. The
+    describing function is that of the thruster times the quasi-linear vehicle, whose drag
+    coefficient is 8/(3 pi) drag times the amplitude of the velocity; the balance of harmonics and
+    the simulation take the drag as it is. Source: Yoerger, Cooke & Slotine 1990, section IV.
+    """
+
+    def __init__(self, model: Any, *, mass: float, drag: float) -> None:
+        super().__init__(model)
+        self.mass, self.drag = positive("mass", mass), positive("drag", drag)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The thruster's states and the velocity."""
+        return (*super().states, "vehicle.velocity")
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """The thruster's parameters, mass and drag."""
+        vehicle = {"vehicle.mass": self.mass, "vehicle.drag": self.drag}
+        return {**super().values, **{name: jnp.asarray(value) for name, value in vehicle.items()}}
+
+    def evaluate(
+        self,
+        values: Mapping[str, Array],
+        states: Mapping[str, Array],
+        command: Array,
+        time: Array,
+    ) -> tuple[dict[str, Array | Relaxing], Array]:
+        """Rates of the states, and the velocity."""
+        thruster_states = {
+            name: value for name, value in states.items() if name != "vehicle.velocity"
+        }
+        rates, thrust = super().evaluate(values, thruster_states, command, time)
+        v = states["vehicle.velocity"]
+        force = thrust - values["vehicle.drag"] * v * jnp.abs(v)
+        return {**rates, "vehicle.velocity": force / values["vehicle.mass"]}, v
+
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
+        """That of the thruster times that of the vehicle, one after the other."""
+        n = super().describing(amplitude, frequency)
+        w = np.asarray(frequency, float)
+        with np.errstate(invalid="ignore"):  # where the thruster has no settled answer
+            return n / (1j * w * self.mass + self._damping(np.abs(n) * amplitude, w))
+
+    def answer(self, amplitude: float, frequency: float, harmonics: int) -> np.ndarray:
+        """Coefficients of the thruster's states, and of the velocity by its describing function."""
+        thruster = super().answer(amplitude, frequency, harmonics)
+        velocity = np.zeros((1, harmonics + 1), complex)
+        # the answers are to a sine, whose coefficient is -j
+        velocity[0, 1] = -1j * amplitude * complex(self.describing(amplitude, frequency))
+        return np.concatenate([thruster, velocity])
+
+    def quasi_linear(
+        self, n: complex, amplitude: float, frequency: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The thruster's lag and the vehicle's."""
+        vehicle = [self.mass, SQUARED_SINE * self.drag * abs(n) * amplitude]
+        thrust = n * complex(vehicle[1], frequency * vehicle[0])
+        num, den = super().quasi_linear(thrust, amplitude, frequency)
+        return num, np.polymul(den, vehicle)
+
+    def _damping(self, force: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """8/(3 pi) drag V for the velocity V that solves |j w M + 8/(3 pi) drag V| V = force."""
+        inertia = (w * self.mass) ** 2
+        squared = 2.0 * (SQUARED_SINE * self.drag * force) ** 2
+        # (-b + sqrt(b^2 + 4 c)) / 2 without the loss of digits at small drag
+        return np.sqrt(squared / (inertia + np.sqrt(inertia**2 + 2.0 * squared)))
+
+    def __str__(self) -> str:
+        return f"{self.model} on a vehicle of {self.mass:.4g} kg with drag {self.drag:.4g} N s2/m2"
 
 
 def checked_model(model: Any) -> Model:

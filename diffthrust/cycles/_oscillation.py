@@ -31,12 +31,6 @@ class Oscillation(Brief):
         """Length of a turn [s]."""
         return 2.0 * math.pi / self.frequency
 
-    def scaled(self, factor: float) -> Oscillation:
-        """The same in another unit."""
-        return Oscillation(
-            factor * self.amplitude, factor * self.peak, self.frequency, factor * self.offset
-        )
-
 
 @dataclass(frozen=True, repr=False)
 class CycleSeries(Brief):
@@ -160,16 +154,7 @@ class LimitCycle(Brief):
 
 
 def measured(time: np.ndarray, e: np.ndarray, turns: int = 4) -> Oscillation | None:
-    """The last turns of a simulated course in numbers.
-
-    Args:
-        time: evenly spaced [s], ``(n,)``.
-        e: the course, ``(n,)``.
-        turns: how many of the last turns to take, if there are as many.
-
-    Returns:
-        ``None`` where the course does not go through its own mean twice or more.
-    """
+    """The last turns of an evenly spaced course in numbers; ``None`` where it does not swing."""
     starts = upward(time, e)
     if starts.size < 2:
         return None

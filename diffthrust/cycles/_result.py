@@ -186,7 +186,7 @@ class LimitCycles(Result):
     @showing
     def plot(self) -> Figure:
         """G(jw) and -1/N(A, w) in the complex plane, with the cycles at their intersections."""
-        from diffthrust.cycles._figures_nyquist import nyquist_figure
+        from diffthrust.cycles._figures import nyquist_figure
 
         return nyquist_figure(
             self.transfer,

@@ -34,14 +34,9 @@ class StepElement(Protocol):
 def simulated(
     transfer: Transfer, element: StepElement, cycle: CycleSeries, factor: float, periods: float
 ) -> LoopCourse:
-    """Simulate from a start on a cycle, made larger or smaller.
+    """Simulate from a start on a cycle, made larger or smaller, the dead time's content included.
 
-    Args:
-        transfer: the linear part, without direct passage of its input.
-        element: the static element.
-        cycle: where to start.
-        factor: on the cycle's size at the start, the dead time's content included.
-        periods: how long, in periods of the cycle.
+    The linear part must not pass its input at once.
     """
     period = cycle.oscillation.period
     wait = period / STEPS_A_PERIOD

@@ -1,4 +1,10 @@
-"""Elements that answer the course of their input, however fast: curves, perhaps with memory."""
+"""Elements that answer the course of their input, however fast, and a loop's balance around them.
+
+The balance goes beyond the fundamental. Unknown are the Fourier coefficients of the element's input
+and the frequency; the fundamental's phase is held. The output's coefficients are integrals over
+pieces between the jumps, bends and turns of the input, so that a switching instant is as exact as
+the series itself.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +16,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import root
 
-from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._balance_static import balanced
-from diffthrust.cycles._element import Nonlinearity, NotSimulated, positive
+from diffthrust.cycles._element import Nonlinearity, NotSimulated
 from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 from diffthrust.cycles._run_static import simulated
 
 _GAUSS = np.polynomial.legendre.leggauss(64)
 _NUDGE = 1e-9
+# an integral over one piece meets no jump: three Gauss points are exact to the fifth order there
+_PIECES = 180
+_POINTS = np.polynomial.legendre.leggauss(3)
+_TAIL = 5e-4
+"""Share of the fundamental that the last harmonic of the input may have."""
 
 
 class Static(Nonlinearity):
@@ -123,8 +133,7 @@ class Static(Nonlinearity):
 def straight(pieces: Sequence[tuple[float, float, float, float]]) -> tuple[float, float]:
     """The line over a step that has the mean and the first moment of a broken one.
 
-    Args:
-        pieces: ``(start, end, value at the start, value at the end)``, in shares of the step.
+    Its pieces are ``(start, end, value at the start, value at the end)``, in shares of the step.
     """
     mean = moment = 0.0
     for s, t, u, v in pieces:
@@ -135,65 +144,155 @@ def straight(pieces: Sequence[tuple[float, float, float, float]]) -> tuple[float
     return mean - 0.5 * slope, mean + 0.5 * slope
 
 
-class StaticNonlinearity(Static):
-    """A curve of your own, without memory; its describing function comes by quadrature.
+def balanced(
+    transfer: Transfer, element: Static, amplitude: float, frequency: float, harmonics: int
+) -> CycleSeries | None:
+    """The cycle near a solution of the describing function.
 
-    Args:
-        function: from inputs to outputs, arrays of the same shape ``(n,)``.
-        jumps: inputs at which it jumps.
-        bends: inputs at which it bends sharply.
-        scale: the input at which its behaviour changes, for the default range of a search.
-        name: a word for reports and figures.
-
-    Raises:
-        InputError: it is no function, or does not give finite numbers of the same shape.
-
-    Example:
-        >>> cubic = dft.cycles.StaticNonlinearity(lambda e: e**3)
-        >>> cubic.describing(1.0, 1.0).round(3), cubic.scale, cubic.over(np.array([2.0]))
-        (np.complex128(0.75+0j), 1.0, array([8.]))
+    Where Newton's method fails with all harmonics at once they are added little by little; where
+    the last one is not small yet (a relay before a first-order lag), four times as many are taken.
+    ``None`` where it does not converge near the guess.
     """
+    sine = CycleSeries(frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex))
+    # most loops converge with all harmonics at once, which is the least work
+    cycle = _solved(transfer, element, sine, sine, harmonics)
+    if cycle is None:
+        cycle = sine
+        for highest in sorted({*(n for n in (1, 3, 9) if n < harmonics), harmonics}):
+            cycle = _solved(transfer, element, sine, cycle, highest)
+            if cycle is None:
+                return None
+    tail = np.abs(cycle.input[-2:]).max() / np.abs(cycle.input).max()
+    if tail > _TAIL and harmonics > 1:
+        more = _solved(transfer, element, sine, cycle, 4 * harmonics + 1)
+        cycle = cycle if more is None else more
+    return cycle
 
-    def __init__(
-        self,
-        function: Callable[[np.ndarray], object],
-        *,
-        jumps: Sequence[float] = (),
-        bends: Sequence[float] = (),
-        scale: float = 1.0,
-        name: str = "function",
-    ) -> None:
-        if not callable(function):
-            raise InputError(
-                f"Expected a function from inputs to outputs, found {function!r}.",
-                "Give a function of one array, such as lambda e: e**3.",
-            )
-        self.function: Callable[[np.ndarray], object] = function
-        self.name: str = name
-        self.jumps: tuple[float, ...] = tuple(float(jump) for jump in jumps)
-        self.bends: tuple[float, ...] = (*self.jumps, *(float(bend) for bend in bends))
-        self._scale = positive("scale", scale)
-        probe = self._scale * np.linspace(0.03, 2.03, 9)
-        self.odd: bool = bool(np.allclose(self.over(-probe), -self.over(probe), rtol=1e-9))
 
-    @property
-    def scale(self) -> float:
-        """The input at which the behaviour changes, as given."""
-        return self._scale
+def _solved(
+    transfer: Transfer,
+    element: Static,
+    sine: CycleSeries,
+    guess: CycleSeries,
+    harmonics: int,
+) -> CycleSeries | None:
+    """Newton's method at a number of harmonics; ``None`` where it ends far from the sine."""
+    # an odd element on a cycle without a mean makes odd harmonics only; even ones would be zero
+    # columns
+    order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
+    amplitude, frequency = float(sine.input[0].real), sine.frequency
+    unknowns = _Unknowns(order, amplitude, frequency)
+    found = root(
+        lambda z: _residual(transfer, element, unknowns, z),
+        unknowns.start(guess),
+        # The unknowns are shares of the first amplitude: a first step beyond 0.3 of them leaves the
+        # neighbourhood in which the linearization says anything.
+        options={"eps": 1e-12, "xtol": 1e-11, "maxfev": 100 * order.size, "factor": 0.3},
+    )
+    # Where a switching instant moves, the residual has corners at which the method may report no
+    # further progress: what is missed decides, not its word.
+    if not np.abs(found.fun).max() <= 1e-6:
+        return None
+    e, w = unknowns.taken(found.x)
+    cycle = CycleSeries(float(w), order, e, output_of(element, order, e))
+    return cycle if cycle.near(amplitude, frequency) else None
 
-    def over(self, e: np.ndarray) -> np.ndarray:
-        """The function's values."""
-        with np.errstate(all="ignore"):  # what is not finite is named below
-            out = np.asarray(self.function(e), float)
-        if out.shape != e.shape or not np.isfinite(out).all():
-            raise InputError(
-                f"The nonlinear element '{self.name}': expected {e.size} finite outputs for inputs "
-                f"between {e.min():.4g} and {e.max():.4g}, found shape {out.shape}"
-                + (", not all finite." if out.shape == e.shape else "."),
-                "Let the function act on every entry of an array and stay finite there, or search "
-                "smaller amplitudes.",
-            )
-        return out
 
-    def __str__(self) -> str:
-        return self.name
+class _Unknowns:
+    """The coefficients over the first amplitude, and the logarithm of the frequency's change."""
+
+    def __init__(self, order: np.ndarray, amplitude: float, frequency: float) -> None:
+        self.order, self.amplitude, self.frequency = order, amplitude, frequency
+        self.mean = int(order[0] == 0)
+
+    def start(self, guess: CycleSeries) -> np.ndarray:
+        """The unknowns of a cycle that may have fewer harmonics."""
+        by_order = dict(zip(guess.order.tolist(), guess.input, strict=True))
+        e = np.array([by_order.get(k, 0j) for k in self.order.tolist()]) / self.amplitude
+        imaginary = e.imag[self.mean :].copy()
+        imaginary[0] = math.log(guess.frequency / self.frequency)
+        return np.concatenate([e.real, imaginary])
+
+    def taken(self, z: np.ndarray) -> tuple[np.ndarray, float]:
+        """Complex coefficients and frequency; the fundamental's imaginary part gives its place."""
+        size = self.order.size
+        imaginary = np.concatenate([np.zeros(self.mean), z[size:]])
+        log_w, imaginary[self.mean] = imaginary[self.mean], 0.0
+        e = z[:size] + 1j * imaginary
+        # another cycle long before e^5, and no overflow where a search leads nowhere
+        return self.amplitude * e, self.frequency * math.exp(np.clip(log_w, -5.0, 5.0))
+
+
+def _residual(
+    transfer: Transfer, element: Static, unknowns: _Unknowns, z: np.ndarray
+) -> np.ndarray:
+    e, w = unknowns.taken(z)
+    y = output_of(element, unknowns.order, e)
+    s = 1j * w * unknowns.order
+    num, den = np.polyval(transfer.num, s), np.polyval(transfer.den, s)
+    # at a pole of G (k = 0 with an integrator) the output itself must vanish
+    size = np.maximum(np.abs(den), 1e-9 * np.abs(num))
+    size = np.where(np.abs(den) > 1e-12 * np.abs(num), size, np.abs(num))
+    missed = (den * e + num * np.exp(-transfer.delay * s) * y) / size / unknowns.amplitude
+    return np.concatenate([missed.real, missed[unknowns.mean :].imag])
+
+
+def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Fourier coefficients of the settled output for those of the input, complex ``(m,)`` each."""
+
+    def value(angle: np.ndarray) -> np.ndarray:
+        return (_turns(angle, order) * e).sum(axis=1).real
+
+    def slope(angle: np.ndarray) -> np.ndarray:
+        return (_turns(angle, order) * (1j * order * e)).sum(axis=1).real
+
+    # six pieces for each turn of the highest harmonic, or a sign change could hide between two
+    # nodes
+    pieces = max(_PIECES, 6 * int(order[-1]))
+    grid = np.linspace(0.0, 2.0 * math.pi, pieces + 1)
+    at, rising = value(grid), slope(grid)
+    cuts = [_zeros(slope, grid, rising)]
+    cuts += [_zeros(lambda a, b=b: value(a) - b, grid, at - b) for b in element.bends]
+    nodes = np.sort(np.concatenate([grid, *cuts]))
+    half = 0.5 * np.diff(nodes)[:, None]
+    inner = nodes[:-1, None] + half * (1.0 + _POINTS[0])
+    # the nodes go along: an element with memory must see the turns of its input
+    places = np.concatenate([nodes[:-1, None], inner], axis=1).reshape(-1)
+    turns = _turns(places, order)
+    y = element.over((turns * e).sum(axis=1).real)
+    weight = np.concatenate([0.0 * half, half * _POINTS[1]], axis=1).reshape(-1)
+    # 2/T times the integral for the harmonics; the mean takes half of that
+    y_k = ((weight * y)[:, None] * turns.conj()).sum(axis=0) / math.pi
+    return np.where(order == 0, 0.5 * y_k, y_k)
+
+
+def _turns(angle: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """exp(j k angle) for evenly spaced k, complex ``(n, m)``; by products, which are fast."""
+    out = np.empty((angle.size, order.size), complex)
+    out[:, 0] = np.exp(1j * order[0] * angle)
+    if order.size > 1:
+        step = np.exp(1j * (order[1] - order[0]) * angle)
+        for i in range(1, order.size):
+            np.multiply(out[:, i - 1], step, out=out[:, i])
+    return out
+
+
+def _zeros(
+    function: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Where a smooth function changes its sign: by the rule of Illinois, all places at once."""
+    i = np.flatnonzero(values[:-1] * values[1:] < 0)
+    left, right, f, g = grid[i], grid[i + 1], values[i], values[i + 1]
+    for _ in range(8):
+        if not i.size:
+            break
+        # regula falsi alone keeps one end for ever on a bent curve; halving its value (Illinois)
+        # makes it superlinear: Dowell & Jarratt 1971
+        middle = right - g * (right - left) / np.where(g == f, 1.0, g - f)
+        h = function(middle)
+        turned = h * g < 0
+        left, f = np.where(turned, right, left), np.where(turned, g, 0.5 * f)
+        right, g = middle, h
+        if np.abs(h).max(initial=0.0) == 0.0:
+            break
+    return right

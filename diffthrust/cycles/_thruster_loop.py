@@ -15,9 +15,8 @@ from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._find import limit_cycles
-from diffthrust.cycles._model_element import ModelElement, checked_model
+from diffthrust.cycles._model_element import ModelElement, PropelledAxis, checked_model
 from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
-from diffthrust.cycles._propelled import PropelledAxis
 from diffthrust.cycles._result import LimitCycles
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.quadratic_load import QuadraticLoad
@@ -75,23 +74,19 @@ class ThrusterLoop(Result):
 
         Like `consistent` it counts load and thrust of the thruster only, no effects.
         """
-        return self._by(self._thruster.sine_load**2)
+        thruster = self._thruster
+        return self.consistent * thruster.load / thruster.sine_load
 
     @property
     def consistent(self) -> float:
         """The same with the fundamental of the thrust taken consistently."""
-        return self._by(self._thruster.sine_load * self._thruster.load)
+        return _of_inertia(self._thruster, self.natural_frequency, self.damping)
 
     @property
     def _thruster(self) -> QuadraticLoad:
         thruster = self.model.quadratic_load
         assert thruster is not None  # `thruster_loop_cycle` has refused other models
         return thruster
-
-    def _by(self, square: float) -> float:
-        """lambda^2 = (-w^2 + sqrt(w^4 + 4 square^2 (F/ct)^2)) / 2, solved for F."""
-        lag, w = self.break_frequency, self.natural_frequency
-        return self._thruster.thrust_gain * lag * math.hypot(lag, w) / square
 
     @property
     def cycle(self) -> LimitCycle:
@@ -111,17 +106,13 @@ class ThrusterLoop(Result):
 
         The thruster has no effects, and its ct is that of the paper's static or dynamic test.
         """
-        design = (self.mass, self.drag, self.natural_frequency, self.damping)
         thruster = self._thruster
-        pairs = zip(
-            (*design, thruster.load, thruster.drive_gain),
-            (340.0, 67.0, 1.0, 0.707, 0.037, 42.0),
-            strict=True,
-        )
-        near = all(math.isclose(a, b, rel_tol=2e-3) for a, b in pairs)
-        tests = (0.022, 0.019)  # ct of the static and of the dynamic test
-        tested = any(math.isclose(thruster.thrust_gain, ct, rel_tol=2e-3) for ct in tests)
-        return near and tested and not self.model.effects
+        design = (self.mass, self.drag, self.natural_frequency, self.damping)
+        values = np.array([*design, thruster.load, thruster.drive_gain])
+        near = np.isclose(values, [340.0, 67.0, 1.0, 0.707, 0.037, 42.0], rtol=2e-3, atol=0.0)
+        tests = [0.022, 0.019]  # ct of the static and of the dynamic test
+        tested = np.isclose(thruster.thrust_gain, tests, rtol=2e-3, atol=0.0)
+        return bool(near.all() and tested.any() and not self.model.effects)
 
     def _line(self) -> str:
         return self.found.sentence
@@ -201,7 +192,7 @@ class ThrusterLoop(Result):
     @showing
     def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
         """Command and thrust from rest beside the set point (the paper's figure 14)."""
-        from diffthrust.cycles._figures_course import course_figure
+        from diffthrust.cycles._figures import course_figure
 
         levels = {"printed formula": self.printed, "consistent formula": self.consistent}
         if len(self.found):
@@ -282,14 +273,21 @@ def thruster_loop_cycle(
     if frequencies is None:
         frequencies = (0.1 * wn, 10.0 * wn)
     if amplitudes is None:  # around what the formula says for a pure inertia
-        lag = wn / (2.0 * zeta)
-        force = plain.thrust_gain * lag * math.hypot(lag, wn) / (plain.sine_load * plain.load)
-        size = force / newton
+        size = _of_inertia(plain, wn, zeta) / newton
         amplitudes = (0.02 * size, 20.0 * size)
     cycles = limit_cycles(
         linear, element, amplitudes=amplitudes, frequencies=frequencies, verify=verify
     )
     return ThrusterLoop(thruster, mass, drag, wn, zeta, cycles, newton)
+
+
+def _of_inertia(thruster: QuadraticLoad, w: float, damping: float) -> float:
+    """Amplitude of the command [N] on the cycle of a pure inertia, its lag being w / (2 damping).
+
+    lambda^2 = (-w^2 + sqrt(w^4 + 4 (gamma alpha F / ct)^2)) / 2, solved for F.
+    """
+    lag = w / (2.0 * damping)
+    return thruster.thrust_gain * lag * math.hypot(lag, w) / (thruster.sine_load * thruster.load)
 
 
 def _element(thruster: Model, mass: float, drag: float) -> ModelElement:

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.figures import showing
+from diffthrust._support.files import plain
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.describing._describe import notes_of, values_of
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._request import request
+from diffthrust.describing._tables import band_report
 from diffthrust.describing._values import BandValues, followed_phase
 from diffthrust.uncertainty._prediction.draws import draws_of
 
@@ -44,14 +46,10 @@ class DescribingBand(Result, BandValues):
         return f"{self.model}, {self.input} to {self.output}: {size}, {self.draws.shape[0]} draws"
 
     def _report(self) -> Report:
-        from diffthrust.describing._tables import band_report
-
         return band_report(self)
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data, ``null`` where there is none."""
-        from diffthrust._support.files import plain
-
         parts, shown = ("median", "low", "high"), self.shown
         return plain(
             {

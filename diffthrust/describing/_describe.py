@@ -11,7 +11,12 @@ from diffthrust._support.progress import Progress, ProgressOption, progressing, 
 from diffthrust._support.words import joined
 from diffthrust.describing._formulas import FORMULAS, quasi_linear
 from diffthrust.describing._map import DescribingMap
-from diffthrust.describing._periodic.harmonic_balance import HarmonicBalance
+from diffthrust.describing._periodic.harmonic_balance import (
+    HarmonicBalance,
+    left_out,
+    more_than,
+    too_few,
+)
 from diffthrust.describing._periodic.period import Cycle, Lane, remembers
 from diffthrust.describing._periodic.respond import (
     PeriodicResponses,
@@ -20,7 +25,6 @@ from diffthrust.describing._periodic.respond import (
     respond_with_neighbours,
 )
 from diffthrust.describing._periodic.shooting import Shooting
-from diffthrust.describing._periodic.truncation import left_out, more_than, too_few
 from diffthrust.describing._request import MapRequest, request
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import ShownUnits
@@ -104,12 +108,9 @@ def describing_function(
 def maps_of(
     asked: Sequence[MapRequest], models: Sequence[Any], progress: Progress | None = None
 ) -> list[DescribingMap]:
-    """The maps of models of one structure, worked out together.
+    """The maps of models that differ in the values of their parameters, worked out together.
 
-    Args:
-        asked: of each, the same but for the values of the parameters.
-        models: as the user gave them, for the notes and the units for people.
-        progress: called with a message and the share done.
+    ``models`` are as the user gave them, for the notes and the units for people.
     """
     first = asked[0]
     parameters = {
@@ -187,11 +188,7 @@ def values_of(
 def periodic_values(
     asked: MapRequest, parameters: Mapping[str, np.ndarray], progress: Progress | None = None
 ) -> tuple[PeriodicResponses, np.ndarray | None]:
-    """Periodic responses by draw and point, of parameters ``(D,)``, and what they leave out.
-
-    Returns:
-        The responses, ``(D * A * F,)``; and of a harmonic balance the error of `left_out`.
-    """
+    """Periodic responses ``(D * A * F,)`` of parameters ``(D,)``; of a balance also `left_out`."""
     draws = next((value.size for value in parameters.values()), 1)
     shape = (draws, asked.amplitudes.size, asked.frequencies.size)
 
@@ -232,12 +229,11 @@ def notes_of(asked: MapRequest, source: Any, reason: np.ndarray) -> tuple[str, .
     """Effects that were left out, points without an answer, inputs beyond a limit."""
     complete = source.model if isinstance(source, Fit) else source
     notes = []
-    left_out = [
-        e.name for e in complete.effects if e.name not in {e.name for e in asked.model.effects}
-    ]
-    if left_out:
+    counted = {e.name for e in asked.model.effects}
+    sensors = [e.name for e in complete.effects if e.name not in counted]
+    if sensors:
         notes.append(
-            f"Left out, being effects on what the sensors report: {joined(left_out)} "
+            f"Left out, being effects on what the sensors report: {joined(sensors)} "
             "(sensors=True counts them)."
         )
     size = reason.size

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from diffthrust._support.figures import literal, styled
 from diffthrust._support.words import percent
 from diffthrust.describing._values import BandValues, DescribingValues
-from diffthrust.uncertainty._prediction.figures import bracketed
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from diffthrust.uncertainty._prediction.figures import bracketed, logarithmic
+from diffthrust.uncertainty._prediction.tables import evenly
 
 _CURVES = 6
 """Curves in one panel."""
@@ -56,12 +59,10 @@ def break_figure(result: DescribingValues) -> Figure:
 
 def band_figure(result: BandValues) -> Figure:
     """Gain and phase over frequency for some amplitudes: medians, with bands behind."""
-    from matplotlib import colormaps
-
     result = result.shown
     title = f"{result.model}: {result.input} to {result.output}, {percent(result.level)} band"
     figure = _figure(11.0, 4.2, title)
-    rows = _rows(result.amplitudes.size, 4)
+    rows = evenly(result.amplitudes.size, 4)
     parts = (result.gain, bracketed("gain", result.gain_unit)), (result.phase, "phase [deg]")
     for axes, (values, label) in zip(np.ravel(figure.subplots(1, 2)), parts, strict=True):
         for j, i in enumerate(rows):
@@ -75,8 +76,6 @@ def band_figure(result: BandValues) -> Figure:
 
 
 def _figure(width: float, height: float, title: str) -> Figure:
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(width, height), layout="constrained")
     figure.suptitle(literal(title), fontsize=11, fontweight="bold", x=0.01, ha="left")
     return figure
@@ -94,15 +93,13 @@ def _map(
     figure: Figure, axes: Axes, result: DescribingValues, values: np.ndarray, label: str,
     empty: str, *, logarithmic: bool,
 ) -> None:  # fmt: skip
-    from matplotlib.colors import LogNorm, Normalize
-
     finite = values[np.isfinite(values)]
     x, y = result.frequencies, result.amplitudes
     unit = bracketed(f"amplitude of the {result.input}", result.input_unit)
     styled(axes, literal(label), "frequency [rad/s]", unit)
     axes.grid(False)
     for axis, grid in ((axes.xaxis, x), (axes.yaxis, y)):  # before the labels of contours are set
-        _logarithmic(axes, axis, grid[-1] / grid[0])
+        logarithmic(axes, axis, grid[-1] / grid[0])
     _hatched(axes, result, values, empty)
     if finite.size:
         low, high = float(finite.min()), float(finite.max())
@@ -122,8 +119,6 @@ def _map(
 
 def _hatched(axes: Axes, result: DescribingValues, values: np.ndarray, empty: str) -> None:
     """Points without an answer, and those where the output does not move or does not lag."""
-    from matplotlib.patches import Patch
-
     handles = []
     silent = result.settled & ~np.isfinite(values)
     for where, hatch, words in ((~result.settled, "xxxx", "not settled"), (silent, "....", empty)):
@@ -146,9 +141,7 @@ def _edges(grid: np.ndarray) -> np.ndarray:
 
 
 def _curves(axes: Axes, result: DescribingValues, values: np.ndarray, label: str) -> None:
-    from matplotlib import colormaps
-
-    rows = _rows(result.amplitudes.size, _CURVES)
+    rows = evenly(result.amplitudes.size, _CURVES)
     static = result.static_gain
     for j, i in enumerate(rows):
         colour = colormaps["cividis"](0.9 * j / max(rows.size - 1, 1))
@@ -160,27 +153,20 @@ def _curves(axes: Axes, result: DescribingValues, values: np.ndarray, label: str
     _scales(axes, result, values[rows], label)
 
 
-def _rows(size: int, most: int) -> np.ndarray:
-    """Some of the amplitudes, evenly."""
-    return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(int))
-
-
 def _scales(axes: Axes, result: DescribingValues | BandValues, values: Any, label: str) -> None:
     """Labels, scales and legend of curves over the frequency."""
     styled(axes, literal(label), "frequency [rad/s]", literal(label))
     w = result.frequencies
-    _logarithmic(axes, axes.xaxis, w[-1] / w[0])
+    logarithmic(axes, axes.xaxis, w[-1] / w[0])
     finite = values[np.isfinite(values)]
     if "phase" not in label and finite.size and finite.min() > 0:
-        _logarithmic(axes, axes.yaxis, float(finite.max() / finite.min()))
+        logarithmic(axes, axes.yaxis, float(finite.max() / finite.min()))
     axes.legend(fontsize=7, frameon=False, title=f"amplitude of the {literal(result.input)}",
                 title_fontsize=8)  # fmt: skip
 
 
 def _levels(low: float, high: float, logarithmic: bool) -> np.ndarray:
     """Round values that reach from the lowest to the highest."""
-    from matplotlib.ticker import MaxNLocator
-
     if not logarithmic:
         if high - low < 1e-9 * max(abs(low), abs(high), 1e-9):
             return np.array([low - 1.0, high + 1.0])
@@ -194,15 +180,3 @@ def _levels(low: float, high: float, logarithmic: bool) -> np.ndarray:
     first = max(int(np.searchsorted(all_of, low, "right")) - 1, 0)
     last = min(int(np.searchsorted(all_of, high)), all_of.size - 1)
     return all_of[first : last + 1] if last > first else all_of[:2]
-
-
-def _logarithmic(axes: Axes, axis: Any, span: float) -> None:
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    if span <= 1.0:
-        return
-    (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
-    dense = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0) if span < 10 else (1.0, 2.0, 5.0)
-    axis.set_major_locator(LogLocator(10, dense if span < 1000 else (1.0,)))
-    axis.set_major_formatter(lambda value, _: f"{value:g}")
-    axis.set_minor_formatter(NullFormatter())

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.quadratic_load import QuadraticLoad
 
@@ -25,7 +24,8 @@ def check_plain(method: str, model: Model, input: str, output: str, bias: float)
     if model.quadratic_load is None:
         beyond.append(f"the model '{model.name}'")
     elif model.effects:
-        beyond.append(f"the effects {', '.join(_name(e) for e in model.effects)}")
+        named = ", ".join(f"'{e.name}'" for e in model.effects)
+        beyond.append(f"the effects {named}")
     if input != "command" or output not in ("thrust", "speed"):
         beyond.append(f"the path from {input!r} to {output!r}")
     if bias != 0:
@@ -38,10 +38,6 @@ def check_plain(method: str, model: Model, input: str, output: str, bias: float)
         )
 
 
-def _name(effect: Effect) -> str:
-    return f"'{effect.name}'"
-
-
 def break_frequency(
     thruster: QuadraticLoad, amplitudes: Any, frequencies: Any, *, paper: bool
 ) -> np.ndarray:
@@ -51,13 +47,8 @@ def break_frequency(
 
     with Fc = ct (beta / alpha) c and gamma = 8 alpha / (3 pi). The paper has g = gamma^4, having
     taken the amplitude of the thrust as ct times the squared amplitude of the speed. With the
-    amplitude of the fundamental of the thrust throughout, g = (gamma alpha)^2.
-
-    Args:
-        thruster: its numbers, or arrays that broadcast: alpha is the load, beta the drive's gain.
-        amplitudes: of the command [V].
-        frequencies: [rad/s].
-        paper: the formula as printed.
+    amplitude of the fundamental of the thrust throughout, g = (gamma alpha)^2. In the numbers of
+    the thruster alpha is the load, beta the drive's gain.
 
     Source: Yoerger, Cooke & Slotine 1990, section IV, figure 12.
     """
@@ -75,13 +66,8 @@ def quasi_linear(
 ) -> np.ndarray:
     """The describing function, complex: from the command to the thrust [N/V] or speed [rad/(s V)].
 
-    Args:
-        thruster: its numbers, or arrays that broadcast.
-        amplitudes: of the command [V].
-        frequencies: [rad/s].
-        output: "thrust", a lag of static gain ct beta / alpha; or "speed", for which the static
-            gain is beta over the break frequency.
-        paper: see `break_frequency`.
+    That to the thrust is a lag of static gain ct beta / alpha; for the speed the static gain is
+    beta over the break frequency.
     """
     lag = break_frequency(thruster, amplitudes, frequencies, paper=paper)
     if output == "speed":

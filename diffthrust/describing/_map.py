@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.files import plain
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.describing._periodic.respond import Reason
+from diffthrust.describing._tables import describing_report
 from diffthrust.describing._values import DescribingValues
 
 if TYPE_CHECKING:
@@ -78,14 +80,10 @@ class DescribingMap(Result, DescribingValues):
         return f"{self.model}, {self.input} to {self.output}: {size}, {settled}"
 
     def _report(self) -> Report:
-        from diffthrust.describing._tables import describing_report
-
         return describing_report(self)
 
     def to_json(self) -> dict[str, Any]:
         """The map as plain data, ``null`` where there is no answer."""
-        from diffthrust._support.files import plain
-
         shown = self.shown
         reasons = {str(int(kind)): kind.words for kind in Reason if np.any(self.reason == kind)}
         return plain(

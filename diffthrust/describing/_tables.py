@@ -7,7 +7,7 @@ import numpy as np
 from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.words import number, percent
 from diffthrust.describing._values import BandValues, DescribingValues
-from diffthrust.uncertainty._prediction.tables import interval_text
+from diffthrust.uncertainty._prediction.tables import evenly, interval_text
 
 _ROWS = 8
 """Most amplitudes, and most frequencies, of a table."""
@@ -35,7 +35,7 @@ def describing_report(result: DescribingValues) -> Report:
     static, width = result.static_gain, result.bandwidth
     gain, phase, lag = result.gain, result.phase, result.break_frequency
     rows = []
-    for i in _picked(result.amplitudes.size):
+    for i in evenly(result.amplitudes.size, _ROWS):
         worst = "-"
         if result.distortion is not None and result.settled[i].any():
             worst = f"{100 * np.nanmax(result.distortion[i]):.1f} %"
@@ -79,8 +79,8 @@ def band_report(result: BandValues) -> Report:
         "to",
     )
     rows = []
-    for i in _picked(result.amplitudes.size)[:: 2 if result.amplitudes.size > 4 else 1]:
-        for j in _picked(result.frequencies.size)[:: 2 if result.frequencies.size > 4 else 1]:
+    for i in evenly(result.amplitudes.size, _ROWS)[:: 2 if result.amplitudes.size > 4 else 1]:
+        for j in evenly(result.frequencies.size, _ROWS)[:: 2 if result.frequencies.size > 4 else 1]:
             gain = interval_text(*(float(v) for v in result.gain[:, i, j]))
             phase = interval_text(*(float(v) for v in result.phase[:, i, j]))
             point = f"{result.amplitudes[i]:.4g}", f"{result.frequencies[j]:.4g}"
@@ -93,7 +93,3 @@ def band_report(result: BandValues) -> Report:
         Section("", Styled(result.model, "strong"), head),
         Section("", Rows.of(headings, rows, numbers=range(8)), *notes(result.notes)),
     )
-
-
-def _picked(size: int) -> list[int]:
-    return np.unique(np.linspace(0, size - 1, min(size, _ROWS)).round().astype(int)).tolist()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -17,20 +17,64 @@ _SMALL_PHASE = 30.0
 """Largest phase at the lowest frequency where its gain is taken as the static one [deg]."""
 
 
-@dataclass(frozen=True, repr=False)
-class DescribingValues(Brief):
-    """Gain and phase over amplitude and frequency.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class _DescribedPath(Brief):
+    """What a describing function and its intervals have in common.
+
+    Args:
+        method: see `describing_function`.
+        input: the channel that is a sinusoid.
+        output: whose first harmonic it is.
+        input_unit: of the amplitudes.
+        output_unit: of the output.
+        amplitudes: of the input, ``(A,)``.
+        frequencies: [rad/s], ``(F,)``.
+        notes: what the user should know besides.
+        written: how the logs of the fit wrote each channel: figures and tables use those units.
+    """
+
+    method: str
+    input: str
+    output: str
+    input_unit: str
+    output_unit: str
+    amplitudes: np.ndarray
+    frequencies: np.ndarray
+    notes: tuple[str, ...] = ()
+    written: Mapping[str, Written] = field(default_factory=dict, repr=False)
+
+    @property
+    def gain_unit(self) -> str:
+        """The unit of the gain."""
+        return ratio_unit(self.input_unit, self.output_unit)
+
+    @property
+    def shown(self) -> Self:
+        """The same in the units for people."""
+        units = ShownUnits((self.written,))
+        swing, unit = units.size(self.input, 1.0, self.input_unit)
+        size, output_unit = units.size(self.output, 1.0, self.output_unit)
+        return replace(
+            self,
+            input_unit=unit,
+            output_unit=output_unit,
+            amplitudes=swing * self.amplitudes,
+            written={},
+            **self._shown(units, size / swing),
+        )
+
+    def _shown(self, units: ShownUnits, per: float) -> dict[str, Any]:
+        """The other fields with units; gains are to be multiplied by ``per``."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DescribingValues(_DescribedPath):
+    """Gain and phase over amplitude and frequency, as `_DescribedPath`.
 
     Args:
         model: the model that was looked at.
-        method: how; see `describing_function`.
-        input: the channel that is a sinusoid.
-        output: whose first harmonic it is.
-        input_unit: of amplitudes and bias.
-        output_unit: of the output.
         bias: what the input swings about.
-        amplitudes: of the input, ``(A,)``.
-        frequencies: [rad/s], ``(F,)``.
         complex: first harmonic of the output over that of the input, ``(A, F)``; NaN where there
             is no answer.
         reason: why there is none, ``(A, F)``, as numbers of `Reason`; 0 where settled.
@@ -42,19 +86,10 @@ class DescribingValues(Brief):
         left_out: error of the first harmonic, relative to it, that more harmonics show, complex
             ``(A, F)``: its real part is that of the gain, its imaginary one that of the phase
             [rad]. NaN where the balance has no answer; ``None`` for other methods.
-        notes: what the user should know besides.
-        written: how the logs of the fit wrote each channel: figures and tables use those units.
     """
 
     model: Model = field(repr=False)
-    method: str
-    input: str
-    output: str
-    input_unit: str
-    output_unit: str
     bias: float
-    amplitudes: np.ndarray
-    frequencies: np.ndarray
     complex: np.ndarray = field(repr=False)
     reason: np.ndarray = field(repr=False)
     distortion: np.ndarray | None = field(default=None, repr=False)
@@ -62,26 +97,14 @@ class DescribingValues(Brief):
     samples: np.ndarray | None = field(default=None, repr=False)
     harmonics: int | None = None
     left_out: np.ndarray | None = field(default=None, repr=False)
-    notes: tuple[str, ...] = ()
-    written: Mapping[str, Written] = field(default_factory=dict, repr=False)
 
-    @property
-    def shown(self) -> Self:
-        """The same in the units for people."""
-        units = ShownUnits((self.written,))
-        swing, unit = units.size(self.input, 1.0, self.input_unit)
-        size, output_unit = units.size(self.output, 1.0, self.output_unit)
+    def _shown(self, units: ShownUnits, per: float) -> dict[str, Any]:
         mean = self.mean
-        return replace(
-            self,
-            input_unit=unit,
-            output_unit=output_unit,
-            bias=float(units.values(self.input, self.bias, self.input_unit)),
-            amplitudes=swing * self.amplitudes,
-            complex=size / swing * self.complex,
-            mean=None if mean is None else units.values(self.output, mean, self.output_unit),
-            written={},
-        )
+        return {
+            "bias": float(units.values(self.input, self.bias, self.input_unit)),
+            "complex": per * self.complex,
+            "mean": None if mean is None else units.values(self.output, mean, self.output_unit),
+        }
 
     @property
     def settled(self) -> np.ndarray:
@@ -92,11 +115,6 @@ class DescribingValues(Brief):
     def gain(self) -> np.ndarray:
         """Amplitude of the output's first harmonic over that of the input, ``(A, F)``."""
         return np.abs(self.complex)
-
-    @property
-    def gain_unit(self) -> str:
-        """The unit of the gain."""
-        return ratio_unit(self.input_unit, self.output_unit)
 
     @property
     def phase(self) -> np.ndarray:
@@ -152,19 +170,12 @@ class DescribingValues(Brief):
         return widths
 
 
-@dataclass(frozen=True)
-class BandValues:
-    """Gain and phase of a describing function with intervals, point by point.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class BandValues(_DescribedPath):
+    """Gain and phase of a describing function with intervals, point by point, as `_DescribedPath`.
 
     Args:
         model: words for the model.
-        method: see `describing_function`.
-        input: the channel that is a sinusoid.
-        output: whose first harmonic it is.
-        input_unit: of the amplitudes.
-        output_unit: of the output.
-        amplitudes: of the input, ``(A,)``.
-        frequencies: [rad/s], ``(F,)``.
         gain: median, lower and upper end, ``(3, A, F)``; NaN where fewer than half of the draws
             have an answer.
         phase: the same of the phase [deg].
@@ -172,56 +183,22 @@ class BandValues:
         level: probability of the intervals, with equal tails.
         kind: "posterior" or "covariance": where the draws are from.
         draws: the describing function by draw, complex, ``(n, A, F)``.
-        notes: what the user should know besides.
-        written: how the logs of the fit wrote each channel: figures and tables use those units.
     """
 
     model: str
-    method: str
-    input: str
-    output: str
-    input_unit: str
-    output_unit: str
-    amplitudes: np.ndarray
-    frequencies: np.ndarray
     gain: np.ndarray = field(repr=False)
     phase: np.ndarray = field(repr=False)
     settled: np.ndarray = field(repr=False)
     level: float
     kind: str
     draws: np.ndarray = field(repr=False)
-    notes: tuple[str, ...] = ()
-    written: Mapping[str, Written] = field(default_factory=dict, repr=False)
 
-    @property
-    def gain_unit(self) -> str:
-        """The unit of the gain."""
-        return ratio_unit(self.input_unit, self.output_unit)
-
-    @property
-    def shown(self) -> Self:
-        """The same in the units for people."""
-        units = ShownUnits((self.written,))
-        swing, unit = units.size(self.input, 1.0, self.input_unit)
-        size, output_unit = units.size(self.output, 1.0, self.output_unit)
-        return replace(
-            self,
-            input_unit=unit,
-            output_unit=output_unit,
-            amplitudes=swing * self.amplitudes,
-            gain=size / swing * self.gain,
-            draws=size / swing * self.draws,
-            written={},
-        )
+    def _shown(self, units: ShownUnits, per: float) -> dict[str, Any]:
+        return {"gain": per * self.gain, "draws": per * self.draws}
 
 
 def ratio_unit(below: str, above: str) -> str:
-    """The unit of an output over an input.
-
-    Example:
-        >>> ratio_unit("V", "rad/s"), ratio_unit("V", "N")
-        ('(rad/s)/V', 'N/V')
-    """
+    """The unit of an output over an input, such as ``(rad/s)/V``."""
     if not below:
         return above
     if any(mark in below for mark in " /"):

@@ -110,13 +110,6 @@ def fit_line(
         errors_of = np.fmax(
             errors_of, np.sqrt(np.sum((inverse * np.asarray(errors, float)) ** 2, axis=1))
         )
-    if through_origin:
-        return FittedLine(float(coefficients[0]), 0.0, float(errors_of[0]), 0.0, x, y)
-    return FittedLine(
-        float(coefficients[0]),
-        float(coefficients[1]),
-        float(errors_of[0]),
-        float(errors_of[1]),
-        x,
-        y,
-    )
+    slope, intercept, *_ = [*map(float, coefficients), 0.0]
+    slope_error, intercept_error, *_ = [*map(float, errors_of), 0.0]
+    return FittedLine(slope, intercept, slope_error, intercept_error, x, y)

@@ -57,11 +57,9 @@ class Steady(Brief):
         """Standard error of the mean under white noise; NaN where fewer than two were measured."""
         values = self.log.values(channel, unit)[self.first : self.end]
         finite = values[np.isfinite(values)]
-        return (
-            float(np.std(finite, ddof=1) / np.sqrt(finite.size))
-            if finite.size > 1
-            else float("nan")
-        )
+        if finite.size < 2:
+            return float("nan")
+        return float(np.std(finite, ddof=1) / np.sqrt(finite.size))
 
     def drift(self, channel: str, unit: str) -> float:
         """What a channel changed by over the portion, by the line through its samples.

@@ -325,21 +325,11 @@ def thrust_line(
     is too flat by 4 s^2 W^2 over W^4, and the square too large by s^2 besides. A simulated speed
     is independent of e: with its square as instrument the first error vanishes. The slope that
     least squares lose against it gives s^2, by which the squares are then lowered. Without noise
-    both lines agree.
-
-    Args:
-        speed: measured [rad/s], ``(n,)``; each sample's noise may depend on that of others.
-        thrust: measured [N], ``(n,)``, with noise that is independent of the speed's.
-        simulated: the speed by a model [rad/s], ``(n,)``, which need not be exact.
-
-    Raises:
-        InputError: a speed that does not move, or that the simulated one has nothing to do with.
+    both lines agree. The noise of the thrust must be independent of the speed's; the simulated
+    speed need not be exact.
 
     Source: Soderstrom & Stoica 1983, Instrumental Variable Methods, section 3; the standard error
     is that of unequal variances (White 1980, Econometrica 48, 817).
-
-    Example:
-        >>> ct, error = thrust_line(speed, thrust, dft.simulate(model, log)["speed"])
     """
     squared, instrument = speed * np.abs(speed), simulated * np.abs(simulated)
     if not instrument @ squared > 0.0:

@@ -1,7 +1,6 @@
 from ._directions import Directions as Directions
 from ._directions import directions as directions
 from ._intervals import intervals as intervals
-from ._intervals_result import Intervals as Intervals
 from ._prediction.physical import Quantity as Quantity
 from ._prediction.physical import derived as derived
 from ._prediction.physical import physical as physical
@@ -10,8 +9,8 @@ from ._prediction.predict import predict as predict
 from ._prediction.quantities import Quantities as Quantities
 from ._prediction.quantities import quantities as quantities
 from ._profile import profile as profile
-from ._profile_curve import Profile as Profile
-from ._profile_result import Profiles as Profiles
+from ._results import Intervals as Intervals
+from ._results import Profiles as Profiles
 from ._sampling.convergence import Convergence as Convergence
 from ._sampling.convergence import convergence as convergence
 from ._sampling.figures import plot_corner as plot_corner
@@ -19,3 +18,4 @@ from ._sampling.figures import plot_trace as plot_trace
 from ._sampling.sample import sample as sample
 from ._sandwich import Sandwich as Sandwich
 from ._sandwich import sandwich as sandwich
+from ._values import Profile as Profile

@@ -17,7 +17,8 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import RANK_LIMIT, inflation, marginal_spread
 from diffthrust.logs._log import Log
-from diffthrust.uncertainty._sandwich import converged
+from diffthrust.uncertainty._sandwich import converged, pressed
+from diffthrust.uncertainty._tables import direction_rows
 
 if TYPE_CHECKING:
     from diffthrust._support.tables import Renderable
@@ -112,8 +113,6 @@ class Directions(Result):
         return renderable(self._report())
 
     def _report(self) -> Report:
-        from diffthrust.uncertainty._tables import direction_rows
-
         rows = direction_rows((d.std_error, d.grade, d.members) for d in self.directions)
         return Report(Section("", rows))
 
@@ -161,9 +160,7 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     """The directions at the optimum of a problem."""
     quadratic = solve(problem, z, budget=1).quadratic
     gradient, information = np.asarray(quadratic.gradient), np.asarray(quadratic.information)
-    low, high = problem.limits()
-    # at a bound and pushed against it: the curvature there says nothing of an interval
-    held = ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
+    held = pressed(problem, z, gradient)
     k = len(problem.own)
     inside = np.flatnonzero(~held[:k])
     beside = k + np.flatnonzero(~held[k:])
@@ -175,11 +172,8 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     nothing = RANK_LIMIT * max(np.linalg.eigvalsh(projected).max(initial=0.0), 1e-300)
     names, slopes = [problem.own[i] for i in inside], problem.slopes(z)[inside]
     length, values = length[inside], problem.values(z)
-    error = (
-        np.sqrt(np.diagonal(np.linalg.pinv(projected, RANK_LIMIT, hermitian=True)))
-        * slopes
-        / length
-    )
+    spread = np.linalg.pinv(projected, RANK_LIMIT, hermitian=True)
+    error = np.sqrt(np.diagonal(spread)) * slopes / length
     # a value near zero has no relative change: the standard error then is the unit
     size = np.maximum(np.abs([values[n] for n in names]), error)
     size = np.where(size > 0, size, slopes)

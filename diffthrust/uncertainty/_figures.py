@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
 from diffthrust._support.words import with_error
-from diffthrust.uncertainty._intervals_row import Row
-from diffthrust.uncertainty._profile_curve import Profile
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from diffthrust.uncertainty._values import Profile, Row, shortest_half_arm
 
 _ACROSS = 3
 _WIDE = 30.0
@@ -35,8 +31,6 @@ def profile_figure(profiles: Sequence[Profile]) -> Figure:
     Beside it the parabola that the covariance stands for. The interval lies where the profile is
     below the threshold; an end that is open has no mark.
     """
-    from matplotlib.figure import Figure
-
     across = max(1, min(_ACROSS, len(profiles)))
     down = max(1, -(-len(profiles) // across))
     figure = Figure(figsize=(1.0 + 3.9 * across, 0.9 + 2.9 * down), layout="constrained")
@@ -44,10 +38,9 @@ def profile_figure(profiles: Sequence[Profile]) -> Figure:
         _profile_panel(figure.add_subplot(down, across, i + 1), profile.shown, i % across == 0)
     if figure.axes:
         handles = {
-            str(line.get_label()): line
+            label: line
             for axes in figure.axes
-            for line in axes.get_lines()
-            if not str(line.get_label()).startswith("_")
+            for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
         figure.legend(
             handles=list(handles.values()),
@@ -81,8 +74,8 @@ def _profile_panel(axes: Axes, p: Profile, first: bool) -> None:
     axes.plot([p.value], [0.0], "|", color="0.1", markersize=12, markeredgewidth=1.6)
     unit = f" [{p.unit}]" if p.unit else ""
     title = [f"{literal(p.name)}: {_interval(p)}"]
-    title += [f"{side}: {why}" for side, why in
-              (("downwards", p.open_low), ("upwards", p.open_high)) if why]  # fmt: skip
+    sides = (("downwards", p.open_low), ("upwards", p.open_high))
+    title += [f"{side}: {why}" for side, why in sides if why]
     styled(
         axes,
         "\n".join(title),
@@ -90,19 +83,13 @@ def _profile_panel(axes: Axes, p: Profile, first: bool) -> None:
         "drop of the log-likelihood" if first else "",
     )
     axes.set_ylim(-0.06 * limit, 1.55 * limit)
-    axes.set_xlim(*_profile_range(p))
-    if _spans_decades(p):
-        axes.set_xscale("log")
-    else:
-        axes.locator_params(axis="x", nbins=5)
+    _scale(axes, 5, *_profile_range(p))
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
 
 
 def _interval(p: Profile) -> str:
-    arms = [abs(e - p.value) for e in (p.low, p.high) if e is not None]
-    low, high = (
-        with_error(e, 0.5 * min(arms))[0] if e is not None else None for e in (p.low, p.high)
-    )
+    error = shortest_half_arm(p.value, (p.low, p.high))
+    low, high = (None if e is None else with_error(e, error)[0] for e in (p.low, p.high))
     if low is not None and high is not None:
         words = f"{low} to {high}"
     elif low is not None:
@@ -114,18 +101,28 @@ def _interval(p: Profile) -> str:
     return f"{words} {p.unit}".rstrip()
 
 
-def _spans_decades(p: Profile) -> bool:
-    """Whether the values that matter span decades, so that only a logarithm shows them all."""
-    ends = [e for e in (p.low, p.high, p.value) if e is not None]
-    return bool(p.grid[0] > 0 and max(ends) > _WIDE * min(ends))
+def _span_decades(values: Sequence[float]) -> bool:
+    """Whether only a logarithm shows all values."""
+    return min(values) > 0 and max(values) > _WIDE * min(values)
 
 
-def _profile_range(p: Profile) -> tuple[float, float]:
-    """As far as the crossing and a little more; of an open side what the walk has seen nearby."""
-    if _spans_decades(p):
-        ends = np.log([e for e in (p.low, p.value, p.high) if e is not None])
-        margin = 0.2 * np.ptp(ends)
-        return float(np.exp(ends.min() - margin)), float(np.exp(ends.max() + margin))
+def _scale(axes: Axes, ticks: int, low: float, high: float, logarithmic: bool) -> None:
+    axes.set_xlim(low, high)
+    if logarithmic:
+        axes.set_xscale("log")
+    else:
+        axes.locator_params(axis="x", nbins=ticks)
+
+
+def _profile_range(p: Profile) -> tuple[float, float, bool]:
+    """As far as the crossing and a little more, and whether on a logarithm.
+
+    Of an open side what the walk has seen nearby.
+    """
+    ends = [e for e in (p.low, p.value, p.high) if e is not None]
+    if p.grid[0] > 0 and _span_decades(ends):
+        margin = (max(ends) / min(ends)) ** 0.2
+        return min(ends) / margin, max(ends) * margin, True
     arms = [abs(e - p.value) for e in (p.low, p.high) if e is not None]
     arm = max(
         arms,
@@ -134,7 +131,7 @@ def _profile_range(p: Profile) -> tuple[float, float]:
     low = p.low if p.low is not None else max(p.grid[0], p.value - 1.6 * arm)
     high = p.high if p.high is not None else min(p.grid[-1], p.value + 1.6 * arm)
     margin = 0.2 * (high - low) or 0.2 * arm
-    return low - margin, high + margin
+    return low - margin, high + margin, False
 
 
 def _smooth(p: Profile) -> tuple[np.ndarray, np.ndarray]:
@@ -153,7 +150,7 @@ def _smooth(p: Profile) -> tuple[np.ndarray, np.ndarray]:
         fine = np.linspace(x[0], x[-1], 401)
         return fine, PchipInterpolator(x, y)(fine)
     root = np.sign(x - p.value) * np.sqrt(y)
-    if _spans_decades(p):
+    if _profile_range(p)[2]:
         fine = np.geomspace(x[0], x[-1], 2001)
         return fine, PchipInterpolator(np.log(x), root)(np.log(fine)) ** 2
     # by sections: an open side may reach a thousand times as far as the other
@@ -166,8 +163,6 @@ def intervals_figure(rows: Sequence[Row], methods: Sequence[str], level: float) 
 
     The recommended one is drawn thick. An end that is open is an arrow to the edge.
     """
-    from matplotlib.figure import Figure
-
     across = max(1, min(_ACROSS, len(rows)))
     down = max(1, -(-len(rows) // across))
     height = 0.8 + 0.3 * len(methods)
@@ -180,7 +175,7 @@ def intervals_figure(rows: Sequence[Row], methods: Sequence[str], level: float) 
 
 
 def _interval_panel(axes: Axes, row: Row, methods: Sequence[str]) -> None:
-    low, high = _interval_range(row)
+    low, high, logarithmic = _interval_range(row)
     axes.axvline(row.value, color="0.75", linewidth=0.9, zorder=0)
     for y, method in enumerate(methods):
         interval = row.intervals.get(method)
@@ -208,7 +203,6 @@ def _interval_panel(axes: Axes, row: Row, methods: Sequence[str]) -> None:
                 textcoords="offset points",
             )
     axes.set_ylim(len(methods) - 0.4, -0.6)
-    axes.set_xlim(low, high)
     axes.set_yticks(range(len(methods)), [f"{m} *" if m == row.recommended else m for m in methods])
     unit = f" [{row.unit}]" if row.unit else ""
     axes.set_title(f"{literal(row.name)}{unit}", loc="left", fontsize=9)
@@ -216,30 +210,23 @@ def _interval_panel(axes: Axes, row: Row, methods: Sequence[str]) -> None:
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
     axes.tick_params(axis="y", length=0)
-    if _row_spans_decades(row):
-        axes.set_xscale("log")
-    else:
-        axes.locator_params(axis="x", nbins=4)
+    _scale(axes, 4, low, high, logarithmic)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
 
 
-def _interval_range(row: Row) -> tuple[float, float]:
-    """All ends and a margin; an open end reaches to the edge."""
-    ends = [e for interval in row.intervals.values() for e in interval if e is not None]
+def _interval_range(row: Row) -> tuple[float, float, bool]:
+    """All ends and a margin, and whether on a logarithm; an open end reaches to the edge."""
+    ends = [row.value]
+    ends += [e for interval in row.intervals.values() for e in interval if e is not None]
+    logarithmic = _span_decades(ends)
     ends += [b for b in row.bounds if b is not None]
-    low, high = min([*ends, row.value]), max([*ends, row.value])
+    low, high = min(ends), max(ends)
     margins = [
         0.25 if any(f[i] is None for f in row.intervals.values()) and row.bounds[i] is None else 0.1
         for i in (0, 1)
     ]
-    if _row_spans_decades(row):
-        return low * (low / high) ** margins[0], high * (high / low) ** margins[1]
+    if logarithmic:
+        return low * (low / high) ** margins[0], high * (high / low) ** margins[1], True
     wide = high - low or abs(row.value) or 1.0
-    return low - margins[0] * wide, high + margins[1] * wide
-
-
-def _row_spans_decades(row: Row) -> bool:
-    """Whether only a logarithm shows all ends."""
-    ends = [e for interval in row.intervals.values() for e in interval if e is not None]
-    return min([*ends, row.value]) > 0 and max([*ends, row.value]) > _WIDE * min([*ends, row.value])
+    return low - margins[0] * wide, high + margins[1] * wide, False

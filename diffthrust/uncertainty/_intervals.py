@@ -17,13 +17,12 @@ from diffthrust.estimation._rebuild import check_mark, problem_of
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._directions import directions_of
-from diffthrust.uncertainty._intervals_result import Intervals
-from diffthrust.uncertainty._intervals_row import Interval, Row
-from diffthrust.uncertainty._profile import check_level, profiles_of, threshold_of
-from diffthrust.uncertainty._profile_curve import LOPSIDED, Profile
-from diffthrust.uncertainty._profile_result import Profiles
+from diffthrust.uncertainty._prediction.draws import check_level
+from diffthrust.uncertainty._profile import degrees_of, profiles_of, threshold_of
+from diffthrust.uncertainty._results import Intervals, Profiles
 from diffthrust.uncertainty._sandwich import Sandwich, converged, quantile, sandwich_of
 from diffthrust.uncertainty._scores import sample_scores
+from diffthrust.uncertainty._values import LOPSIDED, Interval, Profile, Row
 
 _WHITE = 0.1
 """Residuals with a lag-one correlation below this count as white: standard errors are then too
@@ -68,7 +67,7 @@ def intervals(
         True
     """
     converged(fit, "intervals")
-    check_level(level, "intervals")
+    check_level(level, "intervals, level")
     if posterior is not None and hasattr(posterior, "posterior"):
         check_mark(posterior, fit, "intervals")
     drawn = {} if posterior is None else {n: _drawn(posterior, n, level) for n in fit.free}
@@ -108,11 +107,16 @@ def _rows_by_log(fit: Fit, reach: float) -> list[Row]:
         for log, e in found.values.items():
             if e.std_error is not None:
                 arm = reach * e.std_error
-                ends = {"covariance": Interval(e.value - arm, e.value + arm)}
-                label, shown = f"{name} in {log}", (e.per, e.shown_unit)
-                rows.append(
-                    Row(label, e.unit, e.value, ends, "covariance", (), (None, None), *shown)
+                row = Row(
+                    name=f"{name} in {log}",
+                    unit=e.unit,
+                    value=e.value,
+                    intervals={"covariance": Interval(e.value - arm, e.value + arm)},
+                    recommended="covariance",
+                    per=e.per,
+                    shown_unit=e.shown_unit,
                 )
+                rows.append(row)
     return rows
 
 
@@ -122,11 +126,7 @@ def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
     # quadratic
     if problem.layout.likelihood.noise.lasts:
         return math.sqrt(threshold_of(problem, z, level))
-    degrees = float(np.sum(problem.numbers.counts)) - z.size
-    level_known = (
-        any(problem.layout.known_noise) or not problem.layout.likelihood.law.closed or degrees < 1
-    )
-    return quantile(level, math.inf if level_known else degrees)
+    return quantile(level, degrees_of(problem, z))
 
 
 def _row(
@@ -141,11 +141,10 @@ def _row(
     level: float,
 ) -> Row:
     estimate, profile = fit.parameters[name], profiles[name]
-    error, by_method = estimate.std_error, {}
-    if error is not None:
-        by_method["covariance"] = Interval(
-            estimate.value - reach * error, estimate.value + reach * error
-        )
+    by_method = {}
+    if estimate.std_error is not None:
+        arm = reach * estimate.std_error
+        by_method["covariance"] = Interval(estimate.value - arm, estimate.value + arm)
     wide = robust.interval(name, level)
     if wide is not None:
         by_method["sandwich"] = Interval(*wide)

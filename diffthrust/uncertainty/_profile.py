@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from statistics import NormalDist
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
-from diffthrust.uncertainty._prediction.physical import derived
-from diffthrust.uncertainty._profile_curve import Profile
-from diffthrust.uncertainty._profile_lines import (
+from diffthrust.uncertainty._prediction.draws import check_level
+from diffthrust.uncertainty._prediction.physical import Quantity, derived
+from diffthrust.uncertainty._profile_walk import (
+    DeeperError,
     Function,
     Line,
     ParameterLine,
     ProfilePoint,
     QuantityLine,
+    Side,
+    walk,
 )
-from diffthrust.uncertainty._profile_result import Better, Profiles
-from diffthrust.uncertainty._profile_walk import DeeperError, Side, walk
+from diffthrust.uncertainty._results import Better, Profiles
 from diffthrust.uncertainty._sandwich import converged, quantile
+from diffthrust.uncertainty._values import Profile
 
 _ROUNDS = 3
 """Most restarts of all profiles from a lower cost found by a walk."""
@@ -83,7 +87,7 @@ def profile(
         True
     """
     converged(fit, "profile")
-    check_level(level, "profile")
+    check_level(level, "profile, level")
     wanted = _wanted(fit, names)
     if quantities is not None and not callable(quantities):
         raise InputError(
@@ -93,15 +97,6 @@ def profile(
     problem, z = problem_of(fit, logs)
     report = reporter(progress)
     return profiles_of(fit, problem, z, wanted, quantities, units or {}, level, report)
-
-
-def check_level(level: float, what: str) -> None:
-    """Raise `InputError` for an invalid confidence level."""
-    if not (isinstance(level, float) and 0 < level < 1):
-        raise InputError(
-            f"{what}, level: expected a number between 0 and 1, found {level!r}.",
-            "Write level=0.95 for 95 %.",
-        )
 
 
 def profiles_of(
@@ -120,11 +115,10 @@ def profiles_of(
     for _ in range(_ROUNDS):
         try:
             profiles = []
-            for index, name in enumerate(names):
-                report(f"profile of {name}", index / len(names))
-                line = ParameterLine(problem, name, best)
-                profiles.append(_profile(fit, problem, name, line, threshold, level))
-            profiles += _quantities(fit, problem, best, quantities, units, threshold, level)
+            lines = _lines(fit, problem, best, names, quantities, units)
+            for index, (line, estimate) in enumerate(lines):
+                report(f"profile of {line.name}", index / len(lines))
+                profiles.append(_profile(line, estimate, threshold, level))
             break
         # all profiles belong to one optimum: they start again from the deeper one
         except DeeperError as deeper:
@@ -143,9 +137,8 @@ def profiles_of(
 def optimum_at(problem: Problem, z: np.ndarray) -> ProfilePoint:
     """The optimum next to given coordinates, where profiles start."""
     solved = solve(problem, z)
-    return ProfilePoint(
-        math.nan, float(solved.quadratic.cost), solved.z, solved.quadratic, math.nan
-    )
+    cost = float(solved.quadratic.cost)
+    return ProfilePoint(math.nan, cost, solved.z, solved.quadratic, math.nan)
 
 
 def _wanted(fit: Fit, names: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -178,76 +171,66 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
         samples = likelihood.noise.independent(channels, problem.numbers, problem.values(z))
         degrees = max(samples - len(problem.own) - problem.local, 1.0)
         return quantile(confidence, 0.5 * samples) ** 2 * samples / degrees
-    plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
-    if not likelihood.law.closed or any(problem.layout.known_noise):
-        return plain
-    samples = float(np.sum(problem.numbers.counts))
-    degrees = samples - z.size
-    if degrees < 1:
-        return plain
+    degrees = degrees_of(problem, z)
+    square = quantile(confidence, degrees) ** 2
+    if math.isinf(degrees):
+        return square
     # with the level profiled out, twice the drop is n log(1 + t^2 / degrees), exactly so for a
     # linear model (Bates & Watts 1988, section 6.1)
-    return samples * math.log1p(quantile(confidence, degrees) ** 2 / degrees)
+    return (degrees + z.size) * math.log1p(square / degrees)
 
 
-def _quantities(
+def degrees_of(problem: Problem, z: np.ndarray) -> float:
+    """Degrees of freedom of white noise levels; infinite where they are not estimated."""
+    degrees = float(np.sum(problem.numbers.counts)) - z.size
+    estimated = problem.layout.likelihood.law.closed and not any(problem.layout.known_noise)
+    return degrees if estimated and degrees >= 1 else math.inf
+
+
+def _lines(
     fit: Fit,
     problem: Problem,
     best: ProfilePoint,
+    names: Sequence[str],
     function: Function | None,
     units: Mapping[str, str],
-    threshold: float,
-    level: float,
-) -> Iterator[Profile]:
-    if function is None:
-        return
-    estimates = derived(fit, function, units)
-    for index, (name, quantity) in enumerate(estimates.items()):
-        line = QuantityLine(problem, function, index, best)
-        yield _profile(
-            fit, problem, name, line, threshold, level, quantity.unit, quantity.std_error
-        )
+) -> list[tuple[Line, Estimate | Quantity]]:
+    """What is profiled, with what the fit's covariance says of it."""
+    lines: list[tuple[Line, Estimate | Quantity]] = [
+        (ParameterLine(problem, name, best), fit.parameters[name]) for name in names
+    ]
+    if function is not None:
+        for index, (name, quantity) in enumerate(derived(fit, function, units).items()):
+            lines.append((QuantityLine(problem, name, function, index, best), quantity))
+    return lines
 
 
-def _profile(
-    fit: Fit,
-    problem: Problem,
-    name: str,
-    line: Line,
-    threshold: float,
-    level: float,
-    unit: str | None = None,
-    std_error: float | None = None,
-) -> Profile:
+def _profile(line: Line, estimate: Estimate | Quantity, threshold: float, level: float) -> Profile:
     start = line.start()
     sides = [walk(line, sign, math.sqrt(threshold)) for sign in (-1.0, 1.0)]
     points = [*reversed(sides[0].points), *sides[1].points[1:]]
-    quantity = unit is not None
-    limits = (-math.inf, math.inf) if quantity else problem.named[name].limits
-    met = [_met(line, side, limit) for side, limit in zip(sides, limits, strict=True)]
-    estimate = None if quantity else fit.parameters[name]
+    limits: tuple[float, float] = (-math.inf, math.inf)
+    more: dict[str, Any] = {"quantity": True}
+    if isinstance(estimate, Estimate):
+        limits = line.problem.named[line.name].limits
+        more = {"per": estimate.per, "shown_unit": estimate.shown_unit}
+    low, high = (None if side.end is None else line.value(side.end) for side in sides)
     return Profile(
-        name=name,
-        unit=(unit or "") if estimate is None else estimate.unit,
-        per=1.0 if estimate is None else estimate.per,
-        shown_unit="" if estimate is None else estimate.shown_unit,
+        name=line.name,
+        unit=estimate.unit,
         value=line.value(start.x),
-        low=_end(line, sides[0]),
-        high=_end(line, sides[1]),
+        low=low,
+        high=high,
         open_low=_why(line, sides[0], limits[0], "less"),
         open_high=_why(line, sides[1], limits[1], "more"),
         level=level,
         threshold=threshold,
         grid=np.array([line.value(p.x) for p in points]),
         drop=np.array([p.cost - start.cost for p in points]),
-        std_error=std_error if quantity else fit.parameters[name].std_error,
-        quantity=quantity,
-        bounds=(met[0], met[1]),
+        std_error=estimate.std_error,
+        bounds=(_met(line, sides[0], limits[0]), _met(line, sides[1], limits[1])),
+        **more,
     )
-
-
-def _end(line: Line, side: Side) -> float | None:
-    return None if side.end is None else line.value(side.end)
 
 
 def _met(line: Line, side: Side, limit: float) -> float | None:

@@ -1,13 +1,28 @@
-"""Walk along a profile likelihood to the end of the confidence interval."""
+"""Walks along a profile likelihood: of a parameter, or of a derived quantity."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 
-from diffthrust.uncertainty._profile_lines import Line, ProfilePoint
+from diffthrust._support._running.programs import program
+from diffthrust.estimation._likelihood import Quadratic, evaluate, named_values
+from diffthrust.estimation._numbers import ProblemNumbers
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._solver import MOST_STEPS, BoundedLevenbergMarquardt, solve
 
+VANISHED = 23.0
+"""A "log" parameter this many e-foldings (ten decades) below its start has vanished, as in the
+fit's status."""
+_STIFF = 0.1
+"""A pull acts like a measurement of the quantity with this share of its standard error."""
 _MOST = 60
 """Most points to one side."""
 _FAR = 1e4
@@ -18,6 +33,232 @@ _NEAR = 1e-4
 """Relative tolerance of the root at the end of the interval."""
 _GAIN = 1e-3
 """A cost lower than the fit's by this is another optimum, not rounding."""
+Function = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+
+
+class ProfilePoint(NamedTuple):
+    """The least cost at one position of a line, and the coordinates there.
+
+    ``aim`` is the requested position, which a quantity reaches only approximately.
+    """
+
+    x: float
+    cost: float
+    z: np.ndarray
+    quadratic: Quadratic
+    aim: float
+
+
+def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
+    """Inverse information of the free coordinates, zero for those at a bound, ``(N, N)``.
+
+    Undetermined directions are left out: the result sets only step lengths, never intervals.
+    """
+    low, high = problem.limits()
+    # a coordinate at its bound does not move with the others: it would widen steps that cannot be
+    # taken
+    inside = (point.z > low + 1e-9) & (point.z < high - 1e-9)
+    information = np.asarray(point.quadratic.information) * np.outer(inside, inside)
+    length = np.sqrt(np.maximum(np.diagonal(information), 0.0))
+    length = np.where(length > 0, length, 1.0)
+    scaled = np.linalg.pinv(information / np.outer(length, length), rcond=1e-10, hermitian=True)
+    return scaled / np.outer(length, length)
+
+
+@dataclass(frozen=True)
+class ParameterLine:
+    """A free parameter, in its coordinate; equal limits fix it without another compilation."""
+
+    problem: Problem
+    name: str
+    best: ProfilePoint
+
+    @cached_property
+    def place(self) -> int:
+        """Its coordinate."""
+        return self.problem.free.index(self.name)
+
+    @cached_property
+    def scale(self) -> float:
+        """Standard error in the coordinate; at a bound, the distance to a cost higher by 1/2."""
+        i, q = self.place, self.best.quadratic
+        variance = spread(self.problem, self.best)[i, i]
+        if variance > 1e-24:  # smaller values are rounding errors of a coordinate at its bound
+            return float(min(np.sqrt(variance), 1.0))
+        # at a bound the cost rises by its slope, not by its curvature: both bound the distance
+        steep = np.sqrt(max(float(q.information[i, i]), 0.0)) + abs(float(q.gradient[i]))
+        return float(np.clip(1.0 / max(steep, 1.0), 1e-12, 1.0))
+
+    def ends(self) -> tuple[float, float]:
+        """The bounds; for a logarithm without bounds, ten decades away."""
+        low, high = (float(side[self.place]) for side in self.problem.limits())
+        x, p = self.best.z[self.place], self.problem.named[self.name]
+        if p.transform != "log":
+            return low, high
+        down, up = p.limits
+        return (low if down > 0 else min(x, x - VANISHED)), (
+            high if np.isfinite(up) else x + VANISHED
+        )
+
+    def start(self) -> ProfilePoint:
+        """The optimum."""
+        x = float(self.best.z[self.place])
+        return self.best._replace(x=x, aim=x)
+
+    def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
+        """The least cost at ``x``, starting from a neighbour along the direction of the valley."""
+        i, (low, high) = self.place, self.problem.limits()
+        information = np.asarray(near.quadratic.information).copy()
+        inside = (near.z > low + 1e-9) & (near.z < high - 1e-9)
+        inside[i] = False
+        # the implicit function theorem: dz/dx = -H^-1 h along the valley, which saves most of the
+        # refit
+        gram = information[np.ix_(inside, inside)]
+        length = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        slope = np.linalg.lstsq(
+            gram / np.outer(length, length), information[inside, i] / length, rcond=1e-10
+        )[0]
+        low, high = low.copy(), high.copy()
+        low[i] = high[i] = x
+        straight = near.z.copy()
+        straight[inside] -= slope / length * (x - near.x)
+        tried = [solve(self.problem, straight, limits=(low, high))]
+        if not (tried[0].done and np.isfinite(tried[0].quadratic.cost)):
+            # a curved valley leaves its tangent: the neighbour itself is the safer start
+            tried.append(solve(self.problem, near.z, limits=(low, high)))
+        best = min(tried, key=lambda s: float(s.quadratic.cost))
+        return ProfilePoint(x, float(best.quadratic.cost), best.z, best.quadratic, x)
+
+    def value(self, x: float) -> float:
+        """The value in the parameter's unit."""
+        p = self.problem.named[self.name]
+        return float(np.clip(float(p.from_coordinate(x)), *p.limits))
+
+
+@dataclass(frozen=True)
+class QuantityLine:
+    """A function of the parameters, moved by a penalty.
+
+    With ``((q(z) - target) / width)^2 / 2`` added to the cost, the minimiser has the least cost of
+    all z with the same q, since they all pay the same penalty. The cost without the penalty is
+    therefore on the profile, at the q that was reached. No equality constraint is needed, and all
+    quantities of a function share a compilation.
+    """
+
+    problem: Problem
+    name: str
+    function: Function
+    index: int
+    best: ProfilePoint
+
+    @cached_property
+    def _slope(self) -> tuple[float, np.ndarray]:
+        value, slope = _quantity(
+            self.problem.layout, self.function, self.problem.numbers, self.best.z, self.index
+        )
+        return float(value), np.asarray(slope)
+
+    @cached_property
+    def scale(self) -> float:
+        """Standard error to first order."""
+        value, slope = self._slope
+        variance = slope @ spread(self.problem, self.best) @ slope
+        return float(np.sqrt(variance)) if variance > 0 else 0.1 * abs(value) or 0.1
+
+    def ends(self) -> tuple[float, float]:
+        """Only the parameters have bounds."""
+        return -np.inf, np.inf
+
+    def start(self) -> ProfilePoint:
+        """The optimum."""
+        x = self._slope[0]
+        return self.best._replace(x=x, aim=x)
+
+    def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
+        """The least cost at a value close to ``x``."""
+        low, high = self.problem.limits()
+        width = _STIFF * self.scale
+        # the term compensates the pull of a quadratic cost towards the optimum
+        drawn = x + _STIFF**2 * (x - self._slope[0])
+        z, quadratic, value, pull, _ = _solve_pulled(
+            self.problem.layout,
+            self.function,
+            self.problem.numbers,
+            jnp.asarray(near.z),
+            jnp.asarray(low),
+            jnp.asarray(high),
+            jnp.asarray(self.index),
+            jnp.asarray(drawn),
+            jnp.asarray(width),
+        )
+        quadratic = Quadratic(*(np.asarray(array) for array in quadratic))
+        cost = float(quadratic.cost) - float(pull)
+        return ProfilePoint(float(value), cost, np.asarray(z), quadratic, x)
+
+    def value(self, x: float) -> float:
+        """The position is the value itself."""
+        return x
+
+
+Line = ParameterLine | QuantityLine
+"""A parameter or a quantity that is fixed while all else minimises the cost."""
+
+
+def _of(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index: Any) -> Any:
+    quantities = function(named_values(layout, numbers, z[: len(layout.free)]))
+    return jnp.stack([jnp.asarray(v, float) for v in quantities.values()])[index]
+
+
+@program(2)
+def _quantity(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index: Any) -> Any:
+    def of(y: Any) -> Any:
+        return _of(layout, function, numbers, y, index)
+
+    return of(z), jax.jacfwd(of)(z)
+
+
+@program(2)
+def _solve_pulled(
+    layout: Any,
+    function: Function,
+    numbers: ProblemNumbers,
+    z: Any,
+    low: Any,
+    high: Any,
+    index: Any,
+    target: Any,
+    width: Any,
+) -> Any:
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=1e-9, lower=low, upper=high)
+
+    def of(y: Any, at: Any) -> Any:
+        return (_of(layout, function, at, y, index) - target) / width
+
+    def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
+        q = evaluate(layout, args[0], y)
+        residual, slope = of(y, args[0]), jax.jacfwd(of)(y, args[0])
+        cost = q.cost + 0.5 * residual**2
+        # a failed simulation is refused by the solver as infinitely costly; NaN would compare false
+        cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+        q = q._replace(
+            cost=cost,
+            gradient=q.gradient + residual * slope,
+            information=q.information + slope[:, None] * slope[None, :],
+        )
+        return cost, q
+
+    solution = optx.minimise(
+        objective,
+        solver,
+        z,
+        (numbers, jnp.asarray(MOST_STEPS - 1)),
+        has_aux=True,
+        max_steps=MOST_STEPS,
+        throw=False,
+    )
+    residual = of(solution.value, numbers)
+    value = residual * width + target
+    return solution.value, solution.aux, value, 0.5 * residual**2, solution.state.done
 
 
 class DeeperError(Exception):

@@ -12,6 +12,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
+from diffthrust.estimation._insensitive import vanished
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -19,10 +20,6 @@ from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import RANK_LIMIT, Status, marginal_spread
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._scores import Scores, sample_scores, summed
-
-VANISHED = 23.0
-"""A "log" parameter this many e-foldings (ten decades) below its start has vanished, as in the
-fit's status."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,12 +135,7 @@ def converged(fit: Fit, what: str) -> None:
 
 
 def quantile(level: float, degrees: float) -> float:
-    """Two-sided quantile of Student's t.
-
-    Example:
-        >>> round(quantile(0.95, 20.0), 3)
-        2.086
-    """
+    """Two-sided quantile of Student's t."""
     if degrees > 1e6:
         return NormalDist().inv_cdf(0.5 + 0.5 * level)
     from scipy.special import stdtrit  # slow to import
@@ -174,7 +166,10 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, measured: Scores) -> 
         covariance=covariance,
         free=problem.own,
         std_errors=errors,
-        inflation={n: _ratio(errors[n], naive[n]) for n in problem.own},
+        inflation={
+            n: s / fitted if s is not None and (fitted := naive[n]) else None
+            for n, s in errors.items()
+        },
         block=block,
         block_seconds=block * float(np.median(steps)) if timed else math.nan,
         memory=dict(zip(names, map(float, memory), strict=True)),
@@ -183,8 +178,10 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, measured: Scores) -> 
     )
 
 
-def _ratio(error: float | None, naive: float | None) -> float | None:
-    return error / naive if error is not None and naive else None
+def pressed(problem: Problem, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """Coordinates at a bound and pushed against it: the curvature there gives no interval."""
+    low, high = problem.limits()
+    return ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
 
 
 def _influence(problem: Problem, z: np.ndarray, measured: Scores) -> tuple[np.ndarray, np.ndarray]:
@@ -193,14 +190,10 @@ def _influence(problem: Problem, z: np.ndarray, measured: Scores) -> tuple[np.nd
     Coordinates are treated as in the fit's status: those at a bound are fixed, those of the noise
     are profiled out, and a parameter that is not identifiable is NaN.
     """
-    low, high = problem.limits()
     gradient = np.asarray(solve(problem, z, budget=1).quadratic.gradient)
     information = measured.curvature + measured.prior
     k, free, place = len(problem.own), len(problem.free), np.arange(z.size)
-    held = ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
-    for i, name in enumerate(problem.free):
-        p = problem.named[name]
-        held[i] |= p.transform == "log" and z[i] < math.log(p.value) - VANISHED
+    held = pressed(problem, z, gradient) | vanished(problem, z)
     held |= (place >= free) & (np.diagonal(information) <= 0)
     follows = (place >= k) & (place < free)
     inside, beside = np.flatnonzero(~held & ~follows), np.flatnonzero(~held & follows)

@@ -62,17 +62,7 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
     For the Gaussian law the curvature is that of Gauss-Newton. For the Student-t law it is weighted
     by the mean derivative of the law's score in each channel, evaluated on the residuals: the
     weights of the fit's information would count outliers twice (Huber & Ronchetti 2009, section
-    7.6).
-
-    Args:
-        problem: an estimation problem.
-        z: coordinates, ``(N,)``.
-
-    Raises:
-        Nothing: a failed simulation gives non-finite values.
-
-    Example:
-        >>> sample_scores(*problem_of(fit, logs)).lag_one()
+    7.6). A failed simulation gives non-finite values.
     """
     batches = _pass(problem.layout, problem.numbers, jnp.asarray(z))
     n, m = problem.shared, problem.each
@@ -139,10 +129,8 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
     Each channel's series is prewhitened by a first-order autoregression from one measured sample to
     the next, and recoloured by its long-run gain (Andrews & Monahan 1992). Channels are then
     summed, as the noise of two sensors may be common, and products are summed over overlapping
-    blocks with linearly falling weights (Newey & West 1987).
-
-    Args:
-        runs: for each log ``(C, k, T)``; NaN where a channel was not measured.
+    blocks with linearly falling weights (Newey & West 1987). Runs are ``(C, k, T)``, NaN where a
+    channel was not measured.
 
     Returns:
         The covariance ``(k, k)``, the block length in samples, the factor by which correlation

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from diffthrust._support.report import Bullets, Report, Rows, Section
 from diffthrust._support.words import with_error
-from diffthrust.uncertainty._intervals_row import Interval, Row
-from diffthrust.uncertainty._profile_curve import Profile
+from diffthrust.uncertainty._values import Interval, Profile, Row, shortest_half_arm
 
 
 def profile_rows(profiles: Iterable[Profile], level: float) -> Rows:
@@ -16,8 +15,7 @@ def profile_rows(profiles: Iterable[Profile], level: float) -> Rows:
     percent = f"{100 * level:g} %"
     rows = []
     for p in (profile.shown for profile in profiles):
-        arms = [abs(e - p.value) for e in (p.low, p.high) if e is not None and e != p.value]
-        error = 0.5 * min(arms) if arms else p.std_error
+        error = shortest_half_arm(p.value, (p.low, p.high)) or p.std_error
         ends = [("open" if e is None else with_error(e, error)[0]) for e in (p.low, p.high)]
         rows.append((p.name, with_error(p.value, error)[0], *ends, p.unit))
     return Rows.of(("Profile", "Value", f"{percent} from", "to", "Unit"), rows, numbers=(1, 2, 3))
@@ -45,7 +43,8 @@ def intervals_report(
 def _interval_rows(rows: Sequence[Row], methods: Sequence[str]) -> Rows:
     cells = []
     for row in rows:
-        error = _error(row)
+        ends = (end for interval in row.intervals.values() for end in interval)
+        error = shortest_half_arm(row.value, ends)
         intervals = (
             ("* " if method == row.recommended else "")
             + _ends(row.intervals.get(method), row.bounds, error)
@@ -67,13 +66,6 @@ def _ends(
         with_error(end, error)[0] if end is not None else "open" if bound is None else "bound"
         for end, bound in zip(interval, bounds, strict=True)
     )
-
-
-def _error(row: Row) -> float | None:
-    """What sets the number of digits of a row: half of the shortest arm."""
-    ends = [e for interval in row.intervals.values() for e in interval if e is not None]
-    arms = [abs(e - row.value) for e in ends if e != row.value]
-    return 0.5 * min(arms) if arms else None
 
 
 def direction_rows(directions: Iterable[tuple[float, str, Mapping[str, float]]]) -> Rows:

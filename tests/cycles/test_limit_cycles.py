@@ -29,7 +29,7 @@ from diffthrust.cycles import (
     plot_pole_motion,
     thruster_loop_cycle,
 )
-from diffthrust.cycles._balance_static import output_of  # private: the harmonics of one passage
+from diffthrust.cycles._static_element import output_of  # private: the harmonics of one passage
 from diffthrust.effects import (
     ActuatorLag,
     CommandDeadband,

@@ -11,7 +11,10 @@ import diffthrust as dft
 from diffthrust import effects
 from diffthrust.describing import Reason, describing_function
 from diffthrust.describing._describe import periodic_values  # private: shows marked points, too
-from diffthrust.describing._periodic.truncation import GAIN_ERROR, PHASE_ERROR  # private: promises
+from diffthrust.describing._periodic.harmonic_balance import (  # private: promises
+    GAIN_ERROR,
+    PHASE_ERROR,
+)
 from diffthrust.describing._request import request  # private: what periodic_values takes
 
 A, W = np.geomspace(0.05, 10.0, 6), np.geomspace(0.1, 30.0, 6)

@@ -238,7 +238,7 @@ def quantity(value, slope, information):
     q = SimpleNamespace(information=np.array(information), gradient=np.zeros(2), cost=1.0)
     best = ProfilePoint(np.nan, 1.0, np.array([0.3, 1.2]), q, np.nan)
     problem = SimpleNamespace(limits=lambda: (np.full(2, -9.0), np.full(2, 9.0)))
-    line = QuantityLine(problem, None, 0, best)
+    line = QuantityLine(problem, "gain", None, 0, best)
     line.__dict__["_slope"] = (value, np.array(slope))
     return line
 
@@ -263,8 +263,8 @@ def rounds(monkeypatch, lower):
         at = int(z[0])
         return ProfilePoint(np.nan, costs[at], np.array([float(at)]), None, np.nan)
 
-    def one(fit, problem, name, line, threshold, level):
-        at = int(line.best.z[0])
+    def one(line, estimate, threshold, level):
+        name, at = line.name, int(line.best.z[0])
         if name == "b" and at < len(lower):
             raise DeeperError(ProfilePoint(0.0, 0.0, np.array([at + 1.0]), None, 0.0))
         return SimpleNamespace(name=name, at=at, threshold=threshold, level=level)
@@ -273,8 +273,9 @@ def rounds(monkeypatch, lower):
     monkeypatch.setattr(profile_module, "optimum_at", optimum)
     monkeypatch.setattr(profile_module, "_profile", one)
     problem = SimpleNamespace(values=lambda z: {"a": float(z[0])})
+    fit = SimpleNamespace(parameters={"a": None, "b": None})
     found = profile_module.profiles_of(
-        None, problem, np.zeros(1), ("a", "b"), None, {}, 0.9, lambda *said: told.append(said)
+        fit, problem, np.zeros(1), ("a", "b"), None, {}, 0.9, lambda *said: told.append(said)
     )
     return found, told
 
@@ -312,8 +313,8 @@ def test_names_that_can_be_profiled():
 @pytest.mark.parametrize("level", [0.0, 1.0, 1, 0, 95.0, -0.1, "0.9", None])
 def test_levels_that_are_none(level):
     with pytest.raises(InputError, match="profile, level: expected a number between 0 and 1"):
-        profile_module.check_level(level, "profile")
-    profile_module.check_level(0.5, "profile")
+        profile_module.check_level(level, "profile, level")
+    profile_module.check_level(0.5)
 
 
 def test_a_better_optimum_is_told():

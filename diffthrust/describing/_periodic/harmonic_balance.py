@@ -6,6 +6,13 @@ Galerkin method in alternating frequency and time). Newton's method solves for t
 the equations are elementwise in time, so one forward derivative for each state gives the whole
 Jacobian.
 
+What a balance leaves out is shown by one further step with at least twice as many harmonics, and
+with the equations seen at far more instants (`left_out`). A corner of the equations (a dead band, a
+saturation, dry friction) has harmonics without end, and only harmonics beyond those kept show the
+size of what was dropped. Where that step is not short, the balance is solved again first. The
+change is enlarged by the remainder of a series that falls with the first power of the number of
+harmonics; as a rule it falls faster.
+
 Source: Cameron & Griffin 1989 (alternating frequency-time); Krack & Gross 2019, Harmonic Balance
 for Nonlinear Vibration Problems, chapter 2.
 """
@@ -38,11 +45,15 @@ from diffthrust.describing._periodic.period import (
 )
 from diffthrust.describing._periodic.respond import (
     LONGEST_SERIES,
+    PeriodicResponses,
     Reason,
     SolvedOrbits,
+    first_harmonic,
     front,
     merged,
+    over,
     some,
+    staged,
 )
 from diffthrust.describing._periodic.shooting import COARSEST_SERIES, LANES, starts
 from diffthrust.models._base.model import Model
@@ -85,12 +96,8 @@ def balance(
 ) -> Balance:
     """How far Fourier coefficients are from a balance.
 
-    Args:
-        model: the model with the lane's parameters.
-        cycle: how.
-        lane: amplitude and frequency.
-        x: for each state its mean, then the cosine and sine parts of each harmonic, ``(n, c)``.
-        sloped: with the slope, which costs far more than all the rest.
+    They are for each state its mean, then the cosine and sine parts of each harmonic, ``(n, c)``.
+    The slope, if ``sloped``, costs far more than all the rest.
     """
     series = driven_period(model, cycle, lane)
     dense = 2 * cycle.samples
@@ -280,3 +287,65 @@ class HarmonicBalance:
 def _size(x: np.ndarray) -> np.ndarray:
     """The largest coefficient of each state, ``(lanes, n)``."""
     return np.abs(x).max(axis=2) + TINY
+
+
+GAIN_ERROR, PHASE_ERROR = 1e-3, 0.1
+"""Error of the gain (relative) and of the phase [deg] that an answer may have."""
+_DOUBTFUL = 10.0
+"""One step is enough where it shows an error this many times smaller."""
+_LEAST = 15
+"""Fewer harmonics would not do to judge others: between three and seven the change may be nothing
+by chance."""
+
+
+def more_than(harmonics: int) -> int:
+    """Harmonics of the reference solution, for a balance of this many."""
+    return max(2 * harmonics + 1, _LEAST)
+
+
+def left_out(
+    richer: HarmonicBalance, cycle: Cycle, lanes: Lane, responses: PeriodicResponses
+) -> np.ndarray:
+    """The error of each first harmonic that a richer balance shows, relative to it, ``(L,)``.
+
+    The real part is that of the gain, the imaginary one that of the phase [rad]. NaN where there is
+    no answer, infinite where more harmonics lead nowhere.
+    """
+    error = np.full(lanes.amplitude.size, np.nan, complex)
+    more = 2 * richer.harmonics + 1 - responses.x.shape[-1]
+    share = more / (2 * richer.harmonics)  # of the error, if that falls with the first power
+    x = np.pad(responses.x, ((0, 0), (0, 0), (0, more)))
+
+    def judged(who: np.ndarray, at: Cycle) -> np.ndarray:
+        reference = over(richer, at, lanes, who, richer.judge, x)
+        change = _relative_change(reference.harmonics, lanes.amplitude[who], responses.first[who])
+        return np.where(reference.reason == Reason.SETTLED, change / share, np.inf)
+
+    settled = np.flatnonzero(responses.reason == Reason.SETTLED)
+    for n, k in sorted(set(zip(responses.samples[settled], responses.stage[settled], strict=True))):
+        who = settled[(responses.samples[settled] == n) & (responses.stage[settled] == k)]
+        at = staged(cycle, max(n, richer.coarsest), k)
+        error[who] = judged(who, at)
+        doubtful = who[too_few(_DOUBTFUL * error[who])]
+        if doubtful.size:
+            solved = over(richer, at, lanes, doubtful, richer.solve, x)
+            x[doubtful] = solved.x
+            error[doubtful] = judged(doubtful, at)
+            error[doubtful[solved.reason != Reason.SETTLED]] = np.inf
+    return error
+
+
+def too_few(error: np.ndarray) -> np.ndarray:
+    """Whether an error of `left_out` is beyond what an answer may have, ``(L,)``."""
+    with np.errstate(invalid="ignore"):
+        gain, phase = np.abs(np.real(error)), np.degrees(np.abs(np.imag(error)))
+        return (gain > GAIN_ERROR) | (phase > PHASE_ERROR)
+
+
+def _relative_change(current: Harmonics, amplitude: np.ndarray, previous: np.ndarray) -> np.ndarray:
+    """From a first harmonic to that of ``current``, over its size, turned into its direction."""
+    size = np.maximum(np.abs(previous), 1e-3 * current.swing / amplitude)
+    along = np.where(np.abs(previous) > 0, previous, 1.0) / np.maximum(np.abs(previous), TINY)
+    change = (first_harmonic(current, amplitude) - previous) * along.conj()
+    # an output that does not move has no error
+    return np.where(size > 0, change / np.where(size > 0, size, 1.0), 0.0)

@@ -175,10 +175,8 @@ def _repeating_start(
     switches: a range of starts repeats. Its middle is taken, which is the right one for a command
     that swings evenly; the range shrinks as the steps get finer.
 
-    Args:
-        reached: the series over two periods, from the deviation with which the input begins.
-        amplitude: of the input; no start can be farther from its mean.
-        period: instants of a period.
+    ``reached`` gives the series over two periods, from the deviation with which the input begins;
+    the amplitude bounds that deviation, and ``period`` counts the instants of a period.
 
     Returns:
         The deviation, and whether the range is narrow: only then there is one answer.
@@ -220,13 +218,7 @@ def harmonics_of(
 ) -> Harmonics:
     """The harmonics of the output, from the states at evenly spaced instants of the period.
 
-    Args:
-        model: the model.
-        cycle: names, and periods for effects with memory on the output.
-        lane: amplitude and frequency.
-        series: the inputs, ``(2 samples + 1,)``.
-        states: the states at every instant or at every second one, the end included; for a model
-            without states, none.
+    These are every instant of the series or every second one, the end included.
     """
     size = next((value.shape[0] for value in states.values()), series.time.shape[0])
     stride = (series.time.shape[0] - 1) // (size - 1)
@@ -255,10 +247,7 @@ def harmonics_of(
 def in_blocks(function: Callable[[Any], Any], count: int | Array, lanes: Any) -> Any:
     """A function of each of the first ``count`` lanes, block by block; zeros for the others.
 
-    Args:
-        function: from one lane to a tree of arrays.
-        count: how many lanes there are; may be traced.
-        lanes: a tree of arrays with a leading axis that is a multiple of `LANE_BLOCK`.
+    The count may be traced; the leading axis of the lanes is a multiple of `LANE_BLOCK`.
     """
     every = jax.vmap(function)
 
@@ -287,11 +276,8 @@ def idle(
     """Unknowns that no equation depends on but those of others like it, ``(lanes, m)``.
 
     Such is the position of a vehicle that nothing pulls back: its own equation says only how fast
-    it drifts, and is to be left out with it.
-
-    Args:
-        matrix: derivative of the equations (rows) by the unknowns, ``(lanes, m, m)``.
-        least: size up to which a derivative counts as none; a number, or ``(lanes, 1)``.
+    it drifts, and is to be left out with it. Derivatives of the equations (rows) by the unknowns
+    count as none up to the size ``least``.
     """
     which = np.zeros(matrix.shape[:2], bool)
     size = np.abs(matrix)

@@ -90,17 +90,13 @@ _WORDS = {
 
 
 class SolvedOrbits(NamedTuple):
-    """What a search at one step length gave, by lane.
-
-    Args:
-        x: what it searched for.
-        harmonics: of the output.
-        reason: ``SETTLED`` where it found an orbit.
-    """
+    """What a search at one step length gave, by lane."""
 
     x: np.ndarray
+    """What it searched for."""
     harmonics: Harmonics
     reason: np.ndarray
+    """``SETTLED`` where it found an orbit."""
 
 
 class Solver(Protocol):
@@ -159,15 +155,10 @@ def respond(
     guess: np.ndarray | None = None,
     progress: Progress | None = None,
 ) -> PeriodicResponses:
-    """The periodic responses of all lanes.
+    """The periodic responses of all lanes, ``(L,)``.
 
-    Args:
-        solver: how orbits are found.
-        cycle: names; its samples are where the search starts.
-        lanes: amplitudes, frequencies and parameters, ``(L,)`` each.
-        samples: steps to the period, where these are not to be chosen.
-        guess: where to start from, instead of the model's own initial states.
-        progress: called with a message and the share done.
+    The search starts with the cycle's samples, unless the steps to the period are fixed by
+    ``samples``; and with the guess in place of the model's own initial states.
     """
     tell, size = reporter(progress), lanes.amplitude.size
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
@@ -334,15 +325,8 @@ def respond_with_neighbours(
     """`respond`, and again for lanes that found nothing beside some that did.
 
     The orbit of the neighbour in amplitude, scaled by the ratio of both, is where such a lane
-    starts; without one, that of the neighbour in frequency.
-
-    Args:
-        solver: how orbits are found.
-        cycle: as for `respond`.
-        lanes: all lanes, of the shape of ``shape`` made flat.
-        shape: draws, amplitudes and frequencies.
-        samples: as for `respond`.
-        progress: as for `respond`.
+    starts; without one, that of the neighbour in frequency. ``shape`` counts draws, amplitudes and
+    frequencies.
     """
     responses = respond(solver, cycle, lanes, samples=samples, progress=progress)
     for _ in range(_SWEEPS):

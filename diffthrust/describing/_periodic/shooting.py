@@ -78,14 +78,7 @@ class Orbit(NamedTuple):
 
 
 def one_period(model: Model, cycle: Cycle, lane: Lane, start: Float[Array, " n"]) -> Orbit:
-    """Integrate over one period, with the derivative with respect to the start.
-
-    Args:
-        model: the model with the lane's parameters.
-        cycle: how.
-        lane: amplitude and frequency.
-        start: the states that are followed, in their order, ``(n,)``.
-    """
+    """Integrate over one period, with the derivative with respect to the start ``(n,)``."""
     series = driven_period(model, cycle, lane)
     names, constant_states = cycle.states, start_of(model, series)
     inputs = {n: (v[:-1:2], v[1::2], v[2::2]) for n, v in series.inputs.items()}

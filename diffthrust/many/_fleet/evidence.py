@@ -17,9 +17,8 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.many._fleet.entries import Axis, Entry
 from diffthrust.many._fleet.statistics import Estimates, dispersed, weighted_mean
-from diffthrust.uncertainty._sampling.density import DensityShape
 from diffthrust.uncertainty._sampling.nuts import Box, smooth
-from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
+from diffthrust.uncertainty._sampling.posterior import DensityShape, Posterior, posterior_of
 
 _STEPS = 50
 """Most steps towards the point of expansion."""

@@ -11,7 +11,7 @@ import numpy as np
 from jax.scipy.linalg import cho_solve, solve_triangular
 
 from diffthrust.many._fleet.evidence import Exact, VehicleEvidence, first_guess, likelihood
-from diffthrust.uncertainty._sampling.density import DensityShape
+from diffthrust.uncertainty._sampling.posterior import DensityShape
 
 _TAIL = 4.0
 """Degrees of freedom of the half Student-t prior of a standard deviation."""

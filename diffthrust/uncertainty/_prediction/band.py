@@ -1,8 +1,8 @@
-"""The predictive band of one channel, from predictions by draws of the parameters."""
+"""What draws of the parameters say, with intervals: bands of channels, derived quantities."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -17,13 +17,14 @@ from diffthrust.estimation._laws import Law
 from diffthrust.logs._written import ShownUnits
 from diffthrust.simulation._record import Record
 from diffthrust.uncertainty._prediction.draws import Draws
+from diffthrust.uncertainty._values import Shown
 
 _HALVINGS = 32
 """The ends of a band with noise are found by bisection, to this many binary digits."""
 
 
 @dataclass(frozen=True, repr=False)
-class Band(Brief):
+class Band(Brief, Shown):
     """The predictive band of one channel, ``(T,)`` each, in ``unit``.
 
     Args:
@@ -40,6 +41,8 @@ class Band(Brief):
         shown_unit: display unit, in which the log was written.
     """
 
+    _in_unit = ("measured", "median", "low", "high", "noisy_low", "noisy_high")
+
     measured: np.ndarray
     median: np.ndarray
     low: np.ndarray
@@ -51,13 +54,6 @@ class Band(Brief):
     unit: str
     per: float = 1.0
     shown_unit: str = ""
-
-    @property
-    def shown(self) -> Band:
-        """The same in the display unit."""
-        names = ("measured", "median", "low", "high", "noisy_low", "noisy_high")
-        series = {name: self.per * getattr(self, name) for name in names}
-        return replace(self, **series, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
 
 
 def band_of(
@@ -138,3 +134,71 @@ def mixed_quantile(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
     ends = jnp.min(centre, axis=0) - far, jnp.max(centre, axis=0) + far
     low, high = jax.lax.fori_loop(0, _HALVINGS, halve, ends)
     return 0.5 * (low + high)
+
+
+@dataclass(frozen=True, repr=False)
+class DerivedQuantity(Brief, Shown):
+    """A number or curve derived from the parameters, with its interval.
+
+    Args:
+        name: of the quantity.
+        unit: of the values.
+        median: a number, or ``(m,)`` for a curve.
+        low: lower end of the interval, point by point.
+        high: upper end.
+        draws: the values by draw, ``(n,)`` or ``(n, m)``.
+        grid: abscissa of a curve, ``(m,)``; ``None`` for a number.
+        grid_name: name of the abscissa.
+        grid_unit: its unit.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit, in which the logs were written; ``unit`` if empty.
+        shown_grid: the abscissa in its display unit, ``(m,)``; ``None`` if the same.
+        shown_grid_unit: display unit of the abscissa.
+    """
+
+    _in_unit = ("median", "low", "high", "draws")
+
+    name: str
+    unit: str
+    median: Any
+    low: Any
+    high: Any
+    draws: np.ndarray = field(repr=False)
+    grid: np.ndarray | None = None
+    grid_name: str = ""
+    grid_unit: str = ""
+    per: float = 1.0
+    shown_unit: str = ""
+    shown_grid: np.ndarray | None = None
+    shown_grid_unit: str = ""
+
+    @property
+    def shown(self) -> DerivedQuantity:
+        """The same in the display units."""
+        if self.shown_grid is None:
+            return super().shown
+        grid = {"grid": self.shown_grid, "grid_unit": self.shown_grid_unit}
+        return replace(self, **grid, shown_grid=None, shown_grid_unit="").shown
+
+    def to_json(self) -> dict[str, Any]:
+        """Median and interval as plain data, infinite times as ``null``; also in display units."""
+        return {**self._plain(), "written": self.shown._plain()}
+
+    def _plain(self) -> dict[str, Any]:
+        data = {"unit": self.unit, "median": self.median, "low": self.low, "high": self.high}
+        if self.grid is not None:
+            data["grid"] = {"name": self.grid_name, "unit": self.grid_unit, "values": self.grid}
+        return data
+
+
+def summarised(
+    name: str, unit: str, values: np.ndarray, level: float, *grid: Any
+) -> DerivedQuantity:
+    """Summarise values by draw, ``(n,)``, or ``(n, m)`` over a grid."""
+    # a missing response counts as infinitely late, which cannot be interpolated
+    method: Any = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
+    ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
+    median, low, high = np.quantile(values, ends, axis=0, method=method)
+    if values.ndim == 1:
+        median, low, high = float(median), float(low), float(high)
+    return DerivedQuantity(name, unit, median, low, high, values, *grid)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.results import Brief
+from diffthrust._support.validation import whole_number
 from diffthrust.estimation._rebuild import check_mark
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
@@ -59,20 +59,9 @@ def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0
     positive by nature), redrawn if outside the bounds; parameters without a standard error keep
     their values, with a note. ``level`` is only checked.
     """
-    for what, value, least in (("draws", count, 2), ("seed", seed, 0)):
-        try:
-            fine = operator.index(value) >= least
-        except TypeError:
-            fine = False
-        if not fine:
-            raise InputError(
-                f"{what}: expected a whole number of at least {least}, found {value!r}.",
-                "Correct it.",
-            )
-    if not (isinstance(level, float) and 0 < level < 1):
-        raise InputError(
-            f"level: expected a probability between 0 and 1, found {level!r}.", "Write 0.95."
-        )
+    whole_number("draws", count, 2)
+    whole_number("seed", seed, 0)
+    check_level(level)
     rng = np.random.default_rng(seed)
     fit = model if isinstance(model, Fit) else source if isinstance(source, Fit) else None
     drawn_model = model.model if isinstance(model, Fit) else model
@@ -86,6 +75,15 @@ def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0
     if isinstance(source, Fit):
         return _in_a_new_log(_of_fit(source, drawn_model, count, rng), rng)
     return _in_a_new_log(_of_posterior(source, drawn_model, fit, count, rng), rng)
+
+
+def check_level(level: Any, where: str = "level") -> None:
+    """Raise `InputError` for an invalid probability of intervals."""
+    if not (isinstance(level, float) and 0 < level < 1):
+        raise InputError(
+            f"{where}: expected a number between 0 and 1, found {level!r}.",
+            "Write level=0.95 for 95 %.",
+        )
 
 
 def _in_a_new_log(draws: Draws, rng: np.random.Generator) -> Draws:

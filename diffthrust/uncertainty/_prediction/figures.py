@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled, thinned
 from diffthrust._support.names import listing
 from diffthrust._support.words import percent
-from diffthrust.uncertainty._prediction.band import Band
-from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from diffthrust.uncertainty._prediction.band import Band, DerivedQuantity
 
 
 def prediction_figure(
     log: str, time: np.ndarray, channels: Mapping[str, Band], level: float, random_forces: bool
 ) -> Figure:
     """Measured points, median and bands; below, the same with the median taken off."""
-    from matplotlib.figure import Figure
-
     count = len(channels)
     noise = f"start{', random forces' if random_forces else ''} and noise"
     figure = Figure(figsize=(9.0, 1.2 + 3.6 * count), layout="constrained")
@@ -60,8 +56,6 @@ def prediction_figure(
 
 def curves_figure(quantities: Mapping[str, DerivedQuantity], level: float) -> Figure:
     """Derived curves with their bands, one panel each."""
-    from matplotlib.figure import Figure
-
     curves = [q.shown for q in quantities.values() if q.grid is not None and q.grid.size > 1]
     if not curves:
         raise InputError(
@@ -95,17 +89,20 @@ def _curve(axes: Axes, q: DerivedQuantity, level: float) -> None:
     label = q.name.replace("_", " ")
     styled(axes, literal(label), bracketed(q.grid_name, q.grid_unit), bracketed(label, q.unit))
     if positive and x[-1] >= 8 * x[0]:
-        from matplotlib.ticker import LogLocator, NullFormatter
-
-        spans = (x[-1] / x[0], np.nanmax(high) / np.nanmin(low))
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        for axis, span in zip((axes.xaxis, axes.yaxis), spans, strict=True):
-            dense = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
-            axis.set_major_locator(LogLocator(10, dense if span < 10 else (1.0, 2.0, 5.0)))
-            axis.set_major_formatter(lambda value, _: f"{value:g}")
-            axis.set_minor_formatter(NullFormatter())
+        logarithmic(axes, axes.xaxis, x[-1] / x[0])
+        logarithmic(axes, axes.yaxis, np.nanmax(high) / np.nanmin(low))
         axes.margins(x=0.03)
+
+
+def logarithmic(axes: Axes, axis: Any, span: float) -> None:
+    """A logarithmic axis with plain numbers, for values of so large a ratio."""
+    if span <= 1.0:
+        return
+    (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+    dense = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0) if span < 10 else (1.0, 2.0, 5.0)
+    axis.set_major_locator(LogLocator(10, dense if span < 1000 else (1.0,)))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _banded(

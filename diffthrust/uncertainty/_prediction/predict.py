@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
+from diffthrust._support.validation import whole_number
 from diffthrust._support.words import percent
 from diffthrust.estimation._arguments import LIKELIHOODS
 from diffthrust.logs._log import Log
@@ -22,6 +23,7 @@ from diffthrust.simulation._step_size import sufficient_steps
 from diffthrust.uncertainty._prediction.band import Band, band_of
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.replicates import mean_runs, random_runs
+from diffthrust.uncertainty._prediction.tables import prediction_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -112,8 +114,6 @@ class Prediction(Result):
         return renderable(self._report())
 
     def _report(self) -> Report:
-        from diffthrust.uncertainty._prediction.tables import prediction_report
-
         return prediction_report(self.channels, self.level, self.sentence, self.notes)
 
     def _line(self) -> str:
@@ -191,10 +191,8 @@ def predict(
             f"predict: expected a log, found {type(log).__name__}.",
             "Write dft.predict(posterior, fit, log), one log at a time.",
         )
-    if substeps is not None and not (isinstance(substeps, int) and substeps >= 1):
-        raise InputError(
-            f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
-        )
+    if substeps is not None:
+        whole_number("substeps", substeps)
     report = reporter(progress)
     report("drawing parameters", 0.0)
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
@@ -251,5 +249,4 @@ def _with_noise(
         for c in lacking
         if wanted
     ]
-    fields = {**vars(drawn), "noise": {**drawn.noise, **stated}}
-    return Draws(**fields), notes
+    return replace(drawn, noise={**drawn.noise, **stated}), notes

@@ -10,11 +10,12 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.files import plain
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.logs._written import ShownUnits
-from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
+from diffthrust.uncertainty._prediction.band import DerivedQuantity, summarised
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.physical import (
     check_sizes,
@@ -23,6 +24,7 @@ from diffthrust.uncertainty._prediction.physical import (
     torque_driven,
 )
 from diffthrust.uncertainty._prediction.responses import responses
+from diffthrust.uncertainty._prediction.tables import quantities_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,14 +61,10 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
         return len(self.by_name)
 
     def _report(self) -> Report:
-        from diffthrust.uncertainty._prediction.tables import quantities_report
-
         return quantities_report(self.values(), self.level, self.notes)
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data."""
-        from diffthrust._support.files import plain
-
         data = {name: q.to_json() for name, q in self.items()}
         return plain({"level": self.level, "draws_from": self.kind, "quantities": data})
 

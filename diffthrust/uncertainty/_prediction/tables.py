@@ -8,20 +8,14 @@ import numpy as np
 
 from diffthrust._support.report import Report, Rows, Section, notes
 from diffthrust._support.words import number, percent
-from diffthrust.uncertainty._prediction.band import Band
-from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity
+from diffthrust.uncertainty._prediction.band import Band, DerivedQuantity
 
 _POINTS = 12
 """Most points of a curve in a table."""
 
 
 def interval_text(median: float, low: float, high: float) -> tuple[str, str, str]:
-    """Median and ends, all to the second digit of half the interval's width.
-
-    Example:
-        >>> interval_text(0.0370107, 0.036952, 0.037068)
-        ('0.037011', '0.036952', '0.037068')
-    """
+    """Median and ends, all to the second digit of half the interval's width."""
     half = 0.5 * (high - low)
     if not (np.isfinite([median, low, high]).all() and half > 0):
         return number(median), number(low), number(high)
@@ -31,6 +25,11 @@ def interval_text(median: float, low: float, high: float) -> tuple[str, str, str
     top = int(np.floor(np.log10(max(abs(low), abs(high)))))
     digits = min(max(2, top + places + 1), 12)
     return number(median, digits), number(low, digits), number(high, digits)
+
+
+def evenly(size: int, most: int) -> np.ndarray:
+    """Indices of at most so many points, first and last among them."""
+    return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(int))
 
 
 def prediction_report(
@@ -65,12 +64,11 @@ def quantities_report(
 def _curve_rows(q: DerivedQuantity, grid: np.ndarray, ends: tuple[str, str]) -> Rows:
     unit = f" [{q.grid_unit}]" if q.grid_unit else ""
     headings = (f"{q.grid_name}{unit}", f"{q.name}{f' [{q.unit}]' if q.unit else ''}", *ends)
-    points = np.unique(np.linspace(0, grid.size - 1, min(grid.size, _POINTS)).round().astype(int))
     rows = (
         (
             f"{float(grid[at]):.6g}",
             *interval_text(float(q.median[at]), float(q.low[at]), float(q.high[at])),
         )
-        for at in points
+        for at in evenly(grid.size, _POINTS)
     )
     return Rows.of(headings, rows, numbers=range(4))

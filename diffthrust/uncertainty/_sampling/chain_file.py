@@ -6,6 +6,7 @@ import errno
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,11 +15,12 @@ from typing import Any
 
 import emcee
 import h5py
+import jax
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import is_full
-from diffthrust.uncertainty._sampling.identity import same_problem
+from diffthrust.uncertainty._sampling.posterior import Posterior
 
 BLOCK = 64
 """Steps per checksum; a run can resume from the end of each block."""
@@ -170,16 +172,12 @@ def write(path: Path, data: bytes) -> None:
 
 def _settle(folder: Path) -> None:
     """Flush the folder's entry to the disk as well, if the system allows it."""
-    try:
+    with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return
-    try:
-        os.fsync(handle)
-    except OSError:  # some file systems cannot flush folders
-        pass
-    finally:
-        os.close(handle)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def _temporary(target: Path) -> Path:
@@ -209,20 +207,14 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
             g, own_group = f["mcmc"], f[_OWN]
             text = own_group["problem"][()].decode()
             a = g.attrs
-            state = tuple(a[f"random_state_{i}"] for i in range(5))
+            name, words, place, has, spare = (a[f"random_state_{i}"] for i in range(5))
             marks = [own_group[n][...] for n in _MARKS if n in own_group]
             stored = Stored(
                 chain=g["chain"][...],
                 log_prob=g["log_prob"][...],
                 levels=g["blobs"][...],
                 accepted=g["accepted"][...],
-                random_state=(
-                    str(state[0]),
-                    state[1],
-                    int(state[2]),
-                    int(state[3]),
-                    float(state[4]),
-                ),
+                random_state=(str(name), words, int(place), int(has), float(spare)),
                 centre=own_group["centre"][...],
                 root=own_group["root"][...],
                 marks=tuple(zip(*marks, strict=True)),
@@ -281,3 +273,76 @@ def _try(path: Path, target: Path) -> None:
             f"{path}: the chain could not be saved there ({error.strerror or error}).",
             "Name a file in a folder that exists and that you may write to.",
         ) from None
+
+
+def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]:
+    """Everything that identifies a problem, in readable form: model, parameters, data, settings."""
+    problem, fit = posterior.problem, posterior.fit
+    layout, numbers = problem.layout, problem.numbers
+    # addresses of functions differ from process to process
+    structure = re.sub(r" at 0x[0-9a-f]+", "", repr(problem.model.structure))
+    parameters = {}
+    for name, p in problem.named.items():
+        held = f"fixed at {p.value!r}" if p.fixed or name not in layout.free else "free"
+        parameters[name] = f"{held}, {p.transform}, within {p.range_text()}, prior {p.prior}"
+    data, restarts = {}, hashlib.sha256()
+    for batch, indices in zip(numbers.batches, problem.order, strict=True):
+        _digest(restarts, {name: restart.value for name, restart in batch.restarts.items()})
+        lasting = {n: (r.series, r.unsigned) for n, r in batch.restarts.items()}
+        arrays = {**vars(batch), "restarts": lasting}
+        for row, index in enumerate(indices):
+            digest = hashlib.sha256()
+            _digest(digest, jax.tree.map(lambda a, row=row: a[row], arrays))
+            data[f"log {index + 1}"] = digest.hexdigest()
+    for i, channel in enumerate(layout.channels):
+        level = float(numbers.noise[i]) if layout.known_noise[i] else None
+        data[f"noise of {channel}"] = "estimated" if level is None else repr(level)
+    facts = {
+        **settings,
+        "likelihood": fit.likelihood,
+        "loss": layout.likelihood.law.word,
+        "lasting noise": layout.likelihood.noise.lasts,
+        "substeps": [problem.substeps] * len(layout.grids),
+        "horizon": fit.horizon,
+        "restarts": restarts.hexdigest()[:12] if fit.horizon is not None else None,
+        "coordinates": posterior.labels,
+        # nine digits: the last ones differ between machines, on which a chain may be resumed
+        "scales": [f"{s:.9g}" for s in np.asarray(numbers.scales)],
+        "limits of errors": [f"{s:.9g}" for s in np.asarray(numbers.clip)],
+    }
+    return {
+        "model": {str(problem.model): hashlib.sha256(structure.encode()).hexdigest()},
+        "parameters": parameters,
+        "data": data,
+        "settings": {name: str(value) for name, value in facts.items()},
+    }
+
+
+def _digest(digest: Any, tree: Any) -> None:
+    for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
+        array = np.asarray(leaf)
+        digest.update(f"{jax.tree_util.keystr(path)} {array.dtype} {array.shape}".encode())
+        digest.update(array.tobytes())
+
+
+def same_problem(path: Path, stored: Any, current: Mapping[str, Mapping[str, str]]) -> None:
+    """Raise `InputError` if a file holds the chain of another problem; names the differences."""
+    if stored == current:
+        return
+    differing = []
+    for section in ("model", "parameters", "data", "settings"):
+        a, b = stored.get(section, {}), current[section]
+        names = [name for name in {**a, **b} if a.get(name) != b.get(name)]
+        if section == "model" and names:
+            differing.append(f"model: {', '.join(a)} in the file, {', '.join(b)} now")
+        elif section == "data" and names:
+            differing.append(f"data: {', '.join(names)}")
+        elif names:
+            differing += [
+                f"{section}, {n}: {a.get(n, 'absent')} in the file, {b.get(n, 'absent')} now"
+                for n in names
+            ]
+    raise InputError(
+        f"{path}: the chain of another problem. What differs: {'; '.join(differing)}.",
+        "Name another file, or sample with what this one was begun with. It was left as it is.",
+    )

@@ -165,14 +165,12 @@ def _several(posterior: Any) -> Any:
     """Split a single chain into halves, which must agree like chains."""
     if posterior.sizes["chain"] > 1:
         return posterior
-    half = posterior.sizes["draw"] // 2
     import xarray as xr
 
-    halves = [posterior.isel(draw=slice(0, half)), posterior.isel(draw=slice(half, 2 * half))]
-    level = [
-        half_chain.assign_coords(chain=[i], draw=range(half)) for i, half_chain in enumerate(halves)
-    ]
-    return xr.concat(level, dim="chain")
+    half = posterior.sizes["draw"] // 2
+    halves = (posterior.isel(draw=slice(i * half, (i + 1) * half)) for i in (0, 1))
+    relabelled = [h.assign_coords(chain=[i], draw=range(half)) for i, h in enumerate(halves)]
+    return xr.concat(relabelled, dim="chain")
 
 
 def _series(data: Any) -> dict[str, np.ndarray]:

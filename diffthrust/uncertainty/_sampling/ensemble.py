@@ -15,11 +15,21 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, reporter
 from diffthrust.uncertainty._sampling import chain_file
-from diffthrust.uncertainty._sampling.chain_file import BLOCK, Mark, Stored, packed
-from diffthrust.uncertainty._sampling.identity import problem_identity
-from diffthrust.uncertainty._sampling.moves import MOST_INDEPENDENT, learned, moves, suited
+from diffthrust.uncertainty._sampling.chain_file import (
+    BLOCK,
+    Mark,
+    Stored,
+    packed,
+    problem_identity,
+)
 from diffthrust.uncertainty._sampling.posterior import LANES, Posterior
 
+_TAILS = 5.0
+"""Degrees of freedom of independent proposals: heavier tails than most posteriors."""
+_MOST_INDEPENDENT = 0.7
+"""Share of independent proposals if enough are accepted."""
+_ENOUGH = 0.3
+"""Acceptance rate that is enough."""
 _WIDER = 1.3
 """Walkers start wider than the posterior, so that R-hat can detect missing mixing."""
 SAVE_EVERY = 5.0
@@ -101,25 +111,24 @@ def run_ensemble(
         for until in (min(warmup // 2, total), total):
             if backend.iteration >= until:
                 continue
-            centre, root, share = stored.centre, stored.root, MOST_INDEPENDENT
+            centre, root, share = stored.centre, stored.root, _MOST_INDEPENDENT
             if until == total and warmup >= 8:
                 centre, root, share = _adapted(backend, density, stored, warmup, seed)
             sampler: Any = emcee.EnsembleSampler(
                 walkers,
                 posterior.dim,
                 density,
-                moves=moves(centre, root, share),
+                moves=_moves(centre, root, share),
                 vectorize=True,
                 backend=backend,
                 blobs_dtype=float,
             )
             sampler.log_prob_fn = density  # emcee's wrapper would print a traceback on an interrupt
-            start = _last(backend)
-            if start is None:
-                start = emcee.State(
-                    _walkers(posterior, stored.root, walkers, seed),
-                    random_state=stored.random_state,
-                )
+            if backend.iteration:
+                start = backend.get_last_sample()
+            else:
+                first = _walkers(posterior, stored.root, walkers, seed)
+                start = emcee.State(first, random_state=stored.random_state)
             # emcee's check rejects nearly coplanar walkers, which narrow posteriors produce
             for _ in sampler.sample(
                 start, iterations=until - backend.iteration, skip_initial_state_check=True
@@ -138,21 +147,15 @@ def run_ensemble(
 
 @dataclass
 class _Saving:
-    """Saves a growing chain every few seconds, and when the run ends.
-
-    Args:
-        file: the file; ``None`` for no saving.
-        who: identity of the problem.
-        labels: names of the coordinates.
-        stored: the chain as it was when the run began.
-        backend: emcee's record of the chain.
-    """
+    """Saves a growing chain every few seconds, and when the run ends; nothing without a file."""
 
     file: Path | None
     who: Mapping[str, Any]
     labels: tuple[str, ...]
     stored: Stored
+    """The chain as it was when the run began."""
     backend: Any
+    """emcee's record of the chain."""
     saved: float = field(default_factory=time.monotonic)
     took: float = 0.0
     marks: list[Mark] = field(init=False)
@@ -207,7 +210,7 @@ def _adapted(
     late = slice(max(quarter.start, quarter.stop - 8), quarter.stop)
     points = backend.chain[late].reshape(-1, centre.size)
     log_prob = backend.log_prob[late].ravel()
-    return centre, root, suited(density, points, log_prob, centre, root, seed)
+    return centre, root, _suited(density, points, log_prob, centre, root, seed)
 
 
 def _chains(backend: Any, warmup: int, draws: int) -> Chains:
@@ -295,24 +298,84 @@ def _backend(stored: Stored, walkers: int) -> Any:
     if len(stored.chain):
         backend.chain, backend.log_prob = stored.chain, stored.log_prob
         # emcee keeps a single number per walker without an axis of its own
-        backend.blobs = _squeezed(stored.levels)
+        single = stored.levels.shape[-1] == 1
+        backend.blobs = stored.levels[..., 0] if single else stored.levels
         backend.accepted, backend.random_state = stored.accepted, stored.random_state
         backend.iteration = len(stored.chain)
     return backend
 
 
-def _squeezed(levels: np.ndarray) -> np.ndarray:
-    return levels[..., 0] if levels.shape[-1] == 1 else levels
+def independent_proposals(
+    centre: np.ndarray, root: np.ndarray
+) -> Callable[[np.ndarray, Any], tuple[np.ndarray, np.ndarray]]:
+    """Independence proposals: multivariate t about the fit.
+
+    If the posterior is close to the fit's Gaussian, most are accepted, and each is an independent
+    draw; the heavy tails bound the ratio of the densities, so that no walker gets stuck (Mengersen
+    & Tweedie 1996). They come with the logarithm of q(old) / q(new), as `emcee.moves.MHMove` asks.
+    """
+    dim = centre.size
+    # Invert once: a LAPACK call may wait for its threads longer than the work takes.
+    inverse = np.linalg.inv(root)
+
+    def log_q(x: np.ndarray) -> np.ndarray:
+        away = (x - centre) @ inverse.T
+        return -0.5 * (_TAILS + dim) * np.log1p(np.sum(away**2, axis=1) / _TAILS)
+
+    def propose(x: np.ndarray, rng: Any) -> tuple[np.ndarray, np.ndarray]:
+        normal = rng.standard_normal(x.shape)
+        longer = np.sqrt(_TAILS / rng.chisquare(_TAILS, size=(x.shape[0], 1)))
+        new = centre + (longer * normal) @ root.T
+        return new, log_q(x) - log_q(new)
+
+    return propose
 
 
-def _last(backend: Any) -> Any:
-    """Where a chain is, with the generator's state; ``None`` before the first step."""
-    at = backend.iteration
-    if not at:
-        return None
-    return emcee.State(
-        backend.chain[at - 1],
-        log_prob=backend.log_prob[at - 1],
-        blobs=backend.blobs[at - 1],
-        random_state=backend.random_state,
-    )
+def _moves(centre: np.ndarray, root: np.ndarray, share: float) -> list[tuple[Any, float]]:
+    """Independence proposals, and moves by other walkers for non-Gaussian posteriors."""
+    return [
+        (emcee.moves.MHMove(independent_proposals(centre, root), ndim=centre.size), share),
+        (emcee.moves.DEMove(), (1 - share) * 2 / 3),
+        (emcee.moves.StretchMove(), (1 - share) / 3),
+    ]
+
+
+def _suited(
+    density: Callable[[np.ndarray], np.ndarray],
+    points: np.ndarray,
+    log_prob: np.ndarray,
+    centre: np.ndarray,
+    root: np.ndarray,
+    seed: int,
+) -> float:
+    """The share of independence proposals: lower if few would be accepted.
+
+    Estimated by one proposal from each of the points, ``(n, d)``, with a separate generator.
+    """
+    propose = independent_proposals(centre, root)
+    new, factors = propose(points, np.random.RandomState(seed))
+    accepted = np.exp(np.minimum(density(new)[:, 0] - log_prob + factors, 0.0))
+    # never none at all: they are the only moves that leave one mode for another at once
+    return max(0.1, _MOST_INDEPENDENT * min(1.0, float(np.mean(accepted)) / _ENOUGH))
+
+
+def learned(
+    chain: np.ndarray, centre: np.ndarray, root: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and covariance of the proposals from a segment of the warmup, ``(n, W, d)``.
+
+    Near a bound, or for a curved posterior, they fit better than those of the fit, which are kept
+    if the segment is short. The result depends only on the chain, so that a resumed run repeats it,
+    and adaptation ends with the warmup: draws come from one fixed mixture of moves, which keeps the
+    stationary distribution exact.
+    """
+    dim = centre.size
+    points = chain.reshape(-1, dim)
+    # twenty points for each entry of the covariance, or proposals follow the accidents of the
+    # warmup
+    if len(chain) < 50 or len(points) < 20 * dim**2:
+        return centre, root
+    try:
+        return points.mean(axis=0), np.linalg.cholesky(np.atleast_2d(np.cov(points.T)))
+    except np.linalg.LinAlgError:  # the walkers have not moved
+        return centre, root

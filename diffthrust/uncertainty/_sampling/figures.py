@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, showing, styled, thinned
@@ -17,10 +22,6 @@ from diffthrust.uncertainty._prediction.draws import posterior_data
 from diffthrust.uncertainty._prediction.figures import bracketed
 from diffthrust.uncertainty._prediction.tables import interval_text
 from diffthrust.uncertainty._sampling.arviz import shown_in
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _LEVEL = 0.95
 _REGIONS = (0.5, 0.95)
@@ -57,10 +58,6 @@ def plot_corner(
         >>> marks = {"published": {"ct": 0.019}}
         >>> dft.uncertainty.plot_corner(post, fit, marks).savefig("corner.png")
     """
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     draws, sizes = _shown(post, names)
     units = {n: size.unit for n, size in sizes.items()}
     sets = _marked(marks, draws)
@@ -114,8 +111,6 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
     Example:
         >>> dft.uncertainty.plot_trace(post, names=["alpha"]).savefig("trace.png")
     """
-    from matplotlib.figure import Figure
-
     draws, sizes = _shown(post, names)
     units = {n: size.unit for n, size in sizes.items()}
     figure = Figure(figsize=(9.0, 0.7 + 1.75 * len(draws)), layout="constrained")
@@ -285,8 +280,6 @@ def _corner_labels(axes: Axes, row: int, column: int, count: int, across: str, b
 
 def _plain_ticks(axes: Axes, side: str, values: np.ndarray) -> None:
     """Few ticks, each to be read as it is: no offset to add in one's head."""
-    from matplotlib.ticker import MaxNLocator
-
     axis = axes.xaxis if side == "x" else axes.yaxis
     axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     width, size = float(np.ptp(values)), float(np.max(np.abs(values)))

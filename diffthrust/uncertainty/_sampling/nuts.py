@@ -15,9 +15,8 @@ from diffthrust._support._running.batching import run_program
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, reporter
-from diffthrust.uncertainty._sampling.density import DensityShape, log_density
 from diffthrust.uncertainty._sampling.ensemble import Chains
-from diffthrust.uncertainty._sampling.posterior import Posterior
+from diffthrust.uncertainty._sampling.posterior import DensityShape, Posterior, log_density
 
 _BLOCK = 50
 """Draws between progress reports; all blocks share one compilation."""
@@ -231,7 +230,6 @@ def run_nuts(
     progress: Progress | None = None,
 ) -> Chains:
     """Sample a posterior by NUTS."""
-    available()
     box = Box(
         tuple(map(bool, np.isfinite(posterior.low))), tuple(map(bool, np.isfinite(posterior.high)))
     )

@@ -1,4 +1,4 @@
-"""The page of a posterior: intervals, convergence, predictions and figures."""
+"""The report of a posterior, as data, and its page with figures."""
 
 from __future__ import annotations
 
@@ -10,22 +10,30 @@ from diffthrust._support.page import glossary, page, spec_section
 from diffthrust._support.report import (
     Line,
     OnPage,
+    Outcome,
     Part,
     Picture,
     Report,
+    Rows,
     Section,
     Styled,
     closing_section,
     notes,
 )
 from diffthrust._support.results import report_of
-from diffthrust._support.words import percent
+from diffthrust._support.words import percent, with_error
 from diffthrust.estimation._result import Fit
 from diffthrust.uncertainty._prediction.predict import Prediction
+from diffthrust.uncertainty._prediction.tables import interval_text
+from diffthrust.uncertainty._sampling.convergence import Convergence
 from diffthrust.uncertainty._sampling.figures import plot_corner, plot_trace
 from diffthrust.uncertainty._sampling.summary import INTERVAL_LEVEL, Sampled
-from diffthrust.uncertainty._sampling.tables import NO_UNSEEN_LOG, draw_rows, outcome
 
+_NONE_UNSEEN = "There is no unseen log to hold the predictions against."
+_HEADINGS = (
+    *("Parameter", "Median", "95 % from", "to", "Unit"),
+    *("R-hat", "ESS bulk", "ESS tail", "Fit ± std error"),
+)
 _MOST = 10
 """Parameters of the corner plot: more cannot be read."""
 _METHODS = (
@@ -61,9 +69,9 @@ def write_posterior_page(
         Section(
             "",
             Line(("Model: ", Styled(model, "strong"), f". Sampled by {sampled.method}.")),
-            outcome(sampled.convergence),
+            _outcome(sampled.convergence),
         ),
-        Section("Parameters", draw_rows(sampled), *_fit_parts(sampled.fit)),
+        Section("Parameters", _draw_rows(sampled), *_fit_parts(sampled.fit)),
         Section("How far to trust them", Picture(sampled.intervals.plot, _METHODS)),
         *report_of(sampled.intervals).sections,
         Section("Unseen logs", *_prediction_parts(sampled.predictions)),
@@ -91,7 +99,7 @@ def _fit_parts(fit: Fit) -> tuple[Part, ...]:
 def _prediction_parts(predictions: tuple[Prediction, ...]) -> Iterator[Part]:
     if not predictions:
         yield (
-            f"{NO_UNSEEN_LOG} A posterior says how well the training logs determine the parameters "
+            f"{_NONE_UNSEEN} A posterior says how well the training logs determine the parameters "
             "if the model is right, not whether it is."
         )
     for prediction in predictions:
@@ -103,3 +111,41 @@ def _prediction_parts(predictions: tuple[Prediction, ...]) -> Iterator[Part]:
             f"{percent(INTERVAL_LEVEL)} bands; below each channel the same with the median taken "
             "off.",
         )
+
+
+def _draw_rows(sampled: Sampled) -> Rows:
+    """One row for each parameter, with the fit's estimate at the end."""
+    rows = []
+    for name, s in ((name, s.shown) for name, s in sampled.parameters.items()):
+        fitted = sampled.fit.parameters.get(name) or (sampled.fit.disturbance or {}).get(name)
+        estimate = "-"
+        if fitted is not None:
+            value, error = with_error(*fitted.shown[:2])
+            estimate = value if fitted.std_error is None else f"{value} ± {error}"
+        interval = interval_text(s.median, s.low, s.high)
+        mixing = f"{s.rhat:.3f}", f"{s.ess_bulk:.0f}", f"{s.ess_tail:.0f}"
+        rows.append((name, *interval, s.unit, *mixing, estimate))
+    return Rows.of(_HEADINGS, rows, numbers=(1, 2, 3, 5, 6, 7, 8))
+
+
+def sample_report(sampled: Sampled) -> Report:
+    """Convergence, the parameters, and how the predictions of unseen logs came out.
+
+    Pages add the figures, and what the words mean.
+    """
+    return Report(
+        Section("", Styled(str(sampled.fit.model), "strong"), _outcome(sampled.convergence)),
+        Section("", _draw_rows(sampled)),
+        *report_of(sampled.intervals).sections,
+        *(section for p in sampled.predictions for section in report_of(p).sections),
+        Section("", "" if sampled.predictions else _NONE_UNSEEN),
+        Section("", *notes(sampled.fit.notes)),
+        closing_section(sampled.closing),
+    )
+
+
+def _outcome(convergence: Convergence) -> Outcome:
+    """How well the chains mixed."""
+    style = "good" if convergence.status.ok else "bad"
+    status = Styled(convergence.status.value, style)
+    return Outcome("Status", status, convergence.message)

@@ -1,4 +1,4 @@
-"""The posterior of a fit: sampled coordinates, start, and checks that it exists."""
+"""The posterior of a fit: its density, sampled coordinates, start, and checks that it exists."""
 
 from __future__ import annotations
 
@@ -6,28 +6,85 @@ import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.batching import run_program, shared_runs
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._likelihood import apart, named_values, residuals
+from diffthrust.estimation._numbers import ProblemNumbers
+from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
 from diffthrust.models._base.parameter import Normal
-from diffthrust.uncertainty._sampling.density import DensityShape, log_densities
-from diffthrust.uncertainty._sandwich import VANISHED
+from diffthrust.uncertainty._profile_walk import VANISHED
 
 LANES = 16
 """Points evaluated at a time, in the lanes of the vector registers."""
 _FAR = 8.0
 """A prior whose mean is more than this many standard deviations from the fit excludes it."""
+
+
+class DensityShape(NamedTuple):
+    """The static part of the program: layout, and channels whose noise level is sampled."""
+
+    layout: Layout
+    sampled: tuple[int, ...]
+
+
+def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
+    """Logarithm of the posterior density at coordinates ``x``, ``(d,)``, without constants.
+
+    Minus infinity outside the bounds or if the simulation fails. The second result is the noise
+    level by channel, ``(C,)``: for an unknown one of the Gaussian law the rms of the residuals.
+    """
+    layout, count = shape.layout, data["moved"].shape[0]
+    z = data["base"].at[data["moved"]].set(x[:count])
+    numbers: ProblemNumbers = data["numbers"]
+    if shape.sampled:
+        where = jnp.asarray(shape.sampled)
+        noise = jnp.asarray(numbers.noise).at[where].set(jnp.exp(x[count:]))
+        numbers = replace(numbers, noise=noise)
+        layout = replace(layout, known_noise=(True,) * len(layout.channels))
+    shared, starts = numbers.split(z, len(layout.free))
+    rests = []
+    for index, pairs in enumerate(zip(numbers.batches, starts, strict=True)):
+
+        def residuals_of(pair: Any, index: int = index) -> Any:
+            return residuals(layout, index, numbers, pair[0], shared, pair[1])
+
+        # a loop of one iteration would keep the compiler from fusing
+        if pairs[0].time.shape[0] == 1:
+            rests.append(residuals_of(jax.tree.map(lambda a: a[0], pairs))[None])
+        else:
+            rests.append(jax.lax.map(residuals_of, pairs))
+    cost, sigma = layout.cost(numbers, rests)
+    cost += apart(layout, numbers, starts)
+    values = named_values(layout, numbers, shared)
+    for name, (mean, std) in numbers.prior.items():
+        cost += 0.5 * ((values[name] - mean) / std) ** 2
+        if layout.transforms[layout.free.index(name)] == "log":
+            # Jacobian: the prior is a density in the value, the coordinate its logarithm
+            cost -= jnp.log(values[name])
+    # the likelihood uses the level of the innovations; it is converted to that of the noise
+    sigma = sigma / layout.likelihood.noise.levels(layout.channels, numbers, values)
+    inside = jnp.all((x >= data["low"]) & (x <= data["high"]))
+    return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma
+
+
+@program(1)
+def log_densities(shape: DensityShape, numbers: tuple[Any, Any]) -> tuple[Any, Any]:
+    """`log_density` of many points ``(W, d)``, compiled once for each number of points."""
+    data, points = numbers
+    return jax.vmap(partial(log_density, shape, data))(points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +113,6 @@ class Posterior:
         centre: the sampled coordinates at the fit, ``(d,)``.
         low: their lower limits.
         high: their upper limits.
-
-    Example:
-        >>> posterior = posterior_of(fit, logs)
-        >>> density, level = posterior.batch(posterior.centre[None])
     """
 
     fit: Fit

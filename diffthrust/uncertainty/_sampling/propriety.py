@@ -11,8 +11,7 @@ import numpy as np
 from diffthrust._support.words import number, percent
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.uncertainty._profile import optimum_at
-from diffthrust.uncertainty._profile_lines import ParameterLine
-from diffthrust.uncertainty._profile_walk import DeeperError, walk
+from diffthrust.uncertainty._profile_walk import DeeperError, ParameterLine, walk
 from diffthrust.uncertainty._sampling.posterior import Posterior
 
 _REACH = math.sqrt(2.0 * 20.0)
@@ -23,21 +22,16 @@ _SHARE = 1e-4
 
 
 class OpenEnd(NamedTuple):
-    """One side of a parameter on which its posterior is not integrable.
-
-    Args:
-        name: of the parameter.
-        upper: whether it is the side of larger values.
-        fall: fall of the log-likelihood from its maximum to the far end.
-        far: the value halfway (in the coordinate) to the numerical end.
-        drawn: share of the draws beyond it.
-    """
+    """One side of a parameter on which its posterior is not integrable."""
 
     name: str
     upper: bool
     fall: float
+    """Of the log-likelihood from its maximum to the far end."""
     far: float
+    """The value halfway (in the coordinate) to the numerical end."""
     drawn: float
+    """Share of the draws beyond that."""
 
     def __str__(self) -> str:
         side = "above" if self.upper else "below"
@@ -56,18 +50,10 @@ def open_ends(posterior: Posterior, points: np.ndarray) -> tuple[OpenEnd, ...]:
     coordinate. If the likelihood levels off at a finite value, this integral grows without limit:
     the posterior is improper, however well the chains agree. For example, chains agreed on a mean
     mass of 1e14 kg. If it levels off so low that no draw would ever notice, that does not matter;
-    the limit is 1 in 10 000 in the outer half of the range.
-
-    Args:
-        posterior: the posterior.
-        points: its draws, ``(..., d)``.
+    the limit is 1 in 10 000 in the outer half of the range. ``points`` are draws, ``(..., d)``.
 
     Source: Gelman et al. 2013, Bayesian Data Analysis, section 2.8 (improper priors); Raue et al.
     2009, Bioinformatics 25, 1923 (profiles that flatten out).
-
-    Example:
-        >>> for end in open_ends(posterior_of(fit, logs), chains.points):
-        ...     print(end)
     """
     problem = posterior.problem
     best = optimum_at(problem, posterior.base)

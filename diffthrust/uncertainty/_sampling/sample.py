@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import operator
 import os
 from collections.abc import Sequence
@@ -155,11 +154,12 @@ def check_sampling(
         raise InputError(f"file: expected the name of a file, found {file!r}.", "Correct it.")
     if method == "nuts" and walkers is not None:
         raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
-    numbers: list[tuple[str, Any, int, float]] = [
+    numbers: list[tuple[str, Any, int, int]] = [
         ("draws", draws, 10, _MOST_DRAWS),
         ("warmup", warmup, 20 if method == "nuts" else 0, _MOST_DRAWS),
         ("chains", chains, 1, _MOST_CHAINS),
-        ("seed", seed, 0, math.inf),
+        # the limit of numpy's RandomState, which emcee draws from
+        ("seed", seed, 0, 2**32 - 1),
     ]
     if walkers is not None:
         numbers.append(("walkers", walkers, 4, _MOST_CHAINS))
@@ -168,20 +168,11 @@ def check_sampling(
             number = -1 if isinstance(value, bool) else operator.index(value)
         except TypeError:
             number = -1
-        if number < least:
+        if not least <= number <= most:
+            expected = f"at most {most}" if number > most else f"a whole number of at least {least}"
             raise InputError(
-                f"{what}: expected a whole number of at least {least}, found {short_repr(value)}.",
-                f"Correct {what}.",
+                f"{what}: expected {expected}, found {short_repr(value)}.", f"Correct {what}."
             )
-        if number > most:
-            raise InputError(
-                f"{what}: expected at most {most}, found {short_repr(value)}.", f"Correct {what}."
-            )
-    # the limit of numpy's RandomState, which emcee draws from
-    if seed >= 2**32:
-        raise InputError(
-            f"seed: expected less than 2^32, found {short_repr(seed)}.", "Correct the seed."
-        )
 
 
 def _walkers(posterior: Posterior, wanted: int | None) -> int:

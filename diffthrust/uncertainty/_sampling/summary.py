@@ -15,17 +15,18 @@ from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._intervals import intervals
-from diffthrust.uncertainty._intervals_result import Intervals
 from diffthrust.uncertainty._prediction.draws import posterior_data
 from diffthrust.uncertainty._prediction.predict import Prediction, predict
+from diffthrust.uncertainty._results import Intervals
 from diffthrust.uncertainty._sampling.arviz import shown_in
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
+from diffthrust.uncertainty._values import Shown
 
 INTERVAL_LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class Summary:
+class Summary(Shown):
     """The draws of one parameter, in ``unit``.
 
     Args:
@@ -42,6 +43,8 @@ class Summary:
         shown_unit: display unit.
     """
 
+    _in_unit = ("median", "low", "high", "mean", "sd")
+
     median: float
     low: float
     high: float
@@ -57,8 +60,8 @@ class Summary:
     def to_json(self) -> dict[str, Any]:
         """Plain data, in the parameter's unit and in the display unit."""
         kept = {k: v for k, v in vars(self).items() if k not in ("per", "shown_unit")}
-        sizes = {k: self.per * getattr(self, k) for k in ("median", "low", "high", "mean", "sd")}
-        return {**kept, "written": {**sizes, "unit": self.shown_unit}}
+        written = {k: getattr(self.shown, k) for k in (*self._in_unit, "unit")}
+        return {**kept, "written": written}
 
 
 @dataclass(frozen=True, repr=False)
@@ -142,10 +145,9 @@ def sampled(
     for name, variable in posterior.data_vars.items():
         if set(variable.dims) != {"chain", "draw"}:
             continue
-        values = np.asarray(variable.values, float)
-        low, median, high = np.quantile(
-            values, [0.5 * (1 - INTERVAL_LEVEL), 0.5, 0.5 * (1 + INTERVAL_LEVEL)]
-        )
+        values, size = np.asarray(variable.values, float), shown_in(variable)
+        ends = [0.5 * (1 - INTERVAL_LEVEL), 0.5, 0.5 * (1 + INTERVAL_LEVEL)]
+        low, median, high = np.quantile(values, ends)
         parameters[str(name)] = Summary(
             median=float(median),
             low=float(low),
@@ -156,8 +158,8 @@ def sampled(
             ess_bulk=judged.ess_bulk.get(str(name), float("nan")),
             ess_tail=judged.ess_tail.get(str(name), float("nan")),
             unit=str(variable.attrs.get("unit", "")),
-            per=shown_in(variable).value,
-            shown_unit=shown_in(variable).unit,
+            per=size.value,
+            shown_unit=size.unit,
         )
     bands = tuple(predict(post, fit, log, level=INTERVAL_LEVEL, seed=seed) for log in unseen)
     side_by_side = intervals(fit, logs, post, level=INTERVAL_LEVEL)

@@ -1,22 +1,117 @@
-"""The profile of one parameter or quantity."""
+"""Intervals and the profile of one parameter, in its unit and in that of the logs."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from diffthrust._support.results import Brief
 from diffthrust._support.words import with_error
-from diffthrust.uncertainty._intervals_row import scaled
 
 LOPSIDED = 1.15
 """An interval is called lopsided if one arm is longer than the other by this factor."""
 
 
+class Interval(NamedTuple):
+    """An interval; an end that is ``None`` is open."""
+
+    low: float | None
+    high: float | None
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies within."""
+        above = self.low is None or value >= self.low
+        return above and (self.high is None or value <= self.high)
+
+
+def scaled(value: Any, per: float) -> Any:
+    """Multiply a number, an array, an interval or a mapping of these; an open end stays open."""
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        return {name: scaled(item, per) for name, item in value.items()}
+    if isinstance(value, tuple):
+        return Interval(*(scaled(end, per) for end in value))
+    return per * value
+
+
+def shortest_half_arm(value: float, ends: Iterable[float | None]) -> float | None:
+    """Half the distance to the nearest end, which sets the number of digits."""
+    arms = [abs(end - value) for end in ends if end is not None and end != value]
+    return 0.5 * min(arms) if arms else None
+
+
+class Shown:
+    """A dataclass with values in ``unit``; times ``per`` they are in the display unit.
+
+    ``shown_unit`` is the display unit, ``unit`` if empty.
+    """
+
+    _in_unit: ClassVar[tuple[str, ...]]
+    """Fields that are in the unit."""
+
+    @property
+    def shown(self) -> Self:
+        """The same in the display unit."""
+        own: Any = self
+        if not own.shown_unit:
+            return self
+        sizes = {name: scaled(getattr(self, name), own.per) for name in self._in_unit}
+        return replace(own, **sizes, unit=own.shown_unit, per=1.0, shown_unit="")
+
+
+@dataclass(frozen=True)
+class Row(Shown):
+    """The intervals of one parameter.
+
+    Args:
+        name: full name of the parameter.
+        unit: of the value and all intervals.
+        value: the estimate.
+        intervals: available intervals by method.
+        recommended: the method to use.
+        sentences: why methods disagree; empty if they agree.
+        bounds: lower and upper bound of the parameter if the profile reaches it, else ``None``.
+        per: number of ``shown_unit`` per ``unit``.
+        shown_unit: display unit; ``unit`` if empty.
+    """
+
+    _in_unit = ("value", "intervals", "bounds")
+
+    name: str
+    unit: str
+    value: float
+    intervals: Mapping[str, Interval]
+    recommended: str
+    sentences: tuple[str, ...] = ()
+    bounds: tuple[float | None, float | None] = (None, None)
+    per: float = 1.0
+    shown_unit: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, in the parameter's unit and in the display unit."""
+        return {
+            **self._sizes(),
+            "recommended": self.recommended,
+            "sentences": list(self.sentences),
+            "written": self.shown._sizes(),
+        }
+
+    def _sizes(self) -> dict[str, Any]:
+        intervals = {method: list(interval) for method, interval in self.intervals.items()}
+        return {"value": self.value, "unit": self.unit, "intervals": intervals}
+
+    @property
+    def best(self) -> Interval:
+        """The recommended interval."""
+        return self.intervals[self.recommended]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Profile(Brief):
+class Profile(Brief, Shown):
     """The profile likelihood of one parameter or quantity.
 
     Args:
@@ -45,6 +140,8 @@ class Profile(Brief):
         ('1/rad', True, ['drop', 'grid', 'high'])
     """
 
+    _in_unit = ("value", "low", "high", "grid", "std_error", "bounds")
+
     name: str
     unit: str
     value: float
@@ -61,25 +158,6 @@ class Profile(Brief):
     bounds: tuple[float | None, float | None] = (None, None)
     per: float = 1.0
     shown_unit: str = ""
-
-    @property
-    def shown(self) -> Profile:
-        """The same in the display unit."""
-        if not self.shown_unit:
-            return self
-        low, high = scaled((self.low, self.high), self.per)
-        return replace(
-            self,
-            unit=self.shown_unit,
-            value=self.per * self.value,
-            low=low,
-            high=high,
-            grid=self.per * self.grid,
-            std_error=None if self.std_error is None else self.per * self.std_error,
-            bounds=scaled(self.bounds, self.per),
-            per=1.0,
-            shown_unit="",
-        )
 
     @property
     def lopsided(self) -> float | None:

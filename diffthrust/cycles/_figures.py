@@ -1,21 +1,18 @@
-"""Figure of a loop's limit cycles: G(jw) against -1/N(A, w)."""
+"""Figures of a loop: G(jw) against -1/N(A, w), and its course from rest."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
-from diffthrust.cycles._oscillation import LimitCycle
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
 
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
 
@@ -35,8 +32,6 @@ def nyquist_figure(
     The window is laid around the crossings, or without any around the place where the two come
     nearest; parts of the curves far outside are not drawn.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(7.4, 6.8), layout="constrained")
     axes = figure.add_subplot()
     w = np.geomspace(*frequencies, 4000)
@@ -125,3 +120,23 @@ def _drawn(
                     "", (z[k].real, z[k].imag), (z[k - 1].real, z[k - 1].imag),
                     arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16},
                 )  # fmt: skip
+
+
+def course_figure(course: LoopCourse, levels: Mapping[str, float], title: str) -> Figure:
+    """Command and thrust over time, with what the formulas and the balance say of the peak."""
+    figure = Figure(figsize=(8.4, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    axes.plot(course.time, course.output, color=GREY, linewidth=1.6, label="thrust")
+    axes.plot(course.time, course.input, color=BLUE, linewidth=1.3, label="command")
+    for style, (name, level) in zip((":", "--", "-"), levels.items(), strict=False):
+        for side in (level, -level):
+            axes.axhline(
+                side,
+                color=VERMILLION,
+                linestyle=style,
+                linewidth=0.9,
+                label=f"{name}: {level:.2f} N" if side > 0 else "",
+            )
+    styled(axes, title, "time [s]", "force [N]")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8.5)
+    return figure
