@@ -67,14 +67,10 @@ def craft_choice(pool: Pool, plain: Choice, layout: RecordedLayout) -> Choice:
         missing = [n for n, pick in commands.items() if pick is None]
         lacks = f"the commands of {listing(missing)}" if missing else "its motion"
         word = f"By the settings it is a craft ({layout.title}), but the log lacks {lacks}."
-        return replace(plain, doubts=(*plain.doubts, word))
-    return replace(
-        plain,
-        model="craft",
-        channels={**inputs, **measured},
-        doubts=(*plain.doubts, *_doubts(layout)),
-        craft=layout,
-    )
+        return plain.doubted(word)
+    channels = {**inputs, **measured}
+    craft = replace(plain, model="craft", channels=channels, craft=layout)
+    return craft.doubted(*_doubts(layout))
 
 
 def _bare(name: str) -> str:

@@ -82,7 +82,7 @@ class Look(Result):
         where: dict[str, list[str]] = {}
         picks = {**({"time": choice.time} if choice.time else {}), **choice.channels}
         for name, pick in picks.items():
-            for word in pick.doubts:
+            for word in pick.meaning.doubts:
                 where.setdefault(word, []).append(name)
         channel_doubts = [f"{', '.join(names)}: {word}" for word, names in where.items()]
         return (*choice.doubts, *channel_doubts, *self.apart)

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
-from diffthrust.survey._guess import Meaning, pulse_command
+from diffthrust.survey._guess import pulse_command
 from diffthrust.survey._values import (
     correlated,
     hardly_negative,
@@ -28,22 +28,22 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
     if not measured:
         return None
     commands = pool.all("command", moving=True)
-    if any(meaning.effort for _, meaning in commands):
-        volts = [p for p in commands if not p[1].effort]
-        commands = [p for p in commands if p[1].effort]
+    if any(pick.meaning.effort for pick in commands):
+        volts = [pick for pick in commands if not pick.meaning.effort]
+        commands = [pick for pick in commands if pick.meaning.effort]
         # A log with an effort and a voltage: the voltage is that of the battery, not a second
         # command.
         if volts and "supply_voltage" not in spare:
-            column, meaning = volts[0]
-            spare["supply_voltage"] = Pick(
-                column, replace(meaning, quantity="supply_voltage"), "input"
-            )
+            battery = volts[0].chosen("input").meant(quantity="supply_voltage", doubts=())
+            spare["supply_voltage"] = battery
     if commands:
         chosen = _driven(pool, commands, measured)
         loop = chosen["command"].meaning.effort and _holds_speed(chosen)
         model = "speed_loop_thruster" if loop else "thruster"
         return replace(plain, model=model, channels=chosen, spare=spare)
-    targets = [p for p in pool.all("set_point", moving=True) if same_quantity(p[1].unit, "rad/s")]
+    targets = [
+        p for p in pool.all("set_point", moving=True) if same_quantity(p.meaning.unit, "rad/s")
+    ]
     if targets and "speed" in measured:
         chosen = _driven(pool, targets, measured)
         return replace(plain, model="speed_loop_thruster", channels=chosen, spare=spare)
@@ -53,24 +53,19 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
     speed = replace(speed, role="input")
     if one_sided(speed.field.values) and not one_sided(thrust.field.values):
         if correlated(speed.field, thrust.field) < -FIRMLY:
-            speed = replace(speed, meaning=replace(speed.meaning, scale=-speed.meaning.scale))
-            speed = speed.doubted(
+            speed = speed.turned(
                 "It has no sign; turned round by scale, as the thrust falls where it rises."
             )
         else:
             speed = speed.doubted("It has no sign, and the thrust goes both ways: which, is open.")
     word = "No command was found: with the speed as input the thrust part alone is fitted."
     channels = {"speed": speed, "thrust": thrust}
-    return replace(
-        plain, model="thruster", channels=channels, spare=spare, doubts=(*plain.doubts, word)
-    )
+    return replace(plain, model="thruster", channels=channels, spare=spare).doubted(word)
 
 
-def _driven(
-    pool: Pool, commands: Sequence[tuple[Field, Meaning]], measured: Mapping[str, Pick]
-) -> dict[str, Pick]:
+def _driven(pool: Pool, commands: Sequence[Pick], measured: Mapping[str, Pick]) -> dict[str, Pick]:
     """Command, speed and thrust of one thruster; of several, those that move together."""
-    best: tuple[float, tuple[Field, Meaning], dict[str, tuple[Field, Meaning]]] | None = None
+    best: tuple[float, Pick, dict[str, Pick]] | None = None
     lead = next(iter(measured))
     for command in commands:
         for answer in pool.all(lead, moving=True):
@@ -80,45 +75,44 @@ def _driven(
             if best is None or tied > best[0] + 0.01:
                 best = (tied, command, {lead: answer})
     assert best is not None
-    _, command, answers = best
+    tied, command, answers = best
     for name in measured:
         if name not in answers:
             rivals = pool.all(name, moving=True)
             answers[name] = max(rivals, key=lambda rival: _follows(command, rival))
-    rivals = commands
     if _ahead_only(command, [*answers.values()]):
         word = ", as what is measured rises from the lowest widths on and is never negative"
-        command = command[0], pulse_command(pulses_ahead(command[0].values), word)
-    chosen = {"command": _picked(command, "input", rivals)}
-    zero = command[1].pwm.stop if command[1].pwm else 0.0
+        widths = pulses_ahead(command.field.values)
+        command = replace(command, meaning=pulse_command(widths, word))
+    chosen = {"command": command.chosen("input", commands)}
     for name in ("speed", "thrust"):
         if name not in answers:
             continue
-        pick = _picked(answers[name], "measured", pool.all(name, moving=True))
-        both_ways = two_sided(command[0].values - zero)
+        pick = answers[name].chosen("measured", pool.all(name, moving=True))
+        both_ways = two_sided(command.field.values - command.stop)
         if name == "speed" and both_ways and one_sided(pick.field.values):
             word = "Never negative under a command that goes both ways: it has no sign."
             pick = replace(pick.doubted(word), unsigned=True)
         chosen[name] = pick
-    if best[0] < FIRMLY and command[0].values.size > 2:
-        word = f"It hardly moves with '{command[0].name}' (correlation {best[0]:.2f})."
+    if tied < FIRMLY and command.field.values.size > 2:
+        word = f"It hardly moves with '{command.field.name}' (correlation {tied:.2f})."
         chosen[lead] = chosen[lead].doubted(word)
     return chosen
 
 
-def _ahead_only(command: tuple[Field, Meaning], answers: Sequence[tuple[Field, Meaning]]) -> bool:
+def _ahead_only(command: Pick, answers: Sequence[Pick]) -> bool:
     """Whether pulse widths drive one way: below 1500, a larger width gives more speed.
 
     For a drive that goes both ways, the response is negative there, or falls if it has no sign.
     """
-    field, meaning = command
-    if meaning.pwm is None or not all(hardly_negative(answer.values) for answer, _ in answers):
+    values = command.field.values
+    if command.meaning.pwm is None or not all(hardly_negative(a.field.values) for a in answers):
         return False
-    low = np.where((field.values > 0) & (field.values < 1500), field.values, np.nan)
-    if np.isfinite(low).sum() < 0.1 * numbers_of(field.values).size:
+    low = np.where((values > 0) & (values < 1500), values, np.nan)
+    if np.isfinite(low).sum() < 0.1 * numbers_of(values).size:
         return False
-    below = replace(field, values=low)
-    return all(correlated(below, answer) > FIRMLY for answer, _ in answers)
+    below = replace(command.field, values=low)
+    return all(correlated(below, answer.field) > FIRMLY for answer in answers)
 
 
 def _holds_speed(chosen: Mapping[str, Pick]) -> bool:
@@ -128,7 +122,7 @@ def _holds_speed(chosen: Mapping[str, Pick]) -> bool:
     the command instead of the command.
     """
     command, answer = chosen["command"], chosen.get("speed") or chosen["thrust"]
-    drive = command.field.values - (command.meaning.pwm.stop if command.meaning.pwm else 0.0)
+    drive = command.field.values - command.stop
     follower = answer.field
     if answer.unsigned:  # its sign is that of the drive
         ways = drive
@@ -148,15 +142,10 @@ def _power(field: Field, drive: np.ndarray, power: float) -> Field:
     return replace(field, values=np.sign(drive) * np.abs(drive) ** power)
 
 
-def _picked(
-    pair: tuple[Field, Meaning], role: str, rivals: Sequence[tuple[Field, Meaning]]
-) -> Pick:
-    rival_names = tuple(rival.name for rival, _ in rivals if rival is not pair[0])
-    return Pick(pair[0], pair[1], role, doubts=pair[1].doubts, alternatives=rival_names)
-
-
-def _follows(command: tuple[Field, Meaning], answer: tuple[Field, Meaning]) -> float:
+def _follows(command: Pick, answer: Pick) -> float:
     """Correlation of a response with a command, with or without signs."""
-    zero = command[1].pwm.stop if command[1].pwm else 0.0
-    signed = correlated(command[0], answer[0], zero=zero)
-    return max(abs(signed), correlated(command[0], answer[0], zero=zero, sizes=True))
+    signed, sizes = (
+        correlated(command.field, answer.field, zero=command.stop, sizes=sizes)
+        for sizes in (False, True)
+    )
+    return max(abs(signed), sizes)

@@ -40,8 +40,7 @@ def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
         model="vessel",
         channels={**drive, **(motion or place)},
         spare={**(place if motion else {}), **winds},
-        doubts=(*plain.doubts, arm),
-    )
+    ).doubted(arm)
 
 
 def _turning(
@@ -65,8 +64,7 @@ def _unit_from_heading(rate: Pick, together: float, times: float) -> Pick:
         # The two units differ by a factor of 57: 0.7 to 1.4 leaves room for noise and a slow
         # sensor.
         if abs(together) > FIRMLY and 0.7 < abs(times) / factor < 1.4 and rate.meaning.doubts:
-            meaning = replace(rate.meaning, unit=unit, sure=SURE, why="heading", doubts=())
-            return replace(rate, meaning=meaning, doubts=())
+            return rate.meant(unit=unit, sure=SURE, why="heading", doubts=())
     return rate
 
 
@@ -82,7 +80,7 @@ def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
         moving = pool.all("command", moving=True)
         if len(moving) != 2 or rate is None or pool.all("speed", moving=True):
             return None
-        port, starboard = (Pick(f, m, "input", doubts=m.doubts) for f, m in moving)
+        port, starboard = (pick.chosen("input") for pick in moving)
         word = "Which is left is guessed from the yaw rate: exchange the two columns if it is not."
         # More thrust to port turns a vessel to starboard, which counts positive.
         if _turning_sense(port, starboard, rate) < 0:
@@ -97,9 +95,8 @@ def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
         word = f"{against}exchanged here, as the heading turns at the yaw rate."
         return {"left_force": starboard.doubted(word), "right_force": port.doubted(word)}, motion
     word = f"{against}turned round by scale; it may be that left and right are exchanged."
-    around = replace(rate, meaning=replace(rate.meaning, scale=-rate.meaning.scale))
     drive = {"left_force": port, "right_force": starboard}
-    return drive, {**motion, "yaw_rate": around.doubted(word)}
+    return drive, {**motion, "yaw_rate": rate.turned(word)}
 
 
 def _turning_sense(port: Pick, starboard: Pick, rate: Pick) -> float:
@@ -112,8 +109,7 @@ def _propeller(pool: Pool, motion: dict[str, Pick]) -> _Drive | None:
         return None
     rudder, rate = drive["rudder_angle"], motion.get("yaw_rate")
     if rate is not None and correlated(rudder.field, rate.field) * rate.meaning.scale > FIRMLY:
-        rudder = replace(rudder, meaning=replace(rudder.meaning, scale=-rudder.meaning.scale))
-        rudder = rudder.doubted(
+        rudder = rudder.turned(
             "Turned round by scale: here a positive angle turns to starboard, in the model to port."
         )
     return {"propeller_speed": drive["speed"], "rudder_angle": rudder}, motion
