@@ -190,7 +190,7 @@ def test_a_dataflash_log_is_read_back(dataflash):
         ("ESD[0].RPM", ["expected the message 'ESD'", "nearest is 'ESC'"]),
         ("ESC[0].RPMs", ["field 'RPMs'", "nearest is 'RPM'"]),
         ("ESC[0].RPM[1]", ["expected an element [1], found '0.0'"]),
-        ("ESC[0].a.b", ["expected a message and one of its fields"]),
+        ("ESC[0].a.b", ["expected a field 'a.b', found 'RPM', 'V'"]),
         ("FMT.Name", ["no time stamp"]),
     ],
 )

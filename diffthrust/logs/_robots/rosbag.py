@@ -16,7 +16,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._robots.gathered import LONGEST, Gathered, RobotContents
+from diffthrust.logs._robots.messages import LONGEST, Gathered, RobotContents
 from diffthrust.logs._robots.packed import check_unpacked
 from diffthrust.logs._robots.series import (
     Series,

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
@@ -100,8 +101,8 @@ def lacking(file: str, library: str, extra: str, error: ImportError) -> InputErr
 def series_of(
     file: str,
     column: str,
-    nanoseconds: Iterable[int],
-    values: Iterable[float],
+    nanoseconds: ArrayLike,
+    values: ArrayLike,
     origin: int,
     missing: Iterable[float] = (),
 ) -> Series:
@@ -110,8 +111,8 @@ def series_of(
     Time stamps and their ``origin`` are integers [ns]: a float64 resolves a date only to 0.2 us.
     """
     place = column_place(file, column)
-    ticks = np.fromiter(nanoseconds, np.int64) - origin
-    numbers = np.fromiter(values, np.float64)
+    ticks = np.asarray(nanoseconds, np.int64) - origin
+    numbers = np.array(values, np.float64)  # a copy: missing values are marked in it
     notes = []
     for number in missing:
         numbers[numbers == number] = np.nan
