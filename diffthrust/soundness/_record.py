@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diffthrust.logs._log import Log
+from diffthrust.soundness._doubt import Reading
 
 _POINTS = 2048
 """Largest number of points on which relations are examined (means of longer logs)."""
@@ -51,9 +52,12 @@ class Record:
         """Whether all these channels are there, and move."""
         return all(c in self.values and np.ptp(self.values[c]) > 0 for c in channels)
 
-    def taking(self, **values: np.ndarray) -> Record:
-        """The record with other values of some channels."""
-        return replace(self, values={**self.values, **values})
+    def under(self, reading: Reading) -> Record:
+        """The record where channels are read so."""
+        sources = dict(reading.sources)
+        _, clock = sources.pop("time", ("time", 1.0))
+        values = {name: factor * self.values[source] for name, (source, factor) in sources.items()}
+        return replace(self, step=clock * self.step, values={**self.values, **values})
 
 
 def stretch(log: Log) -> Log:
