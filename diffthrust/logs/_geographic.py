@@ -14,13 +14,7 @@ _ECCENTRICITY_SQUARED = 6.694_379_990_14e-3  # of the ellipsoid of WGS 84
 
 
 class Positions(NamedTuple):
-    """Positions in a plane.
-
-    Args:
-        metres: ``north`` and ``east`` of the first fix [m], ``(n,)`` each; NaN without a fix.
-        scales: metres of each per radian of latitude and of longitude.
-        note: a sentence to keep with the log.
-    """
+    """North and east of the first fix [m], ``(n,)``; metres per radian of each; a note."""
 
     metres: dict[str, np.ndarray]
     scales: dict[str, float]

@@ -48,17 +48,7 @@ _GUESSED = ("surge", "sway", "yaw_rate", "north", "east", "heading")
 
 
 def craft_choice(pool: Pool, plain: Choice, layout: RecordedLayout) -> Choice:
-    """The craft of an autopilot's settings, where the log has its commands and its motion.
-
-    Args:
-        pool: the columns by quantity.
-        plain: the file.
-        layout: its thrusters.
-
-    Returns:
-        The choice with the model "craft"; without a model and with a doubt where commands are
-        missing.
-    """
+    """The craft of an autopilot's settings; a doubt and no model where commands are missing."""
     fields = {_bare(field.name): field for field in reversed(plain.contents.fields)}
     commands = {n: _command(n, layout, fields) for n in layout.thrusters}
     inputs = {f"{n}.command": pick for n, pick in commands.items() if pick is not None}

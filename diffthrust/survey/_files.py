@@ -21,12 +21,7 @@ _UNSEEN = re.compile("holdout|unseen|valid")
 
 @dataclass(frozen=True)
 class Files:
-    """The files read, and one that represents them.
-
-    Args:
-        read: contents of each, ordered by name.
-        refused: files that could not be read, with the reason.
-    """
+    """The contents of the files read, by name, and sentences on those refused."""
 
     read: tuple[Contents, ...]
     refused: tuple[str, ...]

@@ -63,11 +63,7 @@ class Message:
 
     @property
     def record(self) -> np.dtype:
-        """The type of a body.
-
-        Raises:
-            ValueError: the format is invalid.
-        """
+        """The type of a body; ValueError if the format is invalid."""
         if len(self.letters) != len(self.columns) or not set(self.letters) <= set(_LETTERS):
             raise ValueError(f"the message {self.name!r} has the format {self.letters!r}")
         kinds = (_LETTERS[letter][0] for letter in self.letters)
@@ -76,13 +72,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Dataflash:
-    """An indexed log.
-
-    Args:
-        data: its bytes.
-        messages: by name, the kinds that occur.
-        damages: bytes that are no message, with their offsets.
-    """
+    """An indexed log: its bytes, the kinds of messages that occur by name, and damages."""
 
     data: np.ndarray
     messages: dict[str, Message]
@@ -181,11 +171,7 @@ def _stamps(records: np.ndarray) -> np.ndarray | None:
 
 
 def _indexed(path: Path) -> Dataflash:
-    """Index the messages of a log.
-
-    Raises:
-        ValueError: it holds no message.
-    """
+    """Index the messages of a log; ValueError if it holds none."""
     data = path.read_bytes()
     kinds = {_FMT: Message("FMT", "BBnNZ", ["Type", "Length", "Name", "Format", "Columns"])}
     lengths = [0] * 256

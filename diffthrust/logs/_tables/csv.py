@@ -267,15 +267,7 @@ Splitter = Callable[[str], list[str]]
 
 @dataclass(frozen=True)
 class Head:
-    """Position of the table among the lines.
-
-    Args:
-        placement: its columns.
-        delimiter: between cells.
-        line: index of the header line.
-        body: indices of the lines below it that are not comments.
-        notes: sentences on what was skipped.
-    """
+    """Where the table is: its columns, delimiter, header line, the lines below it, and notes."""
 
     placement: Placement
     delimiter: str

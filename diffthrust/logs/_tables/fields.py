@@ -21,22 +21,7 @@ _COARSE = 0.1
 
 
 class TableRequest:
-    """The columns and options requested of a table, checked before it is opened.
-
-    Args:
-        file: name of the table for messages.
-        time: the time column, a step [s], or None to count rows.
-        inputs: the column of each input.
-        measured: the column of each measured channel.
-        missing_values: texts or numbers that mean missing.
-        interpolate_inputs: fill missing samples of inputs instead of refusing them.
-        start: first moment to keep [s after the first].
-        stop: last moment to keep [s after the first].
-        static: the rows were not recorded in time; so it is where ``time`` is None.
-
-    Raises:
-        InputError: a channel, column or number is invalid.
-    """
+    """The columns and options requested of a table, which are those of `read_log`; checked."""
 
     def __init__(
         self,

@@ -174,11 +174,7 @@ def text_numbers(
 ) -> tuple[np.ndarray, bool, bool]:
     """Read a column of text: numbers, ``(n,)``, whether they were dates, or had decimal commas.
 
-    ``comma`` is as in `number_cells`; dates are allowed in a time.
-
-    Raises:
-        OtherDate: dates that do not begin with the year.
-        BadCell: a cell is neither a number nor a date.
+    Raises `BadCell` for other cells, and `OtherDate` for dates that do not begin with the year.
     """
     try:
         numbers, commas = number_cells(cells, missing, comma)

@@ -64,11 +64,7 @@ class Table:
         self.rows = self.rows[rows]
 
     def drop_blank_rows(self) -> None:
-        """Drop rows that hold no number, and note how many.
-
-        Raises:
-            InputError: all rows are blank.
-        """
+        """Drop rows that hold no number, and note how many; InputError if all are blank."""
         blank = np.logical_and.reduce([np.isnan(values) for values in self.columns.values()])
         if blank.all():
             raise InputError(
