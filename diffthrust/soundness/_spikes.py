@@ -10,7 +10,7 @@ from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import stretches
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._shown import as_written, width_shown
+from diffthrust.soundness._repeats import as_written, width_shown
 
 _CODES = (
     *(-1.0, -9.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -2147483648.0),

@@ -20,9 +20,8 @@ from diffthrust.soundness._doubts import doubts
 from diffthrust.survey._choice import Choice, Pick, Pool
 from diffthrust.survey._crafts import craft_choice
 from diffthrust.survey._guess import meanings
-from diffthrust.survey._thrusters import thruster_choice
 from diffthrust.survey._values import numbers_of
-from diffthrust.survey._vessels import MOTION, POSE, vessel_choice
+from diffthrust.survey._vehicles import MOTION, POSE, thruster_choice, vessel_choice
 
 
 def choice_of(contents: Contents) -> Choice:

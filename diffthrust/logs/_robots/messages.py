@@ -15,9 +15,8 @@ from diffthrust._support.names import listing
 from diffthrust.logs._field import Field
 from diffthrust.logs._robots.series import (
     Series,
+    absent,
     column_place,
-    no_field,
-    no_message,
     series_of,
     split_column,
 )
@@ -173,7 +172,7 @@ def _messages(file: str, column: str, sent: re.Match[str], contents: RobotConten
     """The messages that a column names, which must be of one sender and one instance."""
     place, name, instance = column_place(file, column), sent[3], sent[4]
     if name not in contents.names:
-        raise no_message(file, column, name, contents.names, "message")
+        raise absent(file, column, "message", name, sorted(contents.names))
     # Fewer numbers match more senders: "1/ATTITUDE" takes every component of system 1.
     source = tuple(int(number) for number in sent.groups()[:2] if number is not None)
     groups = [g for g in contents.gathered if g.name == name and g.source[: len(source)] == source]
@@ -216,7 +215,7 @@ def _values(file: str, column: str, fields: Mapping[str, Any], key: str) -> np.n
     of_element = match is not None and key not in fields
     base = match[1] if match and of_element else key
     if base not in fields:
-        raise no_field(file, column, key, fields)
+        raise absent(file, column, "field", key, fields)
     values = np.asarray(fields[base])
     first = values[0].decode("latin-1") if isinstance(values[0], bytes) else values[0]
     if match and of_element:

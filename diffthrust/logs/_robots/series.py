@@ -68,25 +68,14 @@ def split_column(file: str, column: str) -> tuple[str, str]:
     return message, field
 
 
-def no_message(file: str, column: str, message: str, names: Iterable[str], word: str) -> InputError:
-    """The error for a message or topic that is not in the file."""
-    names = sorted(names)
-    near = nearest(message, names)
-    return InputError.at(
-        column_place(file, column),
-        f"expected the {word} {message!r}, found {listing(names)}.",
-        f"name a {word} of this log{'; ' + near if near else ''}.",
-    )
-
-
-def no_field(file: str, column: str, field: str, names: Iterable[str]) -> InputError:
-    """The error for a field that is not in the message."""
+def absent(file: str, column: str, what: str, name: str, names: Iterable[str]) -> InputError:
+    """The error for a topic or message that is not in the file, or a field not in a message."""
     names = list(names)
-    near = nearest(field, names)
+    near = nearest(name, names)
     return InputError.at(
         column_place(file, column),
-        f"expected a field {field!r}, found {listing(names)}.",
-        f"name a field of this message{'; ' + near if near else ''}.",
+        f"expected the {what} {name!r}, found {listing(names)}.",
+        f"name a {what} that is there{'; ' + near if near else ''}.",
     )
 
 

@@ -86,20 +86,13 @@ class Table:
 
         Takes the time stamps [s], ``(n,)``, and returns those that are kept.
         """
-        keep = window(stamps, start, stop)
-        first = 0.0 if start is None else start
-        last = "the end" if stop is None else f"{stop:g} s"
-        if not keep.any():
-            raise InputError(
-                f"{self.file}: expected samples from {first:g} s to {last} after the first, "
-                f"found none; the log lasts {stamps[-1] - stamps[0]:.6g} s.",
-                "choose start and stop inside the log.",
-            )
+        keep = window(stamps, start, stop, self.file)
         if not keep.all():
             self.keep(keep)
+            last = "the end" if stop is None else f"{stop:g} s"
             self.notes.append(
-                f"{int((~keep).sum())} of {keep.size} samples were cut, those outside {first:g} s "
-                f"to {last}."
+                f"{int((~keep).sum())} of {keep.size} samples were cut, those outside "
+                f"{start or 0.0:g} s to {last}."
             )
         return stamps[keep]
 
@@ -144,13 +137,4 @@ def damaged(path: Path, kind: str, error: Exception) -> InputError:
     return InputError(
         f"{path.name}: expected a {kind} file, found something that cannot be read ({reason}).",
         "check that the file is complete, and that its name ends as its content requires.",
-    )
-
-
-def twice(file: str, name: str, word: str) -> InputError:
-    """The error for a wanted column whose name occurs twice in the file."""
-    return InputError.at(
-        Place(file, name),
-        f"expected one {word} {name!r}, found several of that name.",
-        f"rename or remove the other {word}.",
     )
