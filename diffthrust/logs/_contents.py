@@ -23,16 +23,11 @@ from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other, text_
 
 @dataclass(frozen=True)
 class Contents:
-    """The contents of a file.
+    """The contents of a file, and its kind in words: ``"CSV table"``, ``"ROS 2 bag"``.
 
-    Args:
-        path: the file.
-        kind: readable kind: ``"CSV table"``, ``"ROS 2 bag"``.
-        messages: its fields have separate clocks; the file is read by `read_robot_log`.
-        fields: its columns or fields, in the order of the file; those of a table have one length.
-        notes: sentences on what was left out or is damaged.
-        sheet: the sheet of an Excel file with several sheets, to be passed to `read_log`.
-        parameters: settings of an autopilot by name, where its log has them.
+    Where ``messages`` have separate clocks it is read by `read_robot_log`; fields of a table
+    have one length. ``sheet`` is that of an Excel file with several, ``parameters`` are an
+    autopilot's settings.
     """
 
     path: Path

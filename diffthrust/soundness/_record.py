@@ -23,16 +23,10 @@ ANGLES = ("heading", "wind_direction")
 
 @dataclass(frozen=True)
 class Record:
-    """Channels of one log on an even grid.
+    """Channels of one log on an even grid of ``step`` [s], ``(n,)`` each; angles in rad, unwrapped.
 
-    Args:
-        name: of the log.
-        step: of the grid [s].
-        values: of each channel, ``(n,)``; angles in rad, without their jumps.
-        inputs: names of the channels that drive.
-        unsigned: names of the channels without a sign.
-        turns: of each angle that jumps, the size of its jumps as a word of ``TURNS``.
-        scales: what the columns of channels were multiplied by.
+    ``turns`` are the sizes of the jumps of angles, as words of ``TURNS``, and ``scales`` what
+    columns were multiplied by.
     """
 
     name: str

@@ -21,14 +21,9 @@ FIRMLY = 0.5
 
 @dataclass(frozen=True)
 class Pick:
-    """A column with its assumed meaning, and its role once it is chosen.
+    """A column with its assumed meaning; once chosen, its role: "input", "measured" or "time".
 
-    Args:
-        field: the column.
-        meaning: its assumed meaning.
-        role: "input", "measured" or "time".
-        unsigned: it holds the absolute value of a signed quantity.
-        alternatives: columns that may be the channel as well.
+    ``alternatives`` are columns that may be the channel as well.
     """
 
     field: Field
@@ -62,19 +57,11 @@ class Pick:
 
 @dataclass(frozen=True)
 class Choice:
-    """The model that suits a file, and its channels.
+    """The model that suits a file, and the column of each of its channels.
 
-    Args:
-        contents: the file.
-        columns: each field of it with its assumed meaning.
-        model: name of the model; None if none is suited.
-        channels: the column of each channel.
-        spare: further columns that the model or its effects may use.
-        time: the time column; None in a static table, and if messages have time stamps.
-        step: step of the rows [s] if their time stamps are too coarse.
-        doubts: open questions for the user, one sentence each.
-        held: parameters that this log cannot determine; the draft fixes them.
-        craft: the thrusters by the settings of an autopilot, where the model is a craft of them.
+    ``spare`` are columns that the model or its effects may use, ``held`` parameters that this
+    log cannot determine. ``time`` is None in a static table, and if messages have time stamps;
+    ``step`` [s] is that of rows whose stamps are too coarse.
     """
 
     contents: Contents

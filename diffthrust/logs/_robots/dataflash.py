@@ -43,15 +43,9 @@ _PAGE = 528
 
 @dataclass
 class Message:
-    """The messages of one kind.
+    """The messages of one kind: letter and name of each field, and offsets of the bodies.
 
-    Args:
-        name: of the kind.
-        letters: type of each field.
-        columns: names of the fields.
-        offsets: offsets of the bodies in the file.
-        instance: the field that identifies the sender; empty if there is none.
-        units: units of fields stated in the file.
+    ``instance`` is the field that identifies the sender, if there is one.
     """
 
     name: str

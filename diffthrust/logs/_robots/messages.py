@@ -51,14 +51,7 @@ class Gathered:
 
 
 class RobotContents(NamedTuple):
-    """What was read of a robot's log.
-
-    Args:
-        gathered: the messages.
-        notes: sentences on damage.
-        parameters: settings of an autopilot by name, as they were last written.
-        names: of all kinds of messages in the file.
-    """
+    """The messages read, notes on damage, settings of an autopilot, names of all messages."""
 
     gathered: list[Gathered]
     notes: list[str]

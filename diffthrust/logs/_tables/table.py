@@ -17,16 +17,10 @@ _MARKED = re.compile(r"'[+-]?[\d.,]*\d,\d[\d.,]*'")
 
 @dataclass
 class Table:
-    """The wanted columns of a file.
+    """The wanted columns of a file as numbers, ``(n,)`` each, NaN where a cell is empty.
 
-    Args:
-        file: name of the file, for messages.
-        columns: numbers by column name, each of shape (n,), NaN where the cell is empty.
-        rows: position of each sample in the file, shape (n,), counted from 1.
-        row_word: word for a row: ``"line"``, ``"row"`` or ``"element"``.
-        column_word: word for a column: ``"column"`` or ``"variable"``.
-        notes: sentences on how the file was read.
-        dates: the time column held dates or durations and is in seconds already.
+    ``rows`` are the positions of the samples in the file, counted from 1; with ``dates`` the time
+    column held dates or durations, and is in seconds already.
     """
 
     file: str
