@@ -39,10 +39,10 @@ class Contents:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
-def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
+def contents(path: str | PathLike[str]) -> Contents:
     """List everything in the file of a log; whatever cannot be read is skipped and noted.
 
-    Of an Excel file without a named sheet, the one with the largest table.
+    Of an Excel file, the sheet with the largest table.
     """
     file = Path(path)
     kind = kind_of(file)
@@ -50,7 +50,7 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
         fields, notes, parameters = all_fields(file, kind)
         word = kind.article.split(" ", 1)[1]
         return Contents(file, word, True, fields, notes, parameters=parameters)
-    source = open_table(file, kind, (), sheet, strict=False)
+    source = open_table(file, kind, (), strict=False)
     remarks = list(source.notes)
     columns = _columns(source, remarks)
     if not any(np.isfinite(field.values).any() for field in columns):

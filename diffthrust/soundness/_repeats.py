@@ -295,10 +295,10 @@ def width_as_written(log: Log, channel: str, width: float) -> float:
     return ShownUnits([log.written]).size(channel, width, log.units[channel]).value
 
 
-def value_shown(log: Log, channel: str, value: float, digits: int = 4) -> str:
+def value_shown(log: Log, channel: str, value: float) -> str:
     """A stored number as text, with the user's unit."""
     unit = ShownUnits([log.written]).unit(channel, log.units[channel])
-    return f"{number(as_written(log, channel, value), digits)} {unit}".rstrip()
+    return f"{number(as_written(log, channel, value), 4)} {unit}".rstrip()
 
 
 def width_shown(log: Log, channel: str, width: float) -> str:

@@ -81,7 +81,7 @@ class Dataflash:
         return np.ascontiguousarray(bodies).view(record).reshape(-1)
 
 
-def read_dataflash(path: Path, names: Collection[str] | None = None) -> RobotContents:
+def read_dataflash(path: Path, names: Collection[str] | None) -> RobotContents:
     """Read the messages of some names, or all that may be signals.
 
     Time stamps are ``TimeUS`` (``TimeMS`` in old logs), the autopilot's time since power-up.

@@ -15,7 +15,7 @@ from diffthrust.logs._units import unit_in
 _SETTING = "PARAM_VALUE"
 
 
-def read_telemetry(path: Path, names: Collection[str] | None = None) -> RobotContents:
+def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:
     """Read the messages of some names, or all that may be signals.
 
     Frames of MAVLink 1 and 2 are each preceded by their time of reception at the ground station

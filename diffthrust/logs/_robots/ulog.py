@@ -15,7 +15,7 @@ from diffthrust.logs._robots.series import lacking
 from diffthrust.logs._tables.table import damaged
 
 
-def read_ulog(path: Path, names: Collection[str] | None = None) -> RobotContents:
+def read_ulog(path: Path, names: Collection[str] | None) -> RobotContents:
     """Read the messages of some names, or all; time stamps count from the autopilot's power-up."""
     # pyulog parses only the named messages: a flight log has many more.
     log = _load(path, names)
