@@ -1,4 +1,4 @@
-"""Both ways through the readers of text: short files cell by cell, long ones in one go, in blocks.
+"""Both ways through the readers of text: short files cell by cell, long ones in blocks.
 
 How long a long file is, is a number of the readers; here it is set so that small files show both.
 """
@@ -15,11 +15,6 @@ LARGE = large_csv.LARGE
 """Bytes from which a file is read in blocks."""
 BadCell = dates.BadCell
 read_csv, seconds_of = csv.read_csv, dates.seconds_of
-
-
-def in_one_go(patch: pytest.MonkeyPatch, smallest: int = 0) -> None:
-    """Files of more cells than this are parsed as a whole."""
-    patch.setattr(csv, "SMALL", smallest)
 
 
 def in_blocks(patch: pytest.MonkeyPatch, *, never_whole: bool = False) -> None:

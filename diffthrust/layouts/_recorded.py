@@ -117,11 +117,6 @@ class RecordedLayout(Result):
 
 
 def vector(values: Iterable[float]) -> Vector:
-    """Three numbers of single precision, as parameters have them, without their last digits.
-
-    Example:
-        >>> vector((0.1599999964237213, -0.0, 1.0))
-        (0.16, 0.0, 1.0)
-    """
+    """Three numbers of single precision, as parameters have them, without their last digits."""
     x, y, z = (round(float(v), 6) + 0.0 for v in values)
     return x, y, z

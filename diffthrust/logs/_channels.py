@@ -7,13 +7,7 @@ from types import MappingProxyType
 
 @dataclass(frozen=True)
 class Channel:
-    """A standard channel of a log.
-
-    Args:
-        name: the name that models and logs use.
-        unit: the unit in which the library keeps its samples.
-        description: one line for people.
-    """
+    """A standard channel of a log: its name, the unit of its samples here, and what it is."""
 
     name: str
     unit: str

@@ -23,16 +23,11 @@ from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other, text_
 
 @dataclass(frozen=True)
 class Contents:
-    """The contents of a file.
+    """The contents of a file, and its kind in words: ``"CSV table"``, ``"ROS 2 bag"``.
 
-    Args:
-        path: the file.
-        kind: readable kind: ``"CSV table"``, ``"ROS 2 bag"``.
-        messages: its fields have separate clocks; the file is read by `read_robot_log`.
-        fields: its columns or fields, in the order of the file; those of a table have one length.
-        notes: sentences on what was left out or is damaged.
-        sheet: the sheet of an Excel file with several sheets, to be passed to `read_log`.
-        parameters: settings of an autopilot by name, where its log has them.
+    Where ``messages`` have separate clocks it is read by `read_robot_log`; fields of a table
+    have one length. ``sheet`` is that of an Excel file with several, ``parameters`` are an
+    autopilot's settings.
     """
 
     path: Path
@@ -44,10 +39,10 @@ class Contents:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
-def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
+def contents(path: str | PathLike[str]) -> Contents:
     """List everything in the file of a log; whatever cannot be read is skipped and noted.
 
-    Of an Excel file without a named sheet, the one with the largest table.
+    Of an Excel file, the sheet with the largest table.
     """
     file = Path(path)
     kind = kind_of(file)
@@ -55,7 +50,7 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
         fields, notes, parameters = all_fields(file, kind)
         word = kind.article.split(" ", 1)[1]
         return Contents(file, word, True, fields, notes, parameters=parameters)
-    source = open_table(file, kind, (), sheet, strict=False)
+    source = open_table(file, kind, (), strict=False)
     remarks = list(source.notes)
     columns = _columns(source, remarks)
     if not any(np.isfinite(field.values).any() for field in columns):

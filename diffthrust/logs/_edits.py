@@ -23,8 +23,11 @@ class LogEdits(ABC):
     inputs: Mapping[str, np.ndarray]
     measured: Mapping[str, np.ndarray]
     units: Mapping[str, str]
+    unsigned: frozenset[str]
     noise: Mapping[str, float]
     hold: Mapping[str, str]
+    rails: Mapping[str, tuple[float, float]]
+    censored: frozenset[str]
     name: str
     notes: tuple[str, ...]
 
@@ -59,13 +62,7 @@ class LogEdits(ABC):
             >>> round(log.slice(2.0, 5.0).duration, 2)
             3.0
         """
-        keep = window(self.time, start, stop)
-        if not keep.any():
-            raise InputError(
-                f"log {self.name!r}: expected samples from {start} to {stop} s after the start, "
-                f"found none; the log lasts {self.duration:.6g} s.",
-                "choose start and stop inside the log.",
-            )
+        keep = window(self.time, start, stop, f"log {self.name!r}")
         return self.replaced(
             time=self.time[keep],
             inputs={key: value[keep] for key, value in self.inputs.items()},
@@ -98,13 +95,7 @@ class LogEdits(ABC):
                 f"{start!r} to {stop!r}.",
                 "give both in seconds after the first sample, the earlier one first.",
             )
-        inside = window(self.time, start, stop)
-        if not inside.any():
-            raise InputError(
-                f"log {self.name!r}: expected samples between {start:g} and {stop:g} s, found "
-                f"none; it lasts {self.duration:.6g} s.",
-                "choose a stretch inside the log.",
-            )
+        inside = window(self.time, start, stop, f"log {self.name!r}")
         emptied = {n: np.where(inside, np.nan, values) for n, values in self.measured.items()}
         for channel, values in emptied.items():
             if np.isfinite(self.measured[channel]).any() and not np.isfinite(values).any():

@@ -26,16 +26,7 @@ _SHADE = "#E69F00"
 
 @dataclass(frozen=True)
 class Panel:
-    """One channel.
-
-    Args:
-        label: its name.
-        unit: of its numbers.
-        time: stamps [s], ``(n,)``.
-        values: ``(n,)``; NaN where missing.
-        driving: an input.
-        steps: it keeps its value until the next sample.
-    """
+    """One channel: stamps [s] and values, ``(n,)``; whether it drives, and keeps its value."""
 
     label: str
     unit: str

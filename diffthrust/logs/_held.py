@@ -162,11 +162,8 @@ def _irregular(
 ) -> bool:
     """Whether changes at irregular intervals are readings of a held sensor.
 
-    Args:
-        values: the channel, ``(n,)``.
-        new: places of its changes, ``(k,)``.
-        waits: samples from a change to the next, ``(m,)``.
-        unbroken: for each pair of neighbouring changes whether its wait is among them, ``(k-1,)``.
+    ``new`` are the places of the changes, ``waits`` the samples from one to the next, of those that
+    are ``unbroken`` by missing samples.
     """
     holds = waits >= 2
     if np.mean(holds) < _APART:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import file_digest, sha256
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
+
+from diffthrust.logs._edits import LogEdits
 
 
 @dataclass(frozen=True)
@@ -43,30 +43,7 @@ class LogIdentity:
     file: LogFile | None = None
 
 
-class _Recorded(Protocol):
-    """The fields of a log that enter its hash."""
-
-    @property
-    def time(self) -> np.ndarray: ...
-    @property
-    def inputs(self) -> Mapping[str, np.ndarray]: ...
-    @property
-    def measured(self) -> Mapping[str, np.ndarray]: ...
-    @property
-    def units(self) -> Mapping[str, str]: ...
-    @property
-    def unsigned(self) -> frozenset[str]: ...
-    @property
-    def noise(self) -> Mapping[str, float]: ...
-    @property
-    def hold(self) -> Mapping[str, str]: ...
-    @property
-    def rails(self) -> Mapping[str, tuple[float, float]]: ...
-    @property
-    def censored(self) -> frozenset[str]: ...
-
-
-def content_hash(log: _Recorded) -> str:
+def content_hash(log: LogEdits) -> str:
     """The sha256 of a log's content: the bits of its numbers, in the library's units.
 
     Name, notes and the order of channels do not count, and all NaN are equal.

@@ -15,33 +15,31 @@ class Kind:
     """A kind of file.
 
     Args:
-        word: a short name.
         article: what it is called in a sentence.
         messages: it holds messages, each with its own time stamp.
         begins: the first bytes of such a file.
         endings: suffixes, for formats without distinctive first bytes.
     """
 
-    word: str
     article: str
     messages: bool = False
     begins: tuple[bytes, ...] = ()
     endings: tuple[str, ...] = ()
 
 
-TEXT = Kind("text", "a table of text")
-PARQUET = Kind("parquet", "a Parquet file", begins=(b"PAR1",), endings=(".parquet",))
-EXCEL = Kind("excel", "an Excel file", begins=(b"PK\x03\x04",), endings=(".xlsx", ".xlsm"))
+TEXT = Kind("a table of text")
+PARQUET = Kind("a Parquet file", begins=(b"PAR1",), endings=(".parquet",))
+EXCEL = Kind("an Excel file", begins=(b"PK\x03\x04",), endings=(".xlsx", ".xlsm"))
 # MATLAB 7.3 puts a text header of 512 bytes in front of the signature of HDF5: `kind_of` looks
 # there.
-HDF5 = Kind("hdf5", "a MATLAB 7.3 or HDF5 file", begins=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3"))
-MAT = Kind("mat", "a MATLAB file", begins=(b"MATLAB 5.0",), endings=(".mat",))
-BAG = Kind("bag", "a ROS 2 bag", True, (b"SQLite format 3\0",), (".db3",))
-MCAP = Kind("mcap", "an MCAP file", True, (b"\x89MCAP0\r\n",), (".mcap",))
-BAG_1 = Kind("bag1", "a ROS 1 bag", True, (b"#ROSBAG V2.0",), (".bag",))
-DATAFLASH = Kind("dataflash", "an ArduPilot DataFlash log", True, (b"\xa3\x95\x80",), (".bin",))
-TELEMETRY = Kind("telemetry", "a MAVLink telemetry log", True, endings=(".tlog",))
-ULOG = Kind("ulog", "a PX4 ULog", True, (b"ULog\x01\x12\x35",), (".ulg",))
+HDF5 = Kind("a MATLAB 7.3 or HDF5 file", begins=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3"))
+MAT = Kind("a MATLAB file", begins=(b"MATLAB 5.0",), endings=(".mat",))
+BAG = Kind("a ROS 2 bag", True, (b"SQLite format 3\0",), (".db3",))
+MCAP = Kind("an MCAP file", True, (b"\x89MCAP0\r\n",), (".mcap",))
+BAG_1 = Kind("a ROS 1 bag", True, (b"#ROSBAG V2.0",), (".bag",))
+DATAFLASH = Kind("an ArduPilot DataFlash log", True, (b"\xa3\x95\x80",), (".bin",))
+TELEMETRY = Kind("a MAVLink telemetry log", True, endings=(".tlog",))
+ULOG = Kind("a PX4 ULog", True, (b"ULog\x01\x12\x35",), (".ulg",))
 
 _KINDS = (PARQUET, EXCEL, HDF5, MAT, BAG, MCAP, BAG_1, DATAFLASH, TELEMETRY, ULOG)
 _READ = (

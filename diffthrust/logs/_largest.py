@@ -14,14 +14,7 @@ _MB = 2**20
 
 
 class MemoryBudget:
-    """Bytes that a log may still take; reserved before they are allocated.
-
-    Args:
-        path: the file, which the message names.
-
-    Raises:
-        InputError: the environment variable for the limit is not a number.
-    """
+    """Bytes that a log may still take; reserved before they are allocated."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.name
@@ -34,11 +27,7 @@ class MemoryBudget:
         return self._most - self._taken
 
     def take(self, size: int) -> None:
-        """Reserve bytes.
-
-        Raises:
-            InputError: fewer are available.
-        """
+        """Reserve bytes; InputError if fewer are available."""
         self._taken += size
         if self._taken > self._most:
             # Rounded up: 512.3 MB against a limit of 512 would print as equal.

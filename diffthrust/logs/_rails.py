@@ -138,8 +138,8 @@ def _is_rail(
     # alone.
     if not extreme - remaining.max() <= _GAP * np.ptp(remaining):
         return False
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(np.int8), [0]])))
-    begins, lengths = edges[::2], edges[1::2] - edges[::2]
+    begins, ends = stretches(at)
+    lengths = ends - begins
     # Many visits suffice for a noisy sensor. One long stand needs the other channels as witnesses:
     # a vessel at its top speed stands at an extreme, too.
     if begins.size >= _VISITS and _repeats_too_often(values, at):
@@ -148,6 +148,12 @@ def _is_rail(
         _repeats_too_often(values, at) or _is_clipped(values, begins, lengths)
     )
     return stands and _companions_moved(at, drives, sensors)
+
+
+def stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where flags, ``(n,)``, begin to be set, and where they end to be."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return edges[::2], edges[1::2]
 
 
 def _repeats_too_often(values: np.ndarray, at: np.ndarray) -> bool:

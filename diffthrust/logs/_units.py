@@ -115,12 +115,7 @@ _SPELT = {
 
 
 def unit_in(header: str) -> str:
-    """The unit in a header: ``speed (rpm)``, ``speed [rpm]``, ``speed / rpm``; empty where none.
-
-    Example:
-        >>> unit_in("Thrust [kgf]"), unit_in("Motor (left)")
-        ('kgf', '')
-    """
+    """The unit in a header: ``speed (rpm)``, ``speed [rpm]``, ``speed / rpm``; empty where none."""
     match = _WRITTEN.search(header)
     if match is None:
         return ""
@@ -203,12 +198,7 @@ def same_quantity(unit: str, target: str) -> bool:
 
 
 def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | str) -> np.ndarray:
-    """Convert numbers of any shape to a new float64 array; ``where`` they come from, for messages.
-
-    Example:
-        >>> convert([60.0], "rpm", "rev/s", where="run1.csv, column 'n'")
-        array([1.])
-    """
+    """Convert numbers of any shape to a new float64 array; ``where`` is for messages."""
     numbers = np.array(values, dtype=np.float64)
     # A log in SI units is read without pint, whose import takes longer than the reading.
     if unit_from == unit_to and unit_from in _COMMON:
@@ -228,12 +218,7 @@ def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | s
 
 
 def convert_scale(value: float, unit_from: str, unit_to: str, *, where: Place | str) -> float:
-    """Convert a difference, such as a standard deviation: offsets of units cancel.
-
-    Example:
-        >>> round(convert_scale(1.8, "degF", "K", where="the sensor"), 6)
-        1.0
-    """
+    """Convert a difference, such as a standard deviation: offsets of units cancel."""
     scaled, zero = convert([1.0, 0.0], unit_from, unit_to, where=where)
     return float(value * (scaled - zero))
 

@@ -25,15 +25,7 @@ def check_time(time: np.ndarray, at: PlaceOf) -> None:
     """Raise InputError unless the time stamps are finite and strictly increasing."""
     if time.size == 0:
         raise InputError.at(at("time", None), "expected time stamps, found none.", "give samples.")
-    bad = np.flatnonzero(~np.isfinite(time))
-    if bad.size:
-        index = int(bad[0])
-        description = "none" if np.isnan(time[index]) else f"{time[index]}"
-        raise InputError.at(
-            at("time", index),
-            f"expected a time stamp, found {description}{more_like_it(bad.size)}.",
-            "complete the time stamp, or remove the sample.",
-        )
+    check_stamps(time, at)
     with np.errstate(all="ignore"):
         steps = np.diff(time)
     bad = np.flatnonzero(~(steps > 0))
@@ -52,6 +44,19 @@ def check_time(time: np.ndarray, at: PlaceOf) -> None:
             at("time", None),
             "the time stamps span more than numbers can hold.",
             "check the unit of the time.",
+        )
+
+
+def check_stamps(time: np.ndarray, at: PlaceOf) -> None:
+    """Raise InputError unless the time stamps are finite."""
+    bad = np.flatnonzero(~np.isfinite(time))
+    if bad.size:
+        index = int(bad[0])
+        description = "none" if np.isnan(time[index]) else f"{time[index]}"
+        raise InputError.at(
+            at("time", index),
+            f"expected a time stamp, found {description}{more_like_it(bad.size)}.",
+            "complete the time stamp, or remove the sample.",
         )
 
 
@@ -151,8 +156,8 @@ def gap_note(time: np.ndarray) -> str | None:
     return f"time: {many} of {listed} from the start; the usual step is {usual:.3g} s."
 
 
-def window(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
-    """Mark the samples from start to stop, in seconds after the first time stamp: ``(n,)``."""
+def window(time: np.ndarray, start: float | None, stop: float | None, where: str) -> np.ndarray:
+    """Mark the samples from start to stop [s after the first], ``(n,)``; InputError if none is."""
     with np.errstate(all="ignore"):
         elapsed = time - time[0]
     keep = np.ones(time.size, dtype=bool)
@@ -161,6 +166,13 @@ def window(time: np.ndarray, start: float | None, stop: float | None) -> np.ndar
         keep &= elapsed >= start - 1e-9 * max(1.0, abs(start))
     if stop is not None:
         keep &= elapsed <= stop + 1e-9 * max(1.0, abs(stop))
+    if not keep.any():
+        last = "the end" if stop is None else f"{stop:g} s"
+        raise InputError(
+            f"{where}: expected samples from {start or 0.0:g} to {last} after the first, found "
+            f"none; the log lasts {elapsed[-1]:.6g} s.",
+            "choose start and stop inside the log.",
+        )
     return keep
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust._support.words import number
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._mends import FACTORS, UNITS, sign_line, unit_line
+from diffthrust.soundness._mends import UNITS, sign_line, unit_factors, unit_line
 from diffthrust.soundness._record import Record
 from diffthrust.soundness._ties import DRIVE, PHYSICS, Tie
 
@@ -110,12 +110,8 @@ def _scaled(
 
 def _known(channel: str, size: float) -> str:
     """The unit in which numbers are larger by this logarithm than in the unit written."""
-    unit_name = UNITS.get(channel, "")
-    for unit, factor in FACTORS.get(unit_name, ()):
-        for name, due in ((unit, -np.log(factor)), (f"{unit_name}, not {unit}", np.log(factor))):
-            if abs(size - due) < _KNOWN:
-                return name
-    return ""
+    units = unit_factors(channel).items()
+    return next((unit for unit, scale in units if abs(size + np.log(scale)) < _KNOWN), "")
 
 
 def _shifted(r: Record, gains: Sequence[dict[tuple[str, str], Tie]], i: int) -> Iterator[Doubt]:

@@ -42,13 +42,7 @@ Frames = Mapping[str, str]
 
 
 class _Relation(NamedTuple):
-    """Something that the readings must obey.
-
-    Args:
-        words: what is wrong where they do not.
-        number: by which that is seen.
-        together: 1 where they obey, -1 where they do the opposite.
-    """
+    """Whether readings obey (1 to -1), what is wrong where they do not, and by which number."""
 
     words: str
     number: str

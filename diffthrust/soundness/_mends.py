@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,47 +54,26 @@ SIGNED = (
 """Channels whose sign may be another convention's; where two would do, the first is named."""
 
 
-@dataclass(frozen=True)
-class Mend:
-    """What undoes one mistake.
-
-    Args:
-        kind: of the doubt.
-        channels: that are wrong; the first is named.
-        reading: of the channels, without the mistake.
-        record: as it would be without the mistake.
-    """
-
-    kind: str
-    channels: tuple[str, ...]
-    reading: Reading
-    record: Record
+Mend = tuple[str, Reading]
+"""The kind of a mistake, and how its channels are read without it; the first of them is named."""
 
 
 def signs(r: Record) -> Iterator[Mend]:
     """One channel with the other sign."""
     for channel in SIGNED:
         if r.has(channel) and channel not in r.unsigned:
-            changed = r.taking(**{channel: -r.values[channel]})
-            reading = Reading(
-                f"the sign of {channel} turned",
-                sign_line(channel, r.scales.get(channel, 1.0)),
-                {channel: (channel, -1.0)},
-            )
-            yield Mend("sign", (channel,), reading, changed)
+            line = sign_line(channel, r.scales.get(channel, 1.0))
+            words = f"the sign of {channel} turned"
+            yield "sign", Reading(words, line, {channel: (channel, -1.0)})
 
 
 def exchanges(r: Record) -> Iterator[Mend]:
     """Two channels in each other's place."""
     for first, second in PAIRS:
         if first in r.values and second in r.values:
-            changed = r.taking(**{first: r.values[second], second: r.values[first]})
-            reading = Reading(
-                f"{first} and {second} exchanged",
-                exchange_line(first, second),
-                {first: (second, 1.0), second: (first, 1.0)},
-            )
-            yield Mend("exchanged", (first, second), reading, changed)
+            words, line = f"{first} and {second} exchanged", exchange_line(first, second)
+            places = {first: (second, 1.0), second: (first, 1.0)}
+            yield "exchanged", Reading(words, line, places)
 
 
 STEPS = (1e-4, 2.0)
@@ -104,34 +82,32 @@ STEPS = (1e-4, 2.0)
 
 def clocks(r: Record, ratio: float) -> Iterator[Mend]:
     """Time that runs ``ratio`` times too fast, where its true step is one of a log."""
-    step = r.step * ratio
-    if not STEPS[0] <= step <= STEPS[1]:
+    if not STEPS[0] <= r.step * ratio <= STEPS[1]:
         return
-    for unit, scale in FACTORS["s"]:
-        for name, due in ((unit, scale), (f"s, not {unit}", 1 / scale)):
-            if abs(np.log(ratio / due)) < 0.15:
-                yield _scaled(r, "time", name, due)
-                return
+    for unit, scale in unit_factors("time").items():
+        if abs(np.log(ratio / scale)) < 0.15:
+            yield "time_base", unit_reading("time", unit, scale)
+            return
     words = f"time {ratio:.4g} times as long"
-    reading = Reading(words, clock_line(ratio), {"time": ("time", ratio)})
-    yield Mend("time_base", ("time",), reading, replace(r, step=step))
+    yield "time_base", Reading(words, clock_line(ratio), {"time": ("time", ratio)})
 
 
 def rescaled(r: Record) -> Iterator[Mend]:
     """One channel in another unit; and the reverse, a unit given that it has not."""
     for channel in r.values:
-        for true, factor in FACTORS.get(UNITS.get(channel, ""), ()):
-            unit_in_use = UNITS[channel]
-            for unit, scale in ((true, factor), (f"{unit_in_use}, not {true}", 1 / factor)):
-                yield _scaled(r, channel, unit, scale)
+        for unit, scale in unit_factors(channel).items():
+            yield "unit", unit_reading(channel, unit, scale)
 
 
-def _scaled(r: Record, channel: str, unit: str, scale: float) -> Mend:
-    reading = unit_reading(channel, unit, scale)
-    if channel == "time":
-        return Mend("time_base", ("time",), reading, replace(r, step=r.step * scale))
-    changed = r.taking(**{channel: r.values[channel] * scale})
-    return Mend("unit", (channel,), reading, changed)
+def unit_factors(channel: str) -> dict[str, float]:
+    """The units that a channel may be in instead, and what one of each is in the present one.
+
+    Where it has one of these by mistake, the unit is such as ``"rad, not deg"``.
+    """
+    present, factors = UNITS.get(channel, ""), {}
+    for unit, factor in FACTORS.get(present, ()):
+        factors |= {unit: factor, f"{present}, not {unit}": 1 / factor}
+    return factors
 
 
 def unit_reading(channel: str, unit: str, scale: float) -> Reading:
@@ -141,12 +117,9 @@ def unit_reading(channel: str, unit: str, scale: float) -> Reading:
 
 
 def named_unit(channel: str, unit: str) -> tuple[Reading, ...]:
-    """The reading of a channel in a unit of ``FACTORS``, or ``"rad, not deg"``; none without."""
-    factors = dict(FACTORS.get(UNITS.get(channel, ""), ()))
-    wanted, _, wrong = unit.partition(", not ")
-    if wrong in factors:
-        return (unit_reading(channel, unit, 1 / factors[wrong]),)
-    return (unit_reading(channel, unit, factors[wanted]),) if wanted in factors else ()
+    """The reading of a channel in one of its `unit_factors`; none in any other unit."""
+    scale = unit_factors(channel).get(unit)
+    return () if scale is None else (unit_reading(channel, unit, scale),)
 
 
 def clock_line(ratio: float) -> str:

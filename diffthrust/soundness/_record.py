@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diffthrust.logs._log import Log
+from diffthrust.soundness._doubt import Reading
 
 _POINTS = 2048
 """Largest number of points on which relations are examined (means of longer logs)."""
@@ -22,16 +23,10 @@ ANGLES = ("heading", "wind_direction")
 
 @dataclass(frozen=True)
 class Record:
-    """Channels of one log on an even grid.
+    """Channels of one log on an even grid of ``step`` [s], ``(n,)`` each; angles in rad, unwrapped.
 
-    Args:
-        name: of the log.
-        step: of the grid [s].
-        values: of each channel, ``(n,)``; angles in rad, without their jumps.
-        inputs: names of the channels that drive.
-        unsigned: names of the channels without a sign.
-        turns: of each angle that jumps, the size of its jumps as a word of ``TURNS``.
-        scales: what the columns of channels were multiplied by.
+    ``turns`` are the sizes of the jumps of angles, as words of ``TURNS``, and ``scales`` what
+    columns were multiplied by.
     """
 
     name: str
@@ -51,9 +46,12 @@ class Record:
         """Whether all these channels are there, and move."""
         return all(c in self.values and np.ptp(self.values[c]) > 0 for c in channels)
 
-    def taking(self, **values: np.ndarray) -> Record:
-        """The record with other values of some channels."""
-        return replace(self, values={**self.values, **values})
+    def under(self, reading: Reading) -> Record:
+        """The record where channels are read so."""
+        sources = dict(reading.sources)
+        _, clock = sources.pop("time", ("time", 1.0))
+        values = {name: factor * self.values[source] for name, (source, factor) in sources.items()}
+        return replace(self, step=clock * self.step, values={**self.values, **values})
 
 
 def stretch(log: Log) -> Log:

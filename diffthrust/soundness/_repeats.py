@@ -11,8 +11,8 @@ from diffthrust._support.correlation import lag_one
 from diffthrust._support.words import joined, number
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import Railed
+from diffthrust.logs._written import ShownUnits
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._shown import as_written, value_shown, width_as_written, width_shown
 
 _LEAST = 20
 """Samples of one value from which on a sensor may be stuck or clipped."""
@@ -283,3 +283,25 @@ def _swings(values: np.ndarray) -> bool:
 def _span(values: np.ndarray) -> float:
     finite = values[np.isfinite(values)]
     return float(np.ptp(finite)) if finite.size else 0.0
+
+
+def as_written(log: Log, channel: str, value: float) -> float:
+    """A stored number in the unit in which the user wrote the channel."""
+    return float(ShownUnits([log.written]).values(channel, value, log.units[channel]))
+
+
+def width_as_written(log: Log, channel: str, width: float) -> float:
+    """A difference of two stored numbers in that unit."""
+    return ShownUnits([log.written]).size(channel, width, log.units[channel]).value
+
+
+def value_shown(log: Log, channel: str, value: float) -> str:
+    """A stored number as text, with the user's unit."""
+    unit = ShownUnits([log.written]).unit(channel, log.units[channel])
+    return f"{number(as_written(log, channel, value), 4)} {unit}".rstrip()
+
+
+def width_shown(log: Log, channel: str, width: float) -> str:
+    """A difference of two stored numbers as text, with the user's unit."""
+    value, unit = ShownUnits([log.written]).size(channel, width, log.units[channel])
+    return f"{number(value, 3)} {unit}".rstrip()

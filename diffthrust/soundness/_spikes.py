@@ -8,8 +8,9 @@ import numpy as np
 
 from diffthrust._support.words import number
 from diffthrust.logs._log import Log
+from diffthrust.logs._rails import stretches
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._shown import as_written, width_shown
+from diffthrust.soundness._repeats import as_written, width_shown
 
 _CODES = (
     *(-1.0, -9.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -2147483648.0),
@@ -72,9 +73,8 @@ def _jumps(
     high = height > max(_FAR * span, usual)
     levels, counts = np.unique(values[high], return_counts=True)
     for value, count in zip(levels, counts, strict=True):
-        written = _coded(log, channel, float(value))
         beyond = height[high & (values == value)].min() > 2 * max(span, 1e-12)
-        coded = any(abs(written - code) < 1e-6 * abs(code) for code in _CODES) and beyond
+        coded = _is_code(_coded(log, channel, float(value))) and beyond
         # zeros and other repeated numbers: sensors do not jump there and back, commands may
         repeated = count >= 3 and measured
         if not (coded or repeated):
@@ -102,8 +102,8 @@ def _block(log: Log, channel: str, values: np.ndarray) -> np.ndarray | None:
     """Where a code lasts for some samples, entered and left by jumps; ``None`` if none does."""
     lasting = values[1:][values[1:] == values[:-1]]
     for value in np.unique(lasting):
-        written, coded = _coded(log, channel, float(value)), values == value
-        is_code = any(abs(written - code) < 1e-6 * abs(code) for code in _CODES if abs(code) >= 90)
+        coded = values == value
+        is_code = _is_code(_coded(log, channel, float(value)), 90)
         if not is_code or not 3 <= coded.sum() < 0.5 * values.size:
             continue
         remaining = values[~coded]
@@ -115,10 +115,9 @@ def _block(log: Log, channel: str, values: np.ndarray) -> np.ndarray | None:
 
 def _dropout(log: Log, where: np.ndarray, values: np.ndarray) -> np.ndarray | None:
     """Where a channel is 0 for a while, entered and left by jumps, while the drive goes on."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], (values == 0).astype(int), [0]])))
     far = _FAR * float(np.quantile(np.abs(values), 0.95))
     away = np.zeros(values.size, bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in zip(*stretches(values == 0), strict=True):
         if end - begin <= _ALONE or begin == 0 or end == values.size:
             continue
         if min(abs(values[begin - 1]), abs(values[end])) > far:
@@ -178,6 +177,10 @@ def _coded(log: Log, channel: str, value: float) -> float:
     """A stored number as it stands in the column."""
     way = log.written.get(channel)
     return as_written(log, channel, value) / (way.scale if way is not None else 1.0)
+
+
+def _is_code(written: float, least: float = 0.0) -> bool:
+    return any(abs(written - c) < 1e-6 * abs(c) for c in _CODES if abs(c) >= least)
 
 
 def _first(log: Log, where: np.ndarray, chosen: np.ndarray) -> float:

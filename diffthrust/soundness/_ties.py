@@ -58,7 +58,7 @@ class Tie:
 
 def ties(r: Record) -> tuple[Tie, ...]:
     """Every tie that the channels of a record allow and that moves enough to tell something."""
-    tied = (*_geometry(r), *_physics(r), *(_driven(r, *drive) for drive in _drives(r)))
+    tied = (*_geometry(r), *_physics(r), *(_driven(*drive) for drive in _drives(r)))
     return tuple(tie for tie in tied if np.isfinite(tie.together))
 
 
@@ -164,13 +164,17 @@ def _tie(
     equal: bool,
     kind: str = GEOMETRY,
 ) -> Tie:
-    x, y = due - due.mean(), seen - seen.mean()
-    xx, yy = float(x @ x), float(y @ y)
-    moves = xx > 0 and yy > 0
-    together = float(x @ y) / np.sqrt(xx * yy) if moves else np.nan
+    together = correlation(due, seen)
     # neither side is without noise: the ratio of what they swing, not a regression
-    gain = float(np.sign(together) * np.sqrt(yy / xx)) if moves else np.nan
+    gain = float(np.sign(together) * seen.std() / due.std()) if np.isfinite(together) else np.nan
     return Tie(channel, others, words, kind, together, gain, powers, seen, due, equal)
+
+
+def correlation(first: np.ndarray, second: np.ndarray) -> float:
+    """The correlation of two series, ``(n,)`` each; not a number where one does not move."""
+    x, y = first - first.mean(), second - second.mean()
+    power = float(x @ x) * float(y @ y)
+    return float(x @ y) / power**0.5 if power > 0 else np.nan
 
 
 LAGS = (0.0, 2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
@@ -178,7 +182,6 @@ LAGS = (0.0, 2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
 
 
 def _driven(
-    r: Record,
     channel: str,
     others: tuple[str, ...],
     words: str,

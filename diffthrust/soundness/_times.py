@@ -9,11 +9,12 @@ import numpy as np
 from diffthrust._support.correlation import covariance
 from diffthrust._support.words import number
 from diffthrust.logs._log import Log
+from diffthrust.logs._rails import stretches
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._mends import STEPS, clock_line, unit_line
 from diffthrust.soundness._record import Record
-from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie, less, trailing
+from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie, correlation, trailing
 
 _GAP = 20.0
 """Times the median step from which on a step is a gap; of samples at random times one in 1e6 is."""
@@ -40,9 +41,9 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
         lost = ~np.isfinite(values)
         if not lost.any():
             continue
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(int), [0]])))
-        lengths = edges[1::2] - edges[::2]
-        inside = lengths[(edges[::2] > 0) & (edges[1::2] < values.size)]
+        begins, ends = stretches(lost)
+        lengths = ends - begins
+        inside = lengths[(begins > 0) & (ends < values.size)]
         usual = float(np.median(lengths)) if lengths.size > 4 else 1.0
         if inside.size and inside.max() > max(20, 10 * usual, 0.03 * values.size):
             yield Doubt(
@@ -138,20 +139,14 @@ def _took(r: Record, tie: Tie) -> float:
     if tie.kind != DRIVE or not tie.together > _FIRM:
         return np.nan
     lags = tuple(_DENSE[tie.seen.size / 6 > _DENSE])
-    mean = np.ones((tie.seen.size, 1)) / tie.seen.size**0.5
-    y = less(mean, tie.seen)
-    fits = np.array([_together(less(mean, x), y) for x in trailing(tie.drive, lags)])
+    fits = np.array([correlation(due, tie.seen) for due in trailing(tie.drive, lags)])
+    fits[np.isnan(fits)] = -1.0
     best = int(np.argmax(fits))
     if not 0 < best < fits.size - 1 or not fits[best] > _FIRM:
         return np.nan
     lower, middle, upper = fits[best - 1 : best + 2]
     offset = 0.5 * (lower - upper) / (lower - 2 * middle + upper)
     return float(lags[best] * (lags[1] / lags[0]) ** offset * r.step)
-
-
-def _together(x: np.ndarray, y: np.ndarray) -> float:
-    xx, yy = float(x @ x), float(y @ y)
-    return float(x @ y) / np.sqrt(xx * yy) if xx > 0 and yy > 0 else -1.0
 
 
 _OPEN = 0.03
@@ -206,8 +201,7 @@ def _shift(tie: Tie) -> tuple[int, float]:
         return 0, tie.together
     late, early = max(shift, 0), max(-shift, 0)
     measured, due = tie.seen[late : tie.seen.size - early], tie.due[early : tie.due.size - late]
-    after = float(np.corrcoef(measured, due)[0, 1])
-    baseline = float(np.corrcoef(tie.seen, tie.due)[0, 1]) if tie.kind == DRIVE else tie.together
+    after, baseline = correlation(measured, due), correlation(tie.seen, tie.due)
     clear = after > (_CLEAR if tie.kind != GEOMETRY else 0.95)
     halved = 1 - after**2 < _HALVED * (1 - max(baseline, tie.together) ** 2)
     return (shift, after) if clear and halved else (0, tie.together)

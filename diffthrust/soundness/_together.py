@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from diffthrust.soundness._doubt import Doubt, Reading
-from diffthrust.soundness._mends import STEPS, Mend, clocks, exchanges, rescaled, signs
+from diffthrust.soundness._mends import STEPS, clocks, exchanges, rescaled, signs
 from diffthrust.soundness._record import Record
 from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie, ties
 
@@ -30,7 +30,7 @@ _RIGHT = 1.15
 
 def misplaced(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     """Doubts on signs, exchanged channels and units, from the ties of one log."""
-    broken = [tie for tie in tied if is_broken(tie)]
+    broken = [tie for tie in tied if _is_broken(tie)]
     if not broken:
         return
     rated = []
@@ -39,50 +39,39 @@ def misplaced(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     similar = len(shared) > 1 and max(shared) < _RIGHT * min(shared)
     odd = not STEPS[0] <= r.step <= STEPS[1]
     timed = [*clocks(r, 1 / float(np.median(shared)))] if shared and (similar or odd) else []
-    for mend in (*timed, *signs(r), *exchanges(r), *rescaled(r)):
-        if not any(c in tie.powers or c in tie.others for tie in broken for c in mend.channels):
+    for kind, reading in (*timed, *signs(r), *exchanges(r), *rescaled(r)):
+        if not any(c in tie.powers or c in tie.others for tie in broken for c in reading.sources):
             continue
-        after = {_key(tie): tie for tie in ties(mend.record)}
+        after = _by_key(ties(r.under(reading)))
         mended = [tie for tie in broken if _holds(after.get(_key(tie)))]
-        spoilt = [t for t in tied if not is_broken(t) and _worse(t, after.get(_key(t)))]
-        if mend.kind == "unit" and all(tie.kind == DRIVE for tie in mended):
+        spoilt = [t for t in tied if not _is_broken(t) and _worse(t, after.get(_key(t)))]
+        if kind == "unit" and all(tie.kind == DRIVE for tie in mended):
             continue  # a drive tells the direction only
         if mended and not spoilt:
             quality = sum(after[_key(tie)].together for tie in tied if _key(tie) in after)
-            rated.append((len(mended), quality, mend, mended, after))
+            rated.append((len(mended), quality, kind, reading, mended, after))
     if not rated:
         return
     most = max(count for count, *_ in rated)
     best = [row for row in rated if row[0] == most]
     best = [row for row in best if row[1] > max(quality for _, quality, *_ in best) - 0.1]
-    _, _, mend, mended, after = best[0]
-    rivals = [rival for _, _, rival, *_ in best[1:]]
-    yield _doubt(r, mend, mended, after, rivals)
-
-
-def _doubt(
-    r: Record, mend: Mend, mended: list[Tie], after: dict[tuple[str, str], Tie], rivals: list[Mend]
-) -> Doubt:
+    _, _, kind, reading, mended, after = best[0]
     improved = [_improvement(tie, after[_key(tie)]) for tie in mended[:2]]
-    evidence = f"{r.name}: {'; '.join(improved)}."
-    line, readings = mend.reading.line, [mend.reading, *(rival.reading for rival in rivals)]
+    evidence, line = f"{r.name}: {'; '.join(improved)}.", reading.line
+    rivals = [(row[2], row[3]) for row in best[1:]]
     if rivals:
-        evidence += f" The same would follow from {' or '.join(map(_named, rivals[:2]))}."
-        line += f" Or: {rivals[0].reading.line}"
-    return Doubt(mend.channels[0], mend.kind, evidence, line, tuple(readings))
+        named = [_named(*rival) for rival in rivals[:2]]
+        evidence += f" The same would follow from {' or '.join(named)}."
+        line += f" Or: {rivals[0][1].line}"
+    readings = (reading, *(rival for _, rival in rivals))
+    yield Doubt(next(iter(reading.sources)), kind, evidence, line, readings)
 
 
 def contradicts(r: Record, tied: Sequence[Tie], reading: Reading) -> bool:
     """Whether a log speaks against a reading that other logs ask for: what holds in it breaks."""
-    taken = {name: r.values.get(source) for name, (source, _) in reading.sources.items()}
-    if any(values is None for values in taken.values()):  # the time, or a channel it lacks
-        return True
-    scaled = {
-        name: reading.sources[name][1] * values
-        for name, values in taken.items()
-        if values is not None
-    }
-    after = {_key(tie): tie for tie in ties(r.taking(**scaled))}
+    if not {source for source, _ in reading.sources.values()} <= set(r.values):
+        return True  # the time, or a channel it lacks
+    after = _by_key(ties(r.under(reading)))
     return any(_holds(tie) and _worse(tie, after.get(_key(tie))) for tie in tied)
 
 
@@ -99,18 +88,21 @@ def _improvement(tie: Tie, after: Tie) -> str:
     )
 
 
-def _named(mend: Mend) -> str:
-    one, *two = mend.channels
-    if mend.kind == "exchanged":
-        return f"{one} and {two[0]} exchanged"
-    return f"{'the sign' if mend.kind == 'sign' else 'the unit'} of {one}"
+def _named(kind: str, reading: Reading) -> str:
+    if kind == "exchanged":
+        return reading.words
+    return f"the {'sign' if kind == 'sign' else 'unit'} of {next(iter(reading.sources))}"
 
 
 def _key(tie: Tie) -> tuple[str, str]:
     return tie.channel, tie.words
 
 
-def is_broken(tie: Tie) -> bool:
+def _by_key(tied: Sequence[Tie]) -> dict[tuple[str, str], Tie]:
+    return {_key(tie): tie for tie in tied}
+
+
+def _is_broken(tie: Tie) -> bool:
     """Whether a tie is broken in a way that no noise explains."""
     if tie.together < _OPPOSED:
         return True
@@ -130,7 +122,7 @@ def _holds(tie: Tie | None) -> bool:
 
 def _worse(baseline: Tie, tie: Tie | None) -> bool:
     """Whether a tie that held is broken, or no longer says what it said."""
-    if tie is None or is_broken(tie) or tie.together < baseline.together - 0.2:
+    if tie is None or _is_broken(tie) or tie.together < baseline.together - 0.2:
         return True
     off = abs(np.log(abs(tie.gain))) - abs(np.log(abs(baseline.gain)))
     return baseline.equal and off > 0.1

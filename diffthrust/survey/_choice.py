@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,48 +21,51 @@ FIRMLY = 0.5
 
 @dataclass(frozen=True)
 class Pick:
-    """A column chosen for a channel.
+    """A column with its assumed meaning; once chosen, its role: "input", "measured" or "time".
 
-    Args:
-        field: the column.
-        meaning: its assumed meaning.
-        role: "input" or "measured".
-        unsigned: it holds the absolute value of a signed quantity.
-        doubts: other possible readings, one sentence each.
-        alternatives: columns that may be the channel as well.
+    ``alternatives`` are columns that may be the channel as well.
     """
 
     field: Field
     meaning: Meaning
-    role: str
+    role: str = ""
     unsigned: bool = False
-    doubts: tuple[str, ...] = ()
     alternatives: tuple[str, ...] = ()
 
-    def doubted(self, *words: str) -> Pick:
-        """The same pick with further doubts."""
-        return replace(self, doubts=(*self.doubts, *words))
+    def chosen(self, role: str, rivals: Sequence[Pick] = ()) -> Pick:
+        """The same in a role, for which the rivals were candidates, too."""
+        names = tuple(r.field.name for r in rivals if r.field is not self.field)
+        return replace(self, role=role, alternatives=names)
+
+    def meant(self, **changes: Any) -> Pick:
+        """The same with another meaning."""
+        return replace(self, meaning=replace(self.meaning, **changes))
+
+    def doubted(self, word: str) -> Pick:
+        """The same with a further doubt."""
+        return self.meant(doubts=(*self.meaning.doubts, word))
+
+    def turned(self, word: str) -> Pick:
+        """The same with the other sign, and the doubt on it."""
+        return self.meant(scale=-self.meaning.scale).doubted(word)
+
+    @property
+    def stop(self) -> float:
+        """The number at which a drive stands still."""
+        return self.meaning.pwm.stop if self.meaning.pwm else 0.0
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The model that suits a file, and its channels.
+    """The model that suits a file, and the column of each of its channels.
 
-    Args:
-        contents: the file.
-        meanings: the assumed meaning of each field.
-        model: name of the model; None if none is suited.
-        channels: the column of each channel.
-        spare: further columns that the model or its effects may use.
-        time: the time column; None in a static table, and if messages have time stamps.
-        step: step of the rows [s] if their time stamps are too coarse.
-        doubts: open questions for the user, one sentence each.
-        held: parameters that this log cannot determine; the draft fixes them.
-        craft: the thrusters by the settings of an autopilot, where the model is a craft of them.
+    ``spare`` are columns that the model or its effects may use, ``held`` parameters that this
+    log cannot determine. ``time`` is None in a static table, and if messages have time stamps;
+    ``step`` [s] is that of rows whose stamps are too coarse.
     """
 
     contents: Contents
-    meanings: tuple[Meaning, ...]
+    columns: tuple[Pick, ...]
     model: str | None = None
     channels: Mapping[str, Pick] = field(default_factory=dict)
     spare: Mapping[str, Pick] = field(default_factory=dict)
@@ -70,6 +74,10 @@ class Choice:
     doubts: tuple[str, ...] = ()
     held: tuple[str, ...] = ()
     craft: RecordedLayout | None = None
+
+    def doubted(self, *words: str) -> Choice:
+        """The same with further doubts."""
+        return replace(self, doubts=(*self.doubts, *words))
 
     @property
     def static(self) -> bool:
@@ -90,42 +98,40 @@ class Choice:
 class Pool:
     """The columns by quantity: moving columns first, then by certainty."""
 
-    def __init__(self, fields: Sequence[Field], meanings: Sequence[Meaning]) -> None:
-        self.by: dict[str, list[tuple[Field, Meaning]]] = {}
-        for column, meaning in zip(fields, meanings, strict=True):
-            if meaning.quantity and numbers_of(column.values).size:
-                self.by.setdefault(meaning.quantity, []).append((column, meaning))
-        for pairs in self.by.values():
-            pairs.sort(
+    def __init__(self, columns: Sequence[Pick]) -> None:
+        self.by: dict[str, list[Pick]] = {}
+        for pick in columns:
+            if pick.meaning.quantity and numbers_of(pick.field.values).size:
+                self.by.setdefault(pick.meaning.quantity, []).append(pick)
+        for picks in self.by.values():
+            picks.sort(
                 # A constant column is a setting or a dead sensor, and "relative" a copy of a time
                 # stamp or a position counted from its first value.
-                key=lambda p: (not varies(p[0].values), "relative" in p[0].name, _RANK[p[1].sure])
+                key=lambda p: (
+                    not varies(p.field.values),
+                    "relative" in p.field.name,
+                    _RANK[p.meaning.sure],
+                )
             )
 
-    def all(self, quantity: str, *, moving: bool = False) -> list[tuple[Field, Meaning]]:
-        pairs = self.by.get(quantity, [])
-        return [p for p in pairs if not moving or varies(p[0].values)]
+    def all(self, quantity: str, *, moving: bool = False) -> list[Pick]:
+        picks = self.by.get(quantity, [])
+        return [p for p in picks if not moving or varies(p.field.values)]
 
     def pick(self, quantity: str, role: str) -> Pick | None:
         """The most likely column of a quantity; a measured one must vary."""
-        pairs = self.all(quantity, moving=role == "measured")
-        if not pairs:
-            return None
-        column, meaning = pairs[0]
-        alternatives = [rival.name for rival, _ in pairs[1:]]
-        return Pick(column, meaning, role, doubts=meaning.doubts, alternatives=tuple(alternatives))
+        picks = self.all(quantity, moving=role == "measured")
+        return picks[0].chosen(role, picks) if picks else None
 
-    def picks(self, quantities: Sequence[str], role: str) -> dict[str, Pick]:
+    def picks(self, quantities: Iterable[str], role: str) -> dict[str, Pick]:
         picks = {name: self.pick(name, role) for name in quantities}
         return {name: pick for name, pick in picks.items() if pick is not None}
 
     def sides(self, quantity: str) -> tuple[Pick, Pick] | None:
         """The left and the right column of a quantity."""
-        picks = []
-        for side in ("left", "right"):
-            pairs = [p for p in self.all(quantity) if p[1].side == side]
-            if not pairs:
-                return None
-            column, meaning = pairs[0]
-            picks.append(Pick(column, meaning, "input", doubts=meaning.doubts))
-        return picks[0], picks[1]
+        picks = self.all(quantity)
+        left, right = (
+            next((p.chosen("input") for p in picks if p.meaning.side == side), None)
+            for side in ("left", "right")
+        )
+        return (left, right) if left and right else None

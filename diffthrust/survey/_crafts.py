@@ -48,17 +48,7 @@ _GUESSED = ("surge", "sway", "yaw_rate", "north", "east", "heading")
 
 
 def craft_choice(pool: Pool, plain: Choice, layout: RecordedLayout) -> Choice:
-    """The craft of an autopilot's settings, where the log has its commands and its motion.
-
-    Args:
-        pool: the columns by quantity.
-        plain: the file.
-        layout: its thrusters.
-
-    Returns:
-        The choice with the model "craft"; without a model and with a doubt where commands are
-        missing.
-    """
+    """The craft of an autopilot's settings; a doubt and no model where commands are missing."""
     fields = {_bare(field.name): field for field in reversed(plain.contents.fields)}
     commands = {n: _command(n, layout, fields) for n in layout.thrusters}
     inputs = {f"{n}.command": pick for n, pick in commands.items() if pick is not None}
@@ -67,14 +57,10 @@ def craft_choice(pool: Pool, plain: Choice, layout: RecordedLayout) -> Choice:
         missing = [n for n, pick in commands.items() if pick is None]
         lacks = f"the commands of {listing(missing)}" if missing else "its motion"
         word = f"By the settings it is a craft ({layout.title}), but the log lacks {lacks}."
-        return replace(plain, doubts=(*plain.doubts, word))
-    return replace(
-        plain,
-        model="craft",
-        channels={**inputs, **measured},
-        doubts=(*plain.doubts, *_doubts(layout)),
-        craft=layout,
-    )
+        return plain.doubted(word)
+    channels = {**inputs, **measured}
+    craft = replace(plain, model="craft", channels=channels, craft=layout)
+    return craft.doubted(*_doubts(layout))
 
 
 def _bare(name: str) -> str:

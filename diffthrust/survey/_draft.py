@@ -169,7 +169,7 @@ def _channel(name: str, pick: Pick) -> Iterator[str]:
 
 
 def _doubts(pick: Pick) -> Iterator[str]:
-    for doubt in pick.doubts:
+    for doubt in pick.meaning.doubts:
         yield from _comment(doubt)
 
 

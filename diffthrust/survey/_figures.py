@@ -22,9 +22,9 @@ def look_figure(choice: Choice, name: str) -> Figure:
     panels = [_panel(_label(key, pick.field.name), pick, clock) for key, pick in picks]
     if not panels:
         numeric = [
-            Pick(field, meaning, "measured")
-            for field, meaning in zip(choice.contents.fields, choice.meanings, strict=True)
-            if np.isfinite(field.values).any() and meaning.quantity != "time"
+            pick
+            for pick in choice.columns
+            if np.isfinite(pick.field.values).any() and pick.meaning.quantity != "time"
         ]
         panels = [_panel(pick.field.name, pick, clock) for pick in numeric[:_MOST]]
     return panels_figure(panels, name, *(["sample"] if choice.static else []))

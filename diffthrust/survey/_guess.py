@@ -44,18 +44,11 @@ _BY_UNIT = {"rad/s": "speed", "N": "thrust", "V": "command", "m/s": "velocity", 
 
 @dataclass(frozen=True)
 class Meaning:
-    """The assumed meaning of a column.
+    """The assumed meaning of a column, and how sure it is.
 
-    Args:
-        quantity: name of a channel, or another word; empty if unknown.
-        unit: unit of its numbers; ``"effort"`` or ``"percent"`` for a command.
-        pwm: its pulse widths, for a command or a servo in microseconds.
-        side: "left" or "right" if the name says so.
-        sure: "sure", "likely" or "perhaps".
-        why: the evidence.
-        doubts: other possible meanings, one sentence each.
-        scale: factor of its numbers, such as -1 if its axis points the other way.
-        offset: added after scaling.
+    ``quantity`` is the name of a channel or another word, empty if unknown; the unit of a
+    command may be "effort" or "percent". ``side`` is "left" or "right" if the name says so,
+    ``why`` the evidence, ``doubts`` are other possible meanings, one sentence each.
     """
 
     quantity: str

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.files import ending, write_whole
+from diffthrust._support.names import listing
 from diffthrust._support.report import Bullets, Report, Section
 from diffthrust._support.results import Result
 from diffthrust._support.visible import in_line
+from diffthrust.logs._contents import Contents, contents
+from diffthrust.logs._kinds import is_bag, is_log
 from diffthrust.survey._choice import Choice
 from diffthrust.survey._draft import drafted
-from diffthrust.survey._files import files_at
 from diffthrust.survey._suited import choice_of, doubted
 from diffthrust.survey._tables import (
     ColumnRow,
@@ -82,7 +87,7 @@ class Look(Result):
         where: dict[str, list[str]] = {}
         picks = {**({"time": choice.time} if choice.time else {}), **choice.channels}
         for name, pick in picks.items():
-            for word in pick.doubts:
+            for word in pick.meaning.doubts:
                 where.setdefault(word, []).append(name)
         channel_doubts = [f"{', '.join(names)}: {word}" for word, names in where.items()]
         return (*choice.doubts, *channel_doubts, *self.apart)
@@ -175,6 +180,90 @@ def look_report(survey: Look, *, all: bool = False) -> Report:
     )
 
 
+_UNSEEN = re.compile("holdout|unseen|valid")
+"""Words in the names of logs kept for validation."""
+
+
+@dataclass(frozen=True)
+class _Files:
+    """The contents of the files read, by name, and sentences on those refused."""
+
+    read: tuple[Contents, ...]
+    refused: tuple[str, ...]
+
+    @property
+    def contents(self) -> Contents:
+        """The first file of the most frequent kind."""
+        kinds = [_kind(content) for content in self.read]
+        return max(
+            self.read, key=lambda content: (kinds.count(_kind(content)), len(content.fields))
+        )
+
+    def split(self, choice: Choice) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[str, ...]]:
+        """Files to fit, files to hold out (by name, or the last), and notes on those left out."""
+        wanted = {pick.field.name for pick in choice.channels.values()}
+        wanted |= {choice.time.field.name} if choice.time else set()
+        suited = [
+            content.path
+            for content in self.read
+            if content.messages == choice.contents.messages
+            and (wanted or {""}) <= ({field.name for field in content.fields} | {""})
+        ]
+        unsuited = [content.path.name for content in self.read if content.path not in suited]
+        apart = [f"Left out, without these columns: {listing(unsuited, 6)}."] if unsuited else []
+        if len(suited) < 2:
+            return tuple(suited), (), (*apart, *self.refused)
+        unseen = [path for path in suited if _UNSEEN.search(path.stem.lower())]
+        if not 0 < len(unseen) < len(suited):
+            # Logs are named by date or number: the last is the latest, and a fit that predicts it
+            # is of use.
+            unseen = suited[-1:]
+        train = [path for path in suited if path not in unseen]
+        return tuple(train), tuple(unseen), (*apart, *self.refused)
+
+
+def _files_at(paths: Sequence[Path]) -> _Files:
+    """Read the contents of files, and of those in folders."""
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir() and not is_bag(path):
+            inside = sorted(path.iterdir())
+            logs = [entry for entry in inside if is_log(entry)]
+            if not logs:
+                raise InputError(
+                    f"{path}: expected a folder with logs, found none among its {len(inside)} "
+                    "files.",
+                    "Name the file of a log.",
+                )
+            files += logs
+        else:
+            files.append(path)
+    read, refused = [], []
+    for file in files:
+        try:
+            read.append(_read(file))
+        except InputError as error:
+            refused.append(error)
+    if not read:
+        raise refused[0]
+    return _Files(tuple(read), tuple(f"Left out: {error.problem}" for error in refused))
+
+
+def _read(file: Path) -> Contents:
+    content = contents(file)
+    # A text file with a few numbers (a README) parses as a table as well.
+    if sum(np.isfinite(field.values).any() for field in content.fields) < 2:
+        raise InputError(
+            f"{file}: expected a log, found fewer than two columns of numbers.",
+            "Name a file with columns of numbers under a header, or a robot's log.",
+        )
+    return content
+
+
+def _kind(content: Contents) -> tuple[object, ...]:
+    return content.kind, None if content.messages else tuple(field.name for field in content.fields)
+
+
 def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
     """Survey a log file, and draft a spec file for a first fit.
 
@@ -204,7 +293,7 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
             "at the file that it came from.",
         )
     several = [Path(path)] if isinstance(path, str | PathLike) else [Path(entry) for entry in path]
-    files = files_at(several)
+    files = _files_at(several)
     choice = choice_of(files.contents)
     train, holdout, apart = files.split(choice)
     choice = doubted(choice, (*train, *holdout))

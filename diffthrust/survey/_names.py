@@ -57,12 +57,7 @@ _SIDES = {
 
 @lru_cache(maxsize=4096)
 def words_of(name: str) -> str:
-    """A name as lower-case words, without a unit in brackets.
-
-    Example:
-        >>> words_of("ESC[0].RPM"), words_of("leftThrust_kgf"), words_of("speed (rad/s)")
-        ('esc 0 rpm', 'left thrust kgf', 'speed')
-    """
+    """A name as lower-case words, without a unit in brackets."""
     bracket = _BRACKETS.search(name)
     if bracket and bracket.start():
         name = name[: bracket.start()]
@@ -72,12 +67,7 @@ def words_of(name: str) -> str:
 
 
 def named_units(name: str, file_unit: str = "") -> tuple[str, ...]:
-    """The units at the end of a name, or as the file states; several if a spelling is ambiguous.
-
-    Example:
-        >>> named_units("thrust_kgf"), named_units("speed_ms"), named_units("t")
-        (('kgf',), ('m/s', 'ms'), ())
-    """
+    """The units at the end of a name, or as the file states; several if a spelling is ambiguous."""
     bracket = _BRACKETS.search(name)
     for text in (file_unit, bracket[1] if bracket else ""):
         text = text.strip()
@@ -89,12 +79,7 @@ def named_units(name: str, file_unit: str = "") -> tuple[str, ...]:
 
 
 def bare_of(name: str) -> str:
-    """The words of a name without a unit at its end.
-
-    Example:
-        >>> bare_of("u_mps"), bare_of("r [deg/s]"), bare_of("rpm")
-        ('u', 'r', 'rpm')
-    """
+    """The words of a name without a unit at its end."""
     words = words_of(name).split()
     count, _ = _ending(words)
     return " ".join(words[: len(words) - count] or words)
@@ -113,12 +98,7 @@ def _ending(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
 
 
 def side_of(name: str) -> str:
-    """Side of a name: "left", "right" or empty.
-
-    Example:
-        >>> side_of("thr_left"), side_of("PortThrust"), side_of("rpm")
-        ('left', 'left', '')
-    """
+    """Side of a name: "left", "right" or empty."""
     words = f" {words_of(name)} "
     for side, pattern in _SIDES.items():
         if re.search(rf" ({pattern}) ", words):
@@ -218,12 +198,7 @@ _COMPILED = tuple((quantity, re.compile(pattern)) for quantity, pattern in _RULE
 
 
 def quantities_of(words: str) -> Iterator[str]:
-    """The quantities that the words of a name may mean, the most likely first.
-
-    Example:
-        >>> list(quantities_of("tach rad s")), next(quantities_of("thr left"))
-        (['speed'], 'command')
-    """
+    """The quantities that the words of a name may mean, the most likely first."""
     for quantity, pattern in _COMPILED:
         if pattern.search(words):
             yield quantity

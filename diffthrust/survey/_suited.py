@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,23 +19,22 @@ from diffthrust.models._base.model import MODELS
 from diffthrust.soundness._doubts import doubts
 from diffthrust.survey._choice import Choice, Pick, Pool
 from diffthrust.survey._crafts import craft_choice
-from diffthrust.survey._guess import Meaning, meanings
-from diffthrust.survey._thrusters import thruster_choice
+from diffthrust.survey._guess import meanings
 from diffthrust.survey._values import numbers_of
-from diffthrust.survey._vessels import MOTION, POSE, vessel_choice
+from diffthrust.survey._vehicles import MOTION, POSE, thruster_choice, vessel_choice
 
 
 def choice_of(contents: Contents) -> Choice:
     """The model that suits a file: the richest whose channels are complete."""
-    fields = contents.fields
-    guesses = meanings(fields, ros=contents.kind.startswith("ROS"))
-    pool = Pool(fields, guesses)
-    plain = _coarse(Choice(contents, guesses, time=_clock(contents, pool), doubts=contents.notes))
+    guesses = meanings(contents.fields, ros=contents.kind.startswith("ROS"))
+    columns = tuple(map(Pick, contents.fields, guesses))
+    pool = Pool(columns)
+    plain = _coarse(Choice(contents, columns, time=_clock(contents, pool), doubts=contents.notes))
     try:
         layout = recorded_layout(contents.parameters)
     except InputError as error:  # settings that are wrong are no reason not to look at the rest
         layout = None
-        plain = replace(plain, doubts=(*plain.doubts, f"{error.problem} Mend: {error.mend}"))
+        plain = plain.doubted(f"{error.problem} Mend: {error.mend}")
     if layout is not None:
         plain = craft_choice(pool, plain, layout)
         if plain.model is not None:
@@ -45,26 +44,16 @@ def choice_of(contents: Contents) -> Choice:
         chosen = model(pool, plain)
         if chosen is not None:
             return _untimed(chosen)
-    picks = {name: pool.pick(name, "") for name in pool.by if name in CHANNELS}
-    spare = {name: pick for name, pick in picks.items() if pick is not None}
-    return replace(plain, spare=spare, doubts=(*plain.doubts, _no_model(pool)))
+    spare = pool.picks([name for name in pool.by if name in CHANNELS], "")
+    return replace(plain, spare=spare).doubted(_no_model(pool))
 
 
 def _clock(contents: Contents, pool: Pool) -> Pick | None:
     if contents.messages:
         return None
     rows = contents.fields[0].values.size if contents.fields else 0
-    pairs = [p for p in pool.all("time") if numbers_of(p[0].values).size > 0.5 * rows]
-    if not pairs:
-        return None
-    column, meaning = pairs[0]
-    return Pick(
-        column,
-        meaning,
-        "time",
-        doubts=meaning.doubts,
-        alternatives=tuple(p[0].name for p in pairs[1:]),
-    )
+    picks = [p for p in pool.all("time") if numbers_of(p.field.values).size > 0.5 * rows]
+    return picks[0].chosen("time", picks) if picks else None
 
 
 def _coarse(plain: Choice) -> Choice:
@@ -80,7 +69,7 @@ def _coarse(plain: Choice) -> Choice:
     step = float(f"{(stamps[last] - stamps[first]) / (last - first):.3g}")
     name = plain.time.field.name
     word = f"The stamps of '{name}' are coarser than the rows, which are taken as evenly spaced."
-    return replace(plain, step=step, doubts=(*plain.doubts, word))
+    return replace(plain, step=step).doubted(word)
 
 
 def _axis_vehicle(pool: Pool, plain: Choice) -> Choice | None:
@@ -95,20 +84,20 @@ def _axis_vehicle(pool: Pool, plain: Choice) -> Choice | None:
     if drive is None or not measured or plain.static:
         return None
     if drive.meaning.quantity == "command":
-        drive = replace(drive, meaning=_plain_command(drive.meaning))
-        drive = drive.doubted("A command and no force: mass and drag are then per unit of it.")
+        word = "A command and no force: mass and drag are then per unit of it."
+        drive = _plain_command(drive).doubted(word)
     return replace(plain, model="axis_vehicle", channels={"thrust": drive, **measured})
 
 
-def _plain_command(meaning: Meaning) -> Meaning:
+def _plain_command(drive: Pick) -> Pick:
     """A command as plain numbers, for a model without commands: pulse widths scaled to -1 ... 1."""
+    meaning = drive.meaning
     if meaning.pwm is not None:
         reach = meaning.pwm.full - meaning.pwm.stop
-        scaled = replace(meaning, scale=1 / reach, offset=-meaning.pwm.stop / reach)
-        return replace(scaled, unit="", pwm=None)
-    return replace(
-        meaning, unit="", scale=meaning.scale * (0.01 if meaning.unit == "percent" else 1)
-    )
+        offset = -meaning.pwm.stop / reach
+        return drive.meant(scale=1 / reach, offset=offset, unit="", pwm=None)
+    share = 0.01 if meaning.unit == "percent" else 1
+    return drive.meant(unit="", scale=meaning.scale * share)
 
 
 def _linear_sensor(pool: Pool, plain: Choice) -> Choice | None:
@@ -124,23 +113,20 @@ def _untimed(chosen: Choice) -> Choice:
         return chosen
     word = "No column of times was found. Where the rows were sampled at a fixed rate, write it: "
     if "command" not in chosen.channels:
-        return replace(chosen, doubts=(*chosen.doubts, f"{word}time = 0.02 is a step in seconds."))
+        return chosen.doubted(f"{word}time = 0.02 is a step in seconds.")
     held = "alpha" if chosen.model == "thruster" else "time_constant"
     word += (
         "time is their step [s]. Taken for a static table, whose rows are held for half a second "
         f"each; it does not show how fast the thruster settles: {held} is not fitted."
     )
-    return replace(chosen, doubts=(*chosen.doubts, word), held=(held,))
+    return replace(chosen, held=(held,)).doubted(word)
 
 
 def _no_model(pool: Pool) -> str:
-    needs: dict[str, Callable[[], bool]] = {
-        "a command or a force": lambda: bool(pool.all("command") or pool.all("thrust")),
-        "a speed, a thrust or a motion": lambda: any(
-            pool.all(q, moving=True) for q in ("speed", "thrust", *MOTION, *POSE)
-        ),
-    }
-    absent = [name for name, in_file in needs.items() if not in_file()]
+    driven = pool.all("command") or pool.all("thrust")
+    moves = any(pool.all(q, moving=True) for q in ("speed", "thrust", *MOTION, *POSE))
+    needs = {"a command or a force": driven, "a speed, a thrust or a motion": moves}
+    absent = [name for name, in_file in needs.items() if not in_file]
     what = (
         f": {' and '.join(absent)} {'are' if len(absent) > 1 else 'is'} missing" if absent else ""
     )
@@ -163,7 +149,7 @@ def doubted(choice: Choice, paths: Sequence[Path]) -> Choice:
             unread.append(f"{error.problem} Mend: {error.mend}")
     channel_doubts = doubts(logs, MODELS[choice.model]())
     words = (f"{doubt.channel}: {doubt.evidence} Mend: {doubt.mend}" for doubt in channel_doubts)
-    return replace(choice, doubts=(*choice.doubts, *unread, *words))
+    return choice.doubted(*unread, *words)
 
 
 def _log(choice: Choice, clock: Pick, path: Path) -> Log:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,6 @@ from diffthrust._support.report import Rows, Styled
 from diffthrust._support.words import humanize, number, percent
 from diffthrust.logs._contents import Field
 from diffthrust.survey._choice import Choice, Pick
-from diffthrust.survey._guess import Meaning
 from diffthrust.survey._names import NO_CHANNEL, UNIT_OF
 from diffthrust.survey._values import numbers_of, sampling, varies
 
@@ -70,48 +70,37 @@ def rows_of(choice: Choice) -> tuple[ColumnRow, ...]:
     """A row for each field, in the order of the file."""
     clock = choice.seconds
     common = sampling(clock) if clock is not None else (math.nan, math.nan)
-    places: dict[str, tuple[str, str]] = {}
-    for name, pick in choice.spare.items():
-        places[pick.field.name] = (name, "spare")
-    for name, pick in choice.channels.items():
+    clock_pick = {"time": choice.time} if choice.time else {}
+    places = {pick.field.name: (name, "spare") for name, pick in choice.spare.items()}
+    for name, pick in {**choice.channels, **clock_pick}.items():
         places[pick.field.name] = (name, pick.role)
-    if choice.time is not None:
-        places[choice.time.field.name] = ("time", "time")
     picks = {pick.field.name: pick for pick in choice.channels.values()}
     rows = []
-    for field, meaning in zip(choice.contents.fields, choice.meanings, strict=True):
-        pick = picks.get(field.name)
-        sampled = common if field.time is None else sampling(field.time)
+    for column in choice.columns:
+        field = column.field
         channel, role = places.get(field.name, ("", ""))
-        rows.append(_row(field, pick.meaning if pick else meaning, pick, channel, role, sampled))
+        pick = picks.get(field.name)
+        meaning = (pick or column).meaning
+        rate, gap = common if field.time is None else sampling(field.time)
+        numbers = numbers_of(field.values)
+        row = ColumnRow(
+            name=field.name,
+            quantity=meaning.quantity,
+            unit=meaning.unit,
+            sure=meaning.sure if meaning.quantity else "",
+            why=meaning.why,
+            channel=channel,
+            role=role,
+            samples=field.values.size,
+            missing=1 - numbers.size / max(field.values.size, 1),
+            low=float(numbers.min()) if numbers.size else math.nan,
+            high=float(numbers.max()) if numbers.size else math.nan,
+            rate=rate,
+            gap=gap,
+            remarks=_remarks(field, pick, rate, gap),
+        )
+        rows.append(row)
     return tuple(rows)
-
-
-def _row(
-    field: Field,
-    meaning: Meaning,
-    pick: Pick | None,
-    channel: str,
-    role: str,
-    sampled: tuple[float, float],
-) -> ColumnRow:
-    numbers = numbers_of(field.values)
-    return ColumnRow(
-        name=field.name,
-        quantity=meaning.quantity,
-        unit=meaning.unit,
-        sure=meaning.sure if meaning.quantity else "",
-        why=meaning.why,
-        channel=channel,
-        role=role,
-        samples=field.values.size,
-        missing=1 - numbers.size / max(field.values.size, 1),
-        low=float(numbers.min()) if numbers.size else math.nan,
-        high=float(numbers.max()) if numbers.size else math.nan,
-        rate=sampled[0],
-        gap=sampled[1],
-        remarks=_remarks(field, pick, *sampled),
-    )
 
 
 def _remarks(field: Field, pick: Pick | None, rate: float, gap: float) -> tuple[str, ...]:
@@ -226,13 +215,5 @@ def _usable(row: ColumnRow) -> bool:
 
 def grouped(rows: Iterable[ColumnRow]) -> str:
     """Names of messages with the number of their fields."""
-    counts: dict[str, int] = {}
-    for row in rows:
-        name = row.name.rsplit(".", 1)[0] if "." in row.name else row.name
-        counts[name] = counts.get(name, 0) + 1
-    return ", ".join(_counted(counts))
-
-
-def _counted(counts: dict[str, int]) -> Iterator[str]:
-    for name, count in counts.items():
-        yield f"{name} ({count})" if count > 1 else name
+    counts = Counter(row.name.rsplit(".", 1)[0] for row in rows)
+    return ", ".join(f"{name} ({n})" if n > 1 else name for name, n in counts.items())

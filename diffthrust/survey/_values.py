@@ -57,8 +57,7 @@ def is_pwm(values: np.ndarray) -> bool:
 def pulses(values: np.ndarray) -> PWM:
     """The width at rest and the range of a drive; by default 1500 and 400.
 
-    Most logs begin at rest: the first width is taken as rest if it lies near 1500 and a twentieth
-    of the samples has it.
+    Most logs begin at rest: a first width near 1500 that a twentieth of the samples has is taken.
     """
     numbers = numbers_of(values)
     numbers = numbers[numbers != 0]

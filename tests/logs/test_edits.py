@@ -32,7 +32,7 @@ def test_a_stretch_left_out_is_missing_and_noted_while_the_command_goes_on():
     [
         (2.0, 1.0, "found 2.0 to 1.0"),
         (float("nan"), 1.0, "found nan to 1.0"),
-        (8.0, 9.0, "it lasts 4.9 s"),
+        (8.0, 9.0, "the log lasts 4.9 s"),
         (-1.0, 9.0, "nothing is left of 'speed'"),
     ],
 )

@@ -93,7 +93,6 @@ def test_the_sheet_that_has_the_columns_is_taken_and_the_others_are_told(tmp_pat
         read(path, sheet="run 1")
     found = contents(path)
     assert (found.kind, found.sheet) == ("Excel sheet 'Run1'", "Run1")
-    assert contents(path, sheet="Run2").fields[2].name == "thrust"
 
 
 def test_defects_name_sheet_row_and_column(tmp_path):

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 from file_contents import contents
-from text_readers import LARGE, in_blocks, in_one_go, read_csv
+from text_readers import LARGE, in_blocks, read_csv
 
 from diffthrust import InputError
 from diffthrust.logs import Column, read_log
@@ -105,7 +105,6 @@ def outcome(path):
 def test_a_file_says_the_same_in_blocks(tmp_path, monkeypatch, name):
     path = tmp_path / "run.csv"
     path.write_bytes({**PLAIN, **ODD}[name].encode())
-    in_one_go(monkeypatch)
     whole = outcome(path)
     in_blocks(monkeypatch, never_whole=name in PLAIN)
     assert outcome(path) == whole

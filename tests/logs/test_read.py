@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 import scipy.sparse
 from scipy.io import savemat
-from text_readers import in_one_go
+from text_readers import in_blocks
 
 from diffthrust import Column, InputError, read_log
 from tests.shared_data import data_folder
@@ -29,12 +29,6 @@ def write(tmp_path, content, name="run3.csv"):
 def read(path, **more):
     given = dict(time="t", inputs={"command": "u"}, measured={"speed": Column("rpm", unit="rpm")})
     return read_log(path, **{**given, **more})
-
-
-@pytest.fixture(params=["cell by cell", "in one go"])
-def way(request, monkeypatch):
-    """Both ways through the text reader must agree."""
-    in_one_go(monkeypatch, 10**9 if request.param == "cell by cell" else -1)
 
 
 def check_good(log):
@@ -64,12 +58,12 @@ def check_good(log):
         GOOD.replace("t,u,rpm", "t,u,rpm,note").replace("0\n", "0,hello\n"),
     ],
 )
-def test_one_table_in_many_hands(tmp_path, content, way):
+def test_one_table_in_many_hands(tmp_path, content):
     check_good(read(write(tmp_path, content)))
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1", "utf-8"])
-def test_encodings(tmp_path, encoding, way):
+def test_encodings(tmp_path, encoding):
     content = GOOD.replace("rpm", "Größe [°/s]").encode(encoding)
     log = read(write(tmp_path, content), measured={"yaw_rate": Column("Größe [°/s]", unit="deg/s")})
     np.testing.assert_allclose(log.measured["yaw_rate"], np.deg2rad([0, 60, 90, 120]))
@@ -91,15 +85,18 @@ def test_units_scale_noise_hold_and_name(tmp_path):
     assert log.notes == ()
 
 
-def test_numbers_are_exact_either_way(tmp_path, way):
+@pytest.mark.parametrize("blocks", [False, True])
+def test_numbers_are_exact_either_way(tmp_path, monkeypatch, blocks):
+    if blocks:
+        in_blocks(monkeypatch, never_whole=True)
     rng = np.random.default_rng(1)
-    numbers = rng.normal(size=200) * 10.0 ** rng.integers(-30, 30, 200)
+    numbers = rng.normal(size=2000) * 10.0 ** rng.integers(-30, 30, 2000)
     rows = "".join(f"{k},{float(x)!r},1\n" for k, x in enumerate(numbers))
     log = read(write(tmp_path, "t,u,rpm\n" + rows))
     np.testing.assert_array_equal(log.inputs["command"], numbers)
 
 
-def test_missing_samples_are_kept_and_counted(tmp_path, way):
+def test_missing_samples_are_kept_and_counted(tmp_path):
     content = GOOD.replace(",60", ",").replace(",90", ",NaN").replace(",120", ",n/a")
     log = read(write(tmp_path, content), missing_values=["n/a"])
     np.testing.assert_array_equal(np.isnan(log.measured["speed"]), [False, True, True, True])
@@ -110,7 +107,7 @@ def test_missing_samples_are_kept_and_counted(tmp_path, way):
         assert np.isnan(log.measured["speed"]).sum() == 2
 
 
-def test_missing_inputs(tmp_path, way):
+def test_missing_inputs(tmp_path):
     path = write(tmp_path, GOOD.replace("0.2,2", "0.2,"))
     with pytest.raises(InputError) as caught:
         read(path)
@@ -121,7 +118,7 @@ def test_missing_inputs(tmp_path, way):
     assert "1 of 4" in log.notes[0]
 
 
-def test_blank_rows_are_counted(tmp_path, way):
+def test_blank_rows_are_counted(tmp_path):
     content = GOOD.replace("0.2,2", "\n,,\n0.2,2") + "\n,,\n  \n , ,\n"
     log = read(write(tmp_path, content))
     check_good(log)
@@ -161,7 +158,7 @@ def test_one_column_for_two_channels(tmp_path):
     np.testing.assert_array_equal(log.measured["speed"], log.measured["other"])
 
 
-def test_dates_become_seconds(tmp_path, way):
+def test_dates_become_seconds(tmp_path):
     content = GOOD
     for second in ("0.1", "0.2", "0.4"):
         content = content.replace(f"\n{second},", f"\n2024-05-01T10:00:0{second}00,")
@@ -215,7 +212,7 @@ def test_dates_become_seconds(tmp_path, way):
         (GOOD.replace(",", ";").replace("0.1", "0,1"), {}, ["line 4, column 't'", "'0.2'"]),
     ],
 )  # fmt: skip
-def test_defects_of_text_files(tmp_path, content, more, words, way):
+def test_defects_of_text_files(tmp_path, content, more, words):
     path = write(tmp_path, content)
     with pytest.raises(InputError) as caught:
         read(path, **more)
@@ -475,7 +472,7 @@ def test_emps_logs_are_read_as_they_are():
         (GOOD.replace("0.1,", '"0,1",'), "column 't': decimal commas were read as decimal points."),
     ],
 )  # fmt: skip
-def test_what_strangers_leave_in_their_files_is_read_and_told(tmp_path, content, notes, way):
+def test_what_strangers_leave_in_their_files_is_read_and_told(tmp_path, content, notes):
     if "decimal commas" in (notes or ""):
         content = content.replace("0.2,2", '"0,2",2').replace("0.4,2", '"0,4",2')
     log = read(write(tmp_path, content))

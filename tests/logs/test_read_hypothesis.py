@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
-from text_readers import in_one_go
+from text_readers import in_blocks
 
 from diffthrust import Column, InputError, Log, read_log
 
@@ -112,7 +112,6 @@ changes = st.lists(
     max_size=4,
 )
 suffixes = st.sampled_from([".csv", ".txt", ".parquet", ".mat"])
-small = st.sampled_from([10**9, -1])
 
 
 @common
@@ -129,11 +128,9 @@ def test_random_bytes_behind_a_valid_beginning(tail, kind):
 
 @pytest.mark.thorough
 @settings(common, max_examples=400)
-@given(changes=changes, small=small, interpolate=st.booleans())
-def test_mutated_text(changes, small, interpolate):
-    with pytest.MonkeyPatch.context() as patch:
-        in_one_go(patch, small)
-        check(mutate(valid(".csv"), changes), ".csv", interpolate_inputs=interpolate)
+@given(changes=changes, interpolate=st.booleans())
+def test_mutated_text(changes, interpolate):
+    check(mutate(valid(".csv"), changes), ".csv", interpolate_inputs=interpolate)
 
 
 @common
@@ -173,16 +170,17 @@ cells = st.one_of(
     column=st.integers(0, 2),
 )
 def test_random_cells_read_the_same_either_way(rows, delimiter, column):
-    # Two columns stay sound, so that the third is reached.
-    table = [[str(k), "1.0", "2.0"] for k in range(len(rows))]
-    for row, random in zip(table, rows, strict=True):
+    # Two columns stay sound, so that the third is reached, and so many rows that they are a block.
+    table = [[str(k), "1.0", "2.0"] for k in range(2000 + len(rows))]
+    for row, random in zip(table[2000:], rows, strict=True):
         row[column] = random[column]
     lines = [delimiter.join(row) for row in [["time", "u", "rpm"], *table]]
     content = "\n".join(lines).encode("utf-8", "surrogatepass")
     logs = []
-    for small in (10**9, -1):
+    for blocks in (False, True):
         with pytest.MonkeyPatch.context() as patch:
-            in_one_go(patch, small)
+            if blocks:
+                in_blocks(patch)
             logs.append(check(content, ".csv", missing_values=["n/a"]))
     one, other = logs
     assert (one is None) == (other is None)

@@ -112,7 +112,7 @@ def test_the_heading_of_an_orientation(tmp_path):
     np.testing.assert_allclose(log.measured["heading"], seen, atol=1e-9)
     np.testing.assert_allclose(np.sin(log.measured["y"]), np.cos(seen), atol=1e-9)
     assert any("1 of 20 messages held no number" in note for note in log.notes)
-    with pytest.raises(InputError, match="expected a field 'roll', found 'x', 'y', 'z', 'w'"):
+    with pytest.raises(InputError, match="expected the field 'roll', found 'yaw', 'heading', 'x'"):
         read(path, base="messages", inputs={}, measured={"heading": "/q.roll"})
 
 
@@ -123,8 +123,8 @@ def test_the_heading_of_an_orientation(tmp_path):
         ("/velocity.twist.linaer.x", ["field 'twist.linaer.x'", "nearest is 'twist.linear.x'"]),
         ("/velocity.twist.linear", ["expected a number, found a message", "such as 'x'"]),
         ("/velocity.header.frame_id", ["expected a number, found str 'base'"]),
-        ("/velocity.__class__", ["expected a field '__class__'"]),
-        ("/velocity.twist.linear.x[0]", ["expected a field 'twist.linear.x[0]'"]),
+        ("/velocity.__class__", ["expected the field '__class__'"]),
+        ("/velocity.twist.linear.x[0]", ["expected the field 'twist.linear.x[0]'"]),
         ("/rpm.data", ["found an array of 2", "such as [0]"]),
         ("/rpm.data[2]", ["an element [2], found 2 elements"]),
         ("/rpm.data[-1]", ["found '['"]),
@@ -190,7 +190,7 @@ def test_a_dataflash_log_is_read_back(dataflash):
         ("ESD[0].RPM", ["expected the message 'ESD'", "nearest is 'ESC'"]),
         ("ESC[0].RPMs", ["field 'RPMs'", "nearest is 'RPM'"]),
         ("ESC[0].RPM[1]", ["expected an element [1], found '0.0'"]),
-        ("ESC[0].a.b", ["expected a message and one of its fields"]),
+        ("ESC[0].a.b", ["expected the field 'a.b', found 'RPM', 'V'"]),
         ("FMT.Name", ["no time stamp"]),
     ],
 )

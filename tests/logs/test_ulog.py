@@ -53,11 +53,19 @@ def test_fields_are_read_back(flight):
 @pytest.mark.parametrize(
     ("column", "words", "mend"),
     [
-        ("esc_status.esc[0].esc_rpm", "several 'esc_status': 0, 1", "esc_status[0].esc[0].esc_rpm"),
-        ("esc_status[2].esc[0].esc_rpm", "an instance 2 of 'esc_status', found 0, 1", "number"),
+        (
+            "esc_status.esc[0].esc_rpm",
+            "several 'esc_status': '0', '1'",
+            "esc_status[0].esc[0].esc_rpm",
+        ),
+        (
+            "esc_status[2].esc[0].esc_rpm",
+            "'esc_status' as named, found the instances '0', '1'",
+            "number",
+        ),
         ("esc_stat.esc[0]", "the message 'esc_stat', found .*'esc_status'", "nearest"),
-        ("spectrum.peek", "a field 'peek'", "nearest is 'peak'"),
-        ("spectrum.timestamp", "a field 'timestamp'", "name a field"),
+        ("spectrum.peek", "the field 'peek'", "nearest is 'peak'"),
+        ("spectrum.timestamp", "the field 'timestamp'", "name a field"),
         ("spectrum", "a message and its field", "write it as"),
         ("a b.c", "a message and one of its fields", "write it as"),
     ],

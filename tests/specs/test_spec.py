@@ -330,7 +330,7 @@ def dataflash(folder):
             {"run1.csv": "run1.bin", 'time = { column = "t", unit = "ms" }': 'base = "messages"',
              '"u"': '"RCOU.C1"', '"rpm"\nunit': '"RCOU.C3"\nunit'},
             "channels.speed.column",
-            "column 'RCOU.C3': expected a field 'C3'",
+            "column 'RCOU.C3': expected the field 'C3'",
         ),
     ],
 )  # fmt: skip

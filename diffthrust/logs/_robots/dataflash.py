@@ -10,12 +10,14 @@ Source: ArduPilot's libraries/AP_Logger (LogStructure.h, README.md).
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
+from diffthrust.logs._tables.table import damaged
 from diffthrust.logs._units import unit_in
 
 _MARKS = (0xA3, 0x95)
@@ -41,15 +43,9 @@ _PAGE = 528
 
 @dataclass
 class Message:
-    """The messages of one kind.
+    """The messages of one kind: letter and name of each field, and offsets of the bodies.
 
-    Args:
-        name: of the kind.
-        letters: type of each field.
-        columns: names of the fields.
-        offsets: offsets of the bodies in the file.
-        instance: the field that identifies the sender; empty if there is none.
-        units: units of fields stated in the file.
+    ``instance`` is the field that identifies the sender, if there is one.
     """
 
     name: str
@@ -61,11 +57,7 @@ class Message:
 
     @property
     def record(self) -> np.dtype:
-        """The type of a body.
-
-        Raises:
-            ValueError: the format is invalid.
-        """
+        """The type of a body; ValueError if the format is invalid."""
         if len(self.letters) != len(self.columns) or not set(self.letters) <= set(_LETTERS):
             raise ValueError(f"the message {self.name!r} has the format {self.letters!r}")
         kinds = (_LETTERS[letter][0] for letter in self.letters)
@@ -74,13 +66,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Dataflash:
-    """An indexed log.
-
-    Args:
-        data: its bytes.
-        messages: by name, the kinds that occur.
-        damages: bytes that are no message, with their offsets.
-    """
+    """An indexed log: its bytes, the kinds of messages that occur by name, and damages."""
 
     data: np.ndarray
     messages: dict[str, Message]
@@ -95,7 +81,54 @@ class Dataflash:
         return np.ascontiguousarray(bodies).view(record).reshape(-1)
 
 
-def values_of(message: Message, records: np.ndarray, column: str) -> np.ndarray:
+def read_dataflash(path: Path, names: Collection[str] | None) -> RobotContents:
+    """Read the messages of some names, or all that may be signals.
+
+    Time stamps are ``TimeUS`` (``TimeMS`` in old logs), the autopilot's time since power-up.
+    """
+    gathered: list[Gathered] = []
+    try:
+        log = _indexed(path)
+        for message in log.messages.values():
+            if message.name in names if names is not None else message.name not in _METADATA:
+                gathered += _gathered(message, log, named=names is not None)
+        parameters = _parameters(log)
+    except Exception as error:  # a damaged log raises exceptions of any kind
+        raise damaged(path, "DataFlash", error) from None
+    return RobotContents(gathered, damage_notes(log.damages), parameters, log.messages)
+
+
+# Messages that describe the log or hold settings: no signals.
+_METADATA = {"FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "MSG", "CMD"}
+
+
+def _gathered(message: Message, log: Dataflash, *, named: bool) -> Iterator[Gathered]:
+    """The messages of one kind, for each instance."""
+    try:
+        records = log.records(message)
+    except ValueError as error:  # one invalid format does not spoil the log
+        if named:
+            raise
+        log.damages.append(str(error))
+        return
+    ticks = _stamps(records)
+    if ticks is None:
+        yield Gathered(message.name, None)
+        return
+    if lost := int((ticks < 0).sum()):
+        log.damages.append(f"{lost} messages {message.name!r} with an impossible time stamp")
+    records, ticks = records[ticks >= 0], ticks[ticks >= 0]
+    about = {"TimeUS", "TimeMS", message.instance}
+    columns = [name for name in message.columns if name not in about]
+    which = records[message.instance] if message.instance else np.zeros(records.size, np.uint8)
+    for key in np.unique(which):
+        rows = records[which == key]
+        values = {name: _values_of(message, rows, name) for name in columns}
+        instance = _text(key.item()) if message.instance else ""
+        yield Gathered(message.name, ticks[which == key], values, message.units, (), instance)
+
+
+def _values_of(message: Message, records: np.ndarray, column: str) -> np.ndarray:
     """A field as numbers, ``(n,)``, or ``(n, 32)`` for an array; text as bytes."""
     values = records[column]
     if values.dtype.kind == "S":
@@ -104,12 +137,22 @@ def values_of(message: Message, records: np.ndarray, column: str) -> np.ndarray:
     return values.astype(np.float64) / divisor
 
 
-def instance_of(value: bytes | int) -> str:
-    """The instance that sent a message, as text."""
+def _parameters(log: Dataflash) -> dict[str, float]:
+    """The settings that a log begins with, and those that were changed while it was written."""
+    message = log.messages.get("PARM")
+    if message is None or not {"Name", "Value"} <= set(message.columns):
+        return {}
+    rows = log.records(message)
+    values = rows["Value"].astype(np.float64).tolist()
+    return dict(zip(map(_text, rows["Name"].tolist()), values, strict=True))
+
+
+def _text(value: bytes | int) -> str:
+    """A name, or the number of an instance, as text."""
     return value.rstrip(b"\0").decode("latin-1") if isinstance(value, bytes) else str(value)
 
 
-def stamps(records: np.ndarray) -> np.ndarray | None:
+def _stamps(records: np.ndarray) -> np.ndarray | None:
     """The time stamps [ns], ``(n,)``, -1 if impossible; None if there is no such field."""
     names = records.dtype.names or ()
     for name, tick in (("TimeUS", 1_000), ("TimeMS", 1_000_000)):
@@ -121,12 +164,8 @@ def stamps(records: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def open_dataflash(path: Path) -> Dataflash:
-    """Index the messages of a log.
-
-    Raises:
-        ValueError: it holds no message.
-    """
+def _indexed(path: Path) -> Dataflash:
+    """Index the messages of a log; ValueError if it holds none."""
     data = path.read_bytes()
     kinds = {_FMT: Message("FMT", "BBnNZ", ["Type", "Length", "Name", "Format", "Columns"])}
     lengths = [0] * 256

@@ -115,14 +115,7 @@ def read_robot_log(
     held = {key: key in driving and c.hold == "zero" for key, c in columns.items()}
     even = resample(file.name, series, held, driving, base, gap, faster)
     # Cut after resampling: a held input keeps the value that was set before `start`.
-    keep = window(even.time, start, stop)
-    notes = even.notes
-    if not keep.any():
-        raise InputError(
-            f"{file.name}: expected samples from start to stop, found none; the log lasts "
-            f"{even.time[-1] - even.time[0]:.6g} s.",
-            "choose start and stop inside the log.",
-        )
+    keep, notes = window(even.time, start, stop, file.name), even.notes
     if not keep.all():
         notes.append(f"{int((~keep).sum())} of {keep.size} samples were cut by start and stop.")
 

@@ -26,13 +26,7 @@ _MOST = 10_000_000
 
 @dataclass(frozen=True)
 class Resampled:
-    """Channels on one time base.
-
-    Args:
-        time: time stamps [s], shape (n,).
-        values: samples by channel, NaN where missing, each of shape (n,).
-        notes: sentences on what was done.
-    """
+    """Channels on one time base [s], ``(n,)`` each, NaN where missing, and what was done."""
 
     time: np.ndarray
     values: dict[str, np.ndarray]

@@ -16,14 +16,13 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._robots.gathered import LONGEST, Gathered, RobotContents
+from diffthrust.logs._robots.messages import LONGEST, Gathered, RobotContents
 from diffthrust.logs._robots.packed import check_unpacked
 from diffthrust.logs._robots.series import (
     Series,
+    absent,
     column_place,
     lacking,
-    no_field,
-    no_message,
     series_of,
     split_column,
 )
@@ -53,7 +52,7 @@ def read_bag(
     with opened(path) as reader:
         for topic, columns in targets.items():
             if topic not in reader.topics:
-                raise no_message(path.name, columns[0][0], topic, reader.topics, "topic")
+                raise absent(path.name, columns[0][0], "topic", topic, sorted(reader.topics))
         chosen = [c for c in reader.connections if c.topic in targets]
         for connection, recorded, raw in reader.messages(chosen):
             message = reader.deserialize(raw, connection.msgtype)
@@ -146,7 +145,7 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
         elif step in ("yaw", "heading") and all(axis in field_names for axis in "xyzw"):
             value = angle_of(value, str(step))
         else:
-            raise no_field(file, column, _written(steps), _leaves(message))
+            raise absent(file, column, "field", _written(steps), _paths(message))
     if isinstance(value, bool | int | float | np.number | np.bool_):
         return float(value)
     if isinstance(value, np.ndarray | list | tuple):
@@ -154,7 +153,7 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
     elif is_dataclass(value):
         description, mend = (
             "a message",
-            f"name one of its fields, such as {next(_leaves(value), '')!r}.",
+            f"name one of its fields, such as {next(iter(_paths(value)), '')!r}.",
         )
     else:
         description, mend = (
@@ -177,19 +176,6 @@ def angle_of(quaternion: Any, word: str) -> float:
         return math.nan
     yaw = math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return yaw if word == "yaw" else math.pi / 2 - yaw
-
-
-def _leaves(value: Any, prefix: str = "", depth: int = 5) -> Iterator[str]:
-    """Paths to numbers, for error messages; for an array, its first element."""
-    if is_dataclass(value) and depth:
-        for f in fields(value):
-            dot = "." if prefix else ""
-            yield from _leaves(getattr(value, f.name), f"{prefix}{dot}{f.name}", depth - 1)
-    elif isinstance(value, np.ndarray | list | tuple):
-        if len(value):
-            yield from _leaves(value[0], f"{prefix}[0]", depth)
-    elif isinstance(value, bool | int | float | np.number | np.bool_):
-        yield prefix
 
 
 def _written(steps: Steps) -> str:
@@ -264,6 +250,11 @@ def bag_fields(path: Path) -> RobotContents:
     if empty:
         notes.append(f"left out, as they hold no numbers: {listing(empty, 8)}.")
     return RobotContents(list(topics.values()), notes)
+
+
+def _paths(message: Any) -> list[str]:
+    """Paths to the numbers of a message, for errors."""
+    return [name for name, *_ in _numeric_fields(message)]
 
 
 def _itself(message: Any) -> Any:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
@@ -67,25 +68,14 @@ def split_column(file: str, column: str) -> tuple[str, str]:
     return message, field
 
 
-def no_message(file: str, column: str, message: str, names: Iterable[str], word: str) -> InputError:
-    """The error for a message or topic that is not in the file."""
-    names = sorted(names)
-    near = nearest(message, names)
-    return InputError.at(
-        column_place(file, column),
-        f"expected the {word} {message!r}, found {listing(names)}.",
-        f"name a {word} of this log{'; ' + near if near else ''}.",
-    )
-
-
-def no_field(file: str, column: str, field: str, names: Iterable[str]) -> InputError:
-    """The error for a field that is not in the message."""
+def absent(file: str, column: str, what: str, name: str, names: Iterable[str]) -> InputError:
+    """The error for a topic or message that is not in the file, or a field not in a message."""
     names = list(names)
-    near = nearest(field, names)
+    near = nearest(name, names)
     return InputError.at(
         column_place(file, column),
-        f"expected a field {field!r}, found {listing(names)}.",
-        f"name a field of this message{'; ' + near if near else ''}.",
+        f"expected the {what} {name!r}, found {listing(names)}.",
+        f"name a {what} that is there{'; ' + near if near else ''}.",
     )
 
 
@@ -100,8 +90,8 @@ def lacking(file: str, library: str, extra: str, error: ImportError) -> InputErr
 def series_of(
     file: str,
     column: str,
-    nanoseconds: Iterable[int],
-    values: Iterable[float],
+    nanoseconds: ArrayLike,
+    values: ArrayLike,
     origin: int,
     missing: Iterable[float] = (),
 ) -> Series:
@@ -110,8 +100,8 @@ def series_of(
     Time stamps and their ``origin`` are integers [ns]: a float64 resolves a date only to 0.2 us.
     """
     place = column_place(file, column)
-    ticks = np.fromiter(nanoseconds, np.int64) - origin
-    numbers = np.fromiter(values, np.float64)
+    ticks = np.asarray(nanoseconds, np.int64) - origin
+    numbers = np.array(values, np.float64)  # a copy: missing values are marked in it
     notes = []
     for number in missing:
         numbers[numbers == number] = np.nan

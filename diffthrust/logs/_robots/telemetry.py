@@ -1,92 +1,66 @@
-"""Iterate over the messages of ArduPilot's telemetry logs (.tlog)."""
+"""Read ArduPilot's telemetry logs (.tlog)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 from diffthrust.logs._robots.dataflash import LATEST
+from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
+from diffthrust.logs._robots.series import lacking
+from diffthrust.logs._tables.table import damaged
+from diffthrust.logs._units import unit_in
+
+_SETTING = "PARAM_VALUE"
 
 
-@dataclass(frozen=True)
-class Received:
-    """One message.
+def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:
+    """Read the messages of some names, or all that may be signals.
 
-    Args:
-        stamp: its time stamp [ns].
-        name: kind of message.
-        source: system and component that sent it.
-        instance: the instance, such as the number of a motor; empty if there is only one.
-        fields: names of its fields.
-        get: returns the value of a field.
-        units: units of fields defined by MAVLink.
+    Frames of MAVLink 1 and 2 are each preceded by their time of reception at the ground station
+    [us], which jitters with the link. Parameters are those that the vehicle has told.
     """
-
-    stamp: int
-    name: str
-    source: tuple[int, ...]
-    instance: str
-    fields: Sequence[str]
-    get: Callable[[str], Any]
-    units: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Recording:
-    """An open file.
-
-    Args:
-        message_names: the kinds of messages in it.
-        messages: the requested messages, in the file's order.
-        damages: what could not be read, and where; complete once all messages were read.
-    """
-
-    message_names: set[str]
-    messages: Iterator[Received]
-    damages: list[str] = field(default_factory=list)
-
-
-@contextmanager
-def telemetry(path: Path, names: set[str] | None) -> Iterator[Recording]:
-    """Open a telemetry log: frames of MAVLink 1 and 2, each preceded by its time of reception [us].
-
-    Only messages of the names are read; all if None.
-
-    Raises:
-        ValueError: it holds no such frame.
-    """
-    from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-    data = path.read_bytes()
+    try:
+        from pymavlink.dialects.v20 import ardupilotmega as dialect
+    except ImportError as error:
+        raise lacking(path.name, "pymavlink", "ardupilot", error) from None
     kinds: Any = dialect.mavlink_map
-    damages: list[str] = []
-    frames = [frame for frame in _frames(data, damages) if frame[1] in kinds]
-    if not frames:
-        raise ValueError("no MAVLink message with a time stamp before it")
     decoder: Any = dialect.MAVLink(None)
-
-    def messages() -> Iterator[Received]:
+    groups: dict[tuple[str, tuple[int, ...], str], Gathered] = {}
+    parameters: dict[str, float] = {}
+    damages: list[str] = []
+    try:
+        data = path.read_bytes()
+        frames = [frame for frame in _frames(data, damages) if frame[1] in kinds]
+        if not frames:
+            raise ValueError("no MAVLink message with a time stamp before it")
         for stamp, number, begin, end in frames:
             name = kinds[number].msgname
-            if names is not None and name not in names:
+            if name not in names if names is not None else name == "STATUSTEXT":
                 continue
             try:
                 message = decoder.decode(bytearray(data[begin:end]))
             except dialect.MAVError as error:
                 damages.append(f"at byte {begin}: {error}")
                 continue
+            if names is None and name == _SETTING:
+                parameters[str(message.param_id)] = float(message.param_value)
+                continue
             source = (message.get_srcSystem(), message.get_srcComponent())
             which = message.instance_field
             instance = "" if which is None else str(getattr(message, which))
-            get = partial(getattr, message)
-            units = message.fieldunits_by_name
-            yield Received(stamp * 1_000, name, source, instance, message.fieldnames, get, units)
-
-    yield Recording({kinds[number].msgname for _, number, _, _ in frames}, messages(), damages)
+            if (key := (name, source, instance)) not in groups:
+                units = {n: unit_in(f"[{u}]") for n, u in message.fieldunits_by_name.items()}
+                values = {n: [] for n in message.fieldnames}
+                groups[key] = Gathered(name, [], values, units, source, instance)
+            groups[key].ticks.append(stamp * 1_000)
+            for n, held in groups[key].values.items():
+                held.append(getattr(message, n))
+    except Exception as error:  # a damaged log raises exceptions of any kind
+        raise damaged(path, "telemetry", error) from None
+    present = {kinds[number].msgname for _, number, _, _ in frames}
+    return RobotContents([*groups.values()], damage_notes(damages), parameters, present)
 
 
 def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, int]]:

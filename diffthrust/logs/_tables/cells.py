@@ -36,13 +36,9 @@ def is_number(cell: str) -> bool:
 def cells_to_numbers(
     cells: Sequence[str | None], missing: Collection[str], decimal_comma: bool = False
 ) -> np.ndarray:
-    """Read numbers cell by cell, ``(n,)``, so that an invalid cell is found.
+    """Read numbers cell by cell, ``(n,)``; `BadCell` for one that is no number.
 
-    Empty text, ``nan``, None and the words in ``missing`` become NaN; with ``decimal_comma``
-    numbers are written as ``1,5``.
-
-    Raises:
-        BadCell: a cell is not a number.
+    Empty text, ``nan``, None and the words in ``missing`` become NaN.
     """
     out = np.full(len(cells), np.nan)
     for index, cell in enumerate(cells):
@@ -66,13 +62,10 @@ def cells_to_numbers(
 def number_cells(
     cells: Sequence[str | None], missing: Collection[str], comma: bool
 ) -> tuple[np.ndarray, bool]:
-    """Read a column of numbers, ``(n,)``, and say whether they had decimal commas.
+    """Read a column of numbers, ``(n,)``, and say whether they had decimal commas; or `BadCell`.
 
     ``comma`` says that commas are decimal commas, as with semicolons between cells. Otherwise they
     are read so only if they cannot be thousands separators.
-
-    Raises:
-        BadCell: a cell is a number in neither notation.
     """
     try:
         return cells_to_numbers(cells, missing), False

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +12,9 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.cells import is_number, quoted
-from diffthrust.logs._tables.large_csv import LARGE, parsed, scanned, top_of
+from diffthrust.logs._tables.large_csv import LARGE, scanned, top_of
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
 from diffthrust.logs._tables.source import Cells, OpenTable
-
-# Below this many cells Python reads the numbers faster than pandas can be imported.
-SMALL = 100_000
 
 # Bytes that never occur in text: with one of them the file is a picture or an archive.
 _CONTROL = bytes([*range(9), *range(14, 32)])
@@ -53,17 +48,11 @@ def _read_all_lines(path: Path, wanted: Collection[str], strict: bool) -> OpenTa
         lines.pop()
     head = head_of(path.name, lines, wanted)
     notes = [*head.notes, *_zeros(len(whole_file) - len(raw))]
-    text = _Text(
-        path.name,
-        head.placement.names,
-        head.delimiter,
-        head.line + 1,
-        [lines[i] for i in head.body],
-        np.asarray(head.body, dtype=np.int64) + 1,
-    )
-    if not complete and text.cut_short():
-        notes.append(_cut_off(head.body[-1] + 1))
-    return _table(path, head, partial(_read, text, strict=strict), text.numbers, notes)
+    body = {i + 1: lines[i] for i in head.body}
+    if not complete and _cut_short(head, body):
+        notes.append(_cut_off(body.popitem()[0]))
+    rows = _Rows(path.name, head, body, strict)
+    return _table(path, head, rows.cells, np.array([*body], dtype=np.int64), notes)
 
 
 def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
@@ -142,122 +131,76 @@ def _binary(file: str) -> InputError:
     )
 
 
-@dataclass
-class _Text:
-    """The lines of a file that hold cells, and their line numbers."""
+def _cut_short(head: Head, body: Mapping[int, str]) -> bool:
+    """Whether the last line has too few cells.
+
+    Without a newline at its end the recording was cut off in this line, so that its last cell may
+    be cut as well ("12.3" of "12.345"). A complete number of cells cannot be told from that, and
+    counts.
+    """
+    last = body[max(body)] if len(body) > 1 else ""
+    if not last.strip() or '"' in last:
+        return False
+    return len(splitter(head.delimiter)(last)) < len(head.placement.names)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The lines of a file that hold cells, by line number."""
 
     file: str
-    names: list[str]
-    delimiter: str
-    header_line: int
-    lines: list[str]
-    numbers: np.ndarray
+    head: Head
+    lines: Mapping[int, str]
+    strict: bool
 
-    @property
-    def split(self) -> Splitter:
-        """A function that splits a line into cells; raises csv.Error if quotes do not match."""
-        return splitter(self.delimiter)
+    def cells(self, wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
+        """The cells of some columns."""
+        if not self.lines and self.strict:
+            raise InputError(
+                f"{self.file}: expected samples below the header in line {self.head.line + 1}, "
+                "found none.",
+                "check that the recording was saved.",
+            )
+        split = splitter(self.head.delimiter)
+        columns: dict[int, list[str]] = {self.head.placement.names.index(n): [] for n in wanted}
+        for number, line in self.lines.items():
+            row = self._row(split, number, line)
+            for index, column in columns.items():
+                column.append(row[index])
+        return dict(zip(wanted, columns.values(), strict=True))
 
-    def cut_short(self) -> bool:
-        """Drop a last line with too few cells; returns whether there was one."""
-        if len(self.lines) < 2 or not self.lines[-1].strip() or '"' in self.lines[-1]:
-            return False
-        # Without a newline at its end the recording was cut off in this line, so that its last cell
-        # may be cut as well ("12.3" of "12.345"). A complete number of cells cannot be told from
-        # that, and counts.
-        short = len(self.split(self.lines[-1])) < len(self.names)
-        if short:
-            self.lines.pop()
-            self.numbers = self.numbers[:-1]
-        return short
-
-
-def _read(
-    text: _Text, wanted: Sequence[str], missing: Collection[str], *, strict: bool
-) -> dict[str, Cells]:
-    if not text.lines and strict:
-        raise InputError(
-            f"{text.file}: expected samples below the header in line {text.header_line}, "
-            "found none.",
-            "check that the recording was saved.",
-        )
-    lines = _normalized_lines(text, strict)
-    indices = {name: text.names.index(name) for name in wanted}
-    order = sorted(set(indices.values()))
-    if len(lines) * len(order) > SMALL:
-        fast = _read_fast(lines, text.delimiter, len(text.names), order, missing)
-        if fast is not None:
-            return {name: fast[index] for name, index in indices.items()}
-    split = text.split
-    cells: dict[int, list[str]] = {index: [] for index in order}
-    for line in lines:
-        parts = split(line)
-        for index in order:
-            cells[index].append(parts[index] if index < len(parts) else "")
-    return {name: cells[index] for name, index in indices.items()}
-
-
-def _normalized_lines(text: _Text, strict: bool) -> list[str]:
-    """Bring every line to as many cells as the header; blank lines get empty cells."""
-    expected, delimiter, split = len(text.names), text.delimiter, text.split
-    blank = delimiter * (expected - 1)
-    nothing = delimiter + ' \t"\x0b\x0c'
-    even = text.lines
-    if delimiter == " ":
-        # Columns aligned by several blanks.
-        even = [" ".join(line.split()) for line in even]
-    even = even.copy()
-    for k, line in enumerate(even):
-        if '"' not in line:
-            count = line.count(delimiter) + 1
-        else:
-            try:
-                count = len(split(line)) if line.count('"') % 2 == 0 else -1
-            except csv.Error:
-                count = -1
-        if count == expected:
-            continue
-        if not line.strip(nothing):
-            even[k] = blank
-            continue
+    def _row(self, split: Splitter, number: int, line: str) -> list[str]:
+        """As many cells as in the header; those of a blank line are empty."""
+        expected, delimiter = len(self.head.placement.names), self.head.delimiter
+        try:
+            cells = split(line) if line.count('"') % 2 == 0 else None
+        except csv.Error:
+            cells = None
+        if cells is not None and len(cells) == expected:
+            return cells
+        if not line.strip(delimiter + ' \t"\x0b\x0c'):
+            return [""] * expected
         # Many loggers write a delimiter after the last cell of every row.
-        while count > expected and line.endswith(delimiter):
-            line, count = line[: -len(delimiter)], count - 1
-        even[k] = line
-        if count == expected:
-            continue
-        place = f"{text.file}, line {text.numbers[k]}"
-        if not strict:
-            even[k] = line.replace('"', "")
-        elif count < 0:
+        while cells and len(cells) > expected and not cells[-1]:
+            cells.pop()
+        if cells is not None and len(cells) == expected:
+            return cells
+        place = f"{self.file}, line {number}"
+        if not self.strict:
+            cells = split(line.replace('"', ""))
+            return [*cells, *[""] * (expected - len(cells))]
+        if cells is None:
             raise InputError(
                 f"{place}: expected quoted cells to end in their line, found {quoted(line)}.",
                 "correct the quotes; a cell must not run over several lines.",
             )
-        else:
-            cells = f"{expected} cell{'s' if expected != 1 else ''}"
-            commas = delimiter == "," and count > expected
-            raise InputError(
-                f"{place}: expected {cells} as in the header, found {count}.",
-                "complete the line or remove it"
-                + ("; with decimal commas, separate the cells by semicolons." if commas else "."),
-            )
-    return even
-
-
-def _read_fast(
-    lines: Sequence[str], delimiter: str, width: int, order: Sequence[int], missing: Collection[str]
-) -> dict[int, np.ndarray] | None:
-    """Read a large table of plain numbers with pandas; None if it holds anything else."""
-    joined = "\n".join(lines)
-    # pandas gives quotes and these control characters a meaning of their own: the slow pass, which
-    # keeps track of lines, decides what they are.
-    if '"' in joined or "\x0b" in joined or "\x0c" in joined:
-        return None
-    columns = parsed(StringIO(joined), delimiter, width, order, missing)
-    if columns is None or any(values.size != len(lines) for values in columns.values()):
-        return None
-    return columns
+        commas = delimiter == "," and len(cells) > expected
+        raise InputError(
+            f"{place}: expected {expected} cell{'s' if expected != 1 else ''} as in the header, "
+            f"found {len(cells)}.",
+            "complete the line or remove it"
+            + ("; with decimal commas, separate the cells by semicolons." if commas else "."),
+        )
 
 
 _DELIMITERS = (",", ";", "\t", " ")
@@ -267,15 +210,7 @@ Splitter = Callable[[str], list[str]]
 
 @dataclass(frozen=True)
 class Head:
-    """Position of the table among the lines.
-
-    Args:
-        placement: its columns.
-        delimiter: between cells.
-        line: index of the header line.
-        body: indices of the lines below it that are not comments.
-        notes: sentences on what was skipped.
-    """
+    """Where the table is: its columns, delimiter, header line, the lines below it, and notes."""
 
     placement: Placement
     delimiter: str

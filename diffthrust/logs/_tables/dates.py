@@ -78,10 +78,7 @@ def formats_of(cells: Sequence[str | None]) -> list[str]:
 def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str = "") -> np.ndarray:
     """Read dates as seconds after the first, ``(n,)``; NaN for empty cells and ``missing`` words.
 
-    ``form`` is their format, as for ``strptime``, if the year is not first.
-
-    Raises:
-        BadCell: a cell does not fit the format.
+    ``form`` is their format, as for ``strptime``, if the year is not first; else `BadCell`.
     """
     if form and len(cells) > _MANY and (fast := _at_once(cells, missing, form)) is not None:
         return _past_midnight(fast, form)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Collection, Mapping, Sequence
-from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -14,8 +13,9 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._largest import MemoryBudget
+from diffthrust.logs._tables.frame import object_cells, text_of
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
-from diffthrust.logs._tables.source import Cells, Dates, OpenTable
+from diffthrust.logs._tables.source import Cells, OpenTable
 from diffthrust.logs._tables.table import damaged
 
 _Row = Sequence[Any]
@@ -122,23 +122,15 @@ def _column(path: Path, sheet: str, placement: Placement, body: Sequence[_Row], 
     index = placement.names.index(name)
     cells: list[Any] = [row[index] if index < len(row) else None for row in body]
     cells = [None if isinstance(cell, str) and not cell.strip() else cell for cell in cells]
-    full = [cell for cell in cells if cell is not None]
     # A program that writes formulas without computing them (openpyxl) leaves their results empty,
     # and the column would look as if nothing was recorded.
-    if not full and _is_formula(path, sheet, placement, index):
+    if all(cell is None for cell in cells) and _is_formula(path, sheet, placement, index):
         raise InputError.at(
             Place(f"{path.name}, sheet {sheet!r}, column {name!r}", name),
             "expected numbers, found formulas whose results are not in the file.",
             "open the file in a spreadsheet and save it, which writes the results.",
         )
-    if all(isinstance(cell, int | float) for cell in full):
-        return np.array([np.nan if cell is None else float(cell) for cell in cells])
-    kinds = {type(_moment(cell)) for cell in full}
-    if kinds == {datetime} or kinds == {timedelta}:
-        first = _moment(full[0])
-        since = [None if cell is None else _moment(cell) - first for cell in cells]
-        return Dates(np.array([np.nan if s is None else s.total_seconds() for s in since]))
-    return [None if cell is None else _text(cell) for cell in cells]
+    return object_cells(cells)
 
 
 def _is_formula(path: Path, sheet: str, placement: Placement, index: int) -> bool:
@@ -146,23 +138,5 @@ def _is_formula(path: Path, sheet: str, placement: Placement, index: int) -> boo
     return any(index < len(row) and str(row[index]).startswith("=") for row in body)
 
 
-def _moment(cell: Any) -> Any:
-    """A date or time as an object that can be subtracted; other cells unchanged."""
-    # Excel stores durations as times of day; these cannot be subtracted from each other in Python.
-    if isinstance(cell, time):
-        return timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second) + timedelta(
-            microseconds=cell.microsecond
-        )
-    if isinstance(cell, date) and not isinstance(cell, datetime):
-        return datetime(cell.year, cell.month, cell.day)
-    return cell
-
-
 def _header(cell: Any) -> str:
-    return "" if cell is None else _text(cell).strip()
-
-
-def _text(cell: Any) -> str:
-    if isinstance(cell, datetime | date):
-        return cell.isoformat()
-    return str(cell)
+    return "" if cell is None else text_of(cell).strip()

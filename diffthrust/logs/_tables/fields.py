@@ -14,29 +14,14 @@ from diffthrust.logs._columns import Column, channel_columns, each_column, field
 from diffthrust.logs._tables.source import OpenTable, table_of
 from diffthrust.logs._tables.table import Table
 from diffthrust.logs._units import convert, same_unit
-from diffthrust.logs._validate import is_finite, more_like_it
+from diffthrust.logs._validate import PlaceOf, check_stamps, is_finite
 
 # Above this share of repeated time stamps the clock is coarser than the samples.
 _COARSE = 0.1
 
 
 class TableRequest:
-    """The columns and options requested of a table, checked before it is opened.
-
-    Args:
-        file: name of the table for messages.
-        time: the time column, a step [s], or None to count rows.
-        inputs: the column of each input.
-        measured: the column of each measured channel.
-        missing_values: texts or numbers that mean missing.
-        interpolate_inputs: fill missing samples of inputs instead of refusing them.
-        start: first moment to keep [s after the first].
-        stop: last moment to keep [s after the first].
-        static: the rows were not recorded in time; so it is where ``time`` is None.
-
-    Raises:
-        InputError: a channel, column or number is invalid.
-    """
+    """The columns and options requested of a table, which are those of `read_log`; checked."""
 
     def __init__(
         self,
@@ -89,15 +74,16 @@ class TableRequest:
         # time stamp.
         table.mark_missing(self.missing)
         table.drop_blank_rows()
-        stamps = self._stamps(table)
-        if self.start is not None or self.stop is not None:
-            stamps = table.cut(stamps, self.start, self.stop)
-        stamps = _without_repeats(table, stamps, self.clock)
 
         def at(channel: str, index: int | None) -> Place:
             if channel == "time":
                 return table.place(self.clock.column if self.clock else None, index)
             return table.place(self.columns[channel].column, index)
+
+        stamps = self._stamps(table, at)
+        if self.start is not None or self.stop is not None:
+            stamps = table.cut(stamps, self.start, self.stop)
+        stamps = _without_repeats(table, stamps, self.clock)
 
         return fields_of_columns(
             self.columns,
@@ -130,33 +116,23 @@ class TableRequest:
                     f"the file says {file_unit!r}, no unit is given, and by default {channel!r} is "
                     f"read in {default!r}.",
                     f"give the unit of the numbers: Column({column.column!r}, unit={file_unit!r}), "
-                    f"in a spec file unit = {file_unit!r}.".replace("unit = '", 'unit = "').replace(
-                        "'.", '".'
-                    ),
+                    f'in a spec file unit = "{file_unit}".',
                 )
             read = f"read in {unit!r}" if unit else "and no unit is given"
             notes.append(f"{channel!r}: the file says {file_unit!r} of {column.column!r}, {read}.")
         return notes
 
-    def _stamps(self, table: Table) -> np.ndarray:
+    def _stamps(self, table: Table, at: PlaceOf) -> np.ndarray:
         """The time stamps in seconds, finite."""
         if self.clock is None:
             return np.arange(table.rows.size) * (self.step or 1.0)
-        place = table.place(self.clock.column)
         stamps = table.columns[self.clock.column]
         if not table.dates:
             with np.errstate(all="ignore"):
                 stamps = stamps * float(self.clock.scale) + float(self.clock.offset)
         unit = "s" if table.dates else self.clock.unit or "s"
-        stamps = convert(stamps, unit, "s", where=place)
-        bad = np.flatnonzero(~np.isfinite(stamps))
-        if bad.size:
-            description = "none" if np.isnan(stamps[bad[0]]) else str(stamps[bad[0]])
-            raise InputError.at(
-                table.place(self.clock.column, int(bad[0])),
-                f"expected a time stamp, found {description}{more_like_it(bad.size)}.",
-                "complete the time stamp, or remove the row.",
-            )
+        stamps = convert(stamps, unit, "s", where=at("time", None))
+        check_stamps(stamps, at)
         return stamps
 
 

@@ -1,8 +1,9 @@
-"""Columns of pandas data frames, with the index as the time."""
+"""Columns of pandas data frames, with the index as the time; cells that are objects."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from datetime import date, datetime, time, timedelta
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def read_frame(frame: Any, name: str) -> OpenTable:
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
         return {
-            name: _cells(frame.iloc[:, columns[name]] if name in columns else index)
+            name: series_cells(frame.iloc[:, columns[name]] if name in columns else index)
             for name in wanted
         }
 
@@ -65,44 +66,61 @@ def time_of(frame: Any, name: str) -> str:
     return str(index.name) if named else INDEX
 
 
-def _cells(column: Any) -> Cells:
+def series_cells(column: Any) -> Cells:
+    """The cells of a column of pandas, or of an index."""
     import pandas as pd
 
-    kind = column.dtype
-    unreadable = Other(f"values of type {kind}")
+    column = pd.Series(column).reset_index(drop=True)
+    unreadable = Other(f"values of type {column.dtype}")
     try:
         # Categories and periods hide the type of their values, by which the branches below decide.
-        if isinstance(kind, pd.CategoricalDtype):
-            column = pd.Series(np.asarray(column))
-            kind = column.dtype
-        if isinstance(kind, pd.PeriodDtype):
-            column = pd.Series(column).dt.to_timestamp()
-            kind = column.dtype
-        if pd.api.types.is_datetime64_any_dtype(kind):
-            moments = pd.Series(column).reset_index(drop=True)
-            valid = moments.dropna()
-            since = (
-                moments - valid.iloc[0]
-                if len(valid)
-                else moments - pd.Timestamp(0, tz=moments.dt.tz)
-            )
-            return Dates(since.dt.total_seconds().to_numpy(dtype=np.float64))
-        if pd.api.types.is_timedelta64_dtype(kind):
-            return Dates(pd.Series(column).dt.total_seconds().to_numpy(dtype=np.float64))
-        if pd.api.types.is_bool_dtype(kind) or pd.api.types.is_numeric_dtype(kind):
-            if pd.api.types.is_complex_dtype(kind):
-                return unreadable
-            return pd.Series(column).to_numpy(dtype=np.float64, na_value=np.nan)
-        cells: list[Any] = [
-            None if cell is None or cell is pd.NA or cell is pd.NaT else cell for cell in column
-        ]
-        cells = [None if isinstance(cell, float) and np.isnan(cell) else cell for cell in cells]
-        if all(cell is None or isinstance(cell, str) for cell in cells):
-            return cells
-        if all(cell is None or isinstance(cell, int | float | np.number) for cell in cells):
-            return np.array([np.nan if cell is None else float(cell) for cell in cells])
-        if any(isinstance(cell, list | dict | tuple | set | np.ndarray) for cell in cells):
+        if isinstance(column.dtype, pd.CategoricalDtype):
+            # Of equal texts one object: unpacked, they may take many times the size of a file.
+            words = np.array([*column.cat.categories, None], dtype=object)
+            column = pd.Series(words[column.cat.codes.to_numpy()], dtype=object)
+        if isinstance(column.dtype, pd.PeriodDtype):
+            column = column.dt.to_timestamp()
+        if column.isna().all():
+            return np.full(len(column), np.nan)
+        if pd.api.types.is_datetime64_any_dtype(column.dtype):
+            column = column - column.dropna().iloc[0]
+        if pd.api.types.is_timedelta64_dtype(column.dtype):
+            return Dates(column.dt.total_seconds().to_numpy(dtype=np.float64))
+        if pd.api.types.is_complex_dtype(column.dtype):
             return unreadable
-        return [None if cell is None else str(cell) for cell in cells]
+        if pd.api.types.is_numeric_dtype(column.dtype):  # booleans, too
+            return column.to_numpy(dtype=np.float64, na_value=np.nan)
+        missing = column.isna()
+        cells = [None if no else cell for cell, no in zip(column, missing, strict=True)]
+        if any(isinstance(cell, list | dict | tuple | set | bytes | np.ndarray) for cell in cells):
+            return unreadable
+        return object_cells(cells)
     except (TypeError, ValueError, OverflowError):
         return unreadable
+
+
+def object_cells(cells: Sequence[Any]) -> Cells:
+    """Cells as objects of Python: numbers or dates, where all are, or else text."""
+    full = [cell for cell in cells if cell is not None]
+    if all(isinstance(cell, int | float | np.number) for cell in full):
+        return np.array([np.nan if cell is None else float(cell) for cell in cells])
+    if {type(_moment(cell)) for cell in full} in ({datetime}, {timedelta}):
+        first = _moment(full[0])
+        since = [None if cell is None else _moment(cell) - first for cell in cells]
+        return Dates(np.array([np.nan if s is None else s.total_seconds() for s in since]))
+    return [None if cell is None else text_of(cell) for cell in cells]
+
+
+def _moment(cell: Any) -> Any:
+    """A date or time as an object that can be subtracted; other cells unchanged."""
+    # Excel stores durations as times of day; these cannot be subtracted from each other in Python.
+    if isinstance(cell, time):
+        return datetime.combine(date.min, cell) - datetime.min
+    if isinstance(cell, date) and not isinstance(cell, datetime):
+        return datetime(cell.year, cell.month, cell.day)
+    return cell
+
+
+def text_of(cell: Any) -> str:
+    """A cell as text; of dates in the notation that is read again."""
+    return cell.isoformat() if isinstance(cell, date) else str(cell)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.source import Cells
 
-LARGE = 2**24
+LARGE = 2**21
 """Files of at least this many bytes are read in blocks."""
 _TOP = 2**20
 """Bytes at the top that hold the header, and the lines by which it is found."""
@@ -39,17 +39,10 @@ def top_of(path: Path) -> bytes | None:
 
 @dataclass(frozen=True)
 class LargeBody:
-    """The lines with samples of a file, all of the same width, or blank.
+    """The lines with samples of a file, all of one width or blank, between two offsets.
 
-    Args:
-        path: the file.
-        begin: offset of the first byte.
-        end: offset after the last byte.
-        rows: number of lines.
-        delimiter: between cells; a blank stands for any number of blanks.
-        width: cells per line, counting an empty one if lines end in a delimiter.
-        zeros: zero bytes after the lines.
-        cut: a last line with fewer cells was left out.
+    A blank as delimiter stands for any number of blanks; the width counts an empty cell where lines
+    end in a delimiter. ``zeros`` are bytes after the lines, ``cut`` a last line that was left out.
     """
 
     path: Path
@@ -94,11 +87,19 @@ class LargeBody:
 
         pandas rejects a set of columns if a single one of them is not numeric.
         """
-        numbers = parsed(BytesIO(block), self.delimiter, self.width, columns, missing)
-        if numbers is not None:
-            return numbers
-        if len(columns) < 2:
-            return {}
+        try:
+            frame = self._frame(
+                block,
+                columns,
+                dtype="float64",
+                na_values=sorted({"", "nan", "NaN", "NAN", *missing}),
+                keep_default_na=False,
+                float_precision="round_trip",  # the same number as the cell-by-cell path gives
+            )
+            return {column: frame[column].to_numpy(dtype=np.float64) for column in columns}
+        except Exception:  # a cell is no number
+            if len(columns) < 2:
+                return {}
         half = len(columns) // 2
         return {
             **self._numbers(block, columns[:half], missing),
@@ -110,52 +111,27 @@ class LargeBody:
         if not columns:
             return texts
         for block in _blocks(self.path, self.begin, self.end):
-            frame = _frame(BytesIO(block), self.delimiter, self.width, columns, na_filter=False)
+            frame = self._frame(block, columns, na_filter=False)
             for column in columns:
                 texts[column] += frame[column].fillna("").tolist()
         return texts
 
+    def _frame(self, block: bytes, columns: Sequence[int], **options: Any) -> Any:
+        import pandas as pd
 
-def parsed(
-    source: IO[Any],
-    delimiter: str,
-    width: int,
-    columns: Sequence[int],
-    missing: Collection[str],
-) -> dict[int, np.ndarray] | None:
-    """Parse lines of ``width`` cells to numbers by column; None if a cell is not a number."""
-    try:
-        frame = _frame(
-            source,
-            delimiter,
-            width,
-            columns,
-            dtype="float64",
-            na_values=sorted({"", "nan", "NaN", "NAN", *missing}),
-            keep_default_na=False,
-            float_precision="round_trip",  # the same number as the cell-by-cell path gives
+        read: Any = pd.read_csv
+        return read(
+            BytesIO(block),
+            sep=r"\s+" if self.delimiter == " " else self.delimiter,
+            header=None,
+            names=range(self.width),
+            index_col=False,
+            usecols=list(columns),
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            quoting=csv.QUOTE_NONE,
+            **{"dtype": object, **options},
         )
-    except Exception:  # the cell-by-cell reader finds and names the invalid cell
-        return None
-    return {column: frame[column].to_numpy(dtype=np.float64) for column in columns}
-
-
-def _frame(source: IO[Any], delimiter: str, width: int, columns: Sequence[int], **how: Any) -> Any:
-    import pandas as pd
-
-    read: Any = pd.read_csv
-    return read(
-        source,
-        sep=r"\s+" if delimiter == " " else delimiter,
-        header=None,
-        names=range(width),
-        index_col=False,
-        usecols=list(columns),
-        skip_blank_lines=False,
-        skipinitialspace=True,
-        quoting=csv.QUOTE_NONE,
-        **{"dtype": object, **how},
-    )
 
 
 def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | None:

@@ -23,13 +23,7 @@ _WIDEST = 64
 
 @dataclass(frozen=True, eq=False)
 class Unread:
-    """An array in a file that is not read yet.
-
-    Args:
-        shape: of the array.
-        load: reads the array.
-        size: bytes of the loaded array.
-    """
+    """An array in a file that is not read yet: its shape, and its bytes once loaded."""
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]

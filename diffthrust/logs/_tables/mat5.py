@@ -48,9 +48,7 @@ def parse(data: bytes, budget: MemoryBudget) -> list[tuple[str, Variable]]:
     """Read all variables of a MATLAB file, in its order, within the budget once unpacked.
 
     Numbers are an array with its shape in MATLAB, a struct is a dict, anything else a description.
-
-    Raises:
-        ValueError: the file is damaged, or not a MATLAB file.
+    ValueError if the file is damaged, or none of MATLAB's.
     """
     try:
         if len(data) >= 128 and data[126:128] in (b"IM", b"MI"):

@@ -8,7 +8,8 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._largest import MemoryBudget
-from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other
+from diffthrust.logs._tables.frame import series_cells
+from diffthrust.logs._tables.source import Cells, OpenTable, Other
 from diffthrust.logs._tables.table import damaged
 
 
@@ -46,12 +47,8 @@ def read_parquet(path: Path) -> OpenTable:
             columns = {name: data.column(name) for name in chosen}
         except Exception as error:
             raise damaged(path, "Parquet", error) from None
-        return {
-            name: _cells(columns[name])
-            if name in columns
-            else Other(f"values of type {kinds[name]}")
-            for name in wanted
-        }
+        unreadable = {name: Other(f"values of type {kinds[name]}") for name in wanted}
+        return unreadable | {name: _cells(columns[name]) for name in chosen}
 
     return OpenTable(path.name, "Parquet table", names, read, np.arange(1, rows + 1))
 
@@ -76,48 +73,10 @@ def _is_text(kind: Any) -> bool:
     return pa.types.is_string(kind) or pa.types.is_large_string(kind)
 
 
-def _texts(column: Any) -> list[str | None]:
-    """The texts of a dictionary-encoded column; equal texts are one object."""
-    cells: list[str | None] = []
-    for chunk in column.chunks:
-        words = [*chunk.dictionary.to_pylist(), None]
-        # Empty cells point to the None behind the words.
-        places = chunk.indices.cast("int64").fill_null(len(words) - 1)
-        cells += [words[place] for place in places.to_numpy()]
-    return cells
-
-
 def _cells(column: Any) -> Cells:
-    import pyarrow as pa
-
     unreadable = Other(f"values of type {column.type}")
     try:
-        if pa.types.is_dictionary(column.type) and _is_text(column.type.value_type):
-            return _texts(column)
-        column = column.combine_chunks()
-        kind = column.type
-        if pa.types.is_dictionary(kind):
-            column = column.dictionary_decode()
-            kind = column.type
-        if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-            ticks = column.cast(pa.int64())
-            per_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[kind.unit]
-            valid = ticks.drop_null()
-            if pa.types.is_timestamp(kind) and len(valid):
-                # Subtracted as integers: a float64 keeps only 0.2 us of a date.
-                first = valid[0].as_py()
-                ticks = pa.array([None if t is None else t - first for t in ticks.to_pylist()])
-            return Dates(ticks.cast(pa.float64()).to_numpy(zero_copy_only=False) / per_second)
-        if pa.types.is_boolean(kind):
-            column = column.cast(pa.uint8())
-        elif not (
-            pa.types.is_integer(kind)
-            or pa.types.is_floating(kind)
-            or pa.types.is_decimal(kind)
-            or pa.types.is_null(kind)
-        ):
-            return unreadable
-        numbers = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-        return np.array(numbers, dtype=np.float64)
-    except Exception:  # a type that Arrow cannot cast
+        cells = series_cells(column.to_pandas())
+    except Exception:  # values that pandas cannot hold
         return unreadable
+    return unreadable if isinstance(cells, Other) else cells

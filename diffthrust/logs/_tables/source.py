@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._columns import Column
 from diffthrust.logs._tables.cells import BadCell, number_cells
 from diffthrust.logs._tables.dates import OtherDate, formats_of, is_date, other_date, seconds_of
-from diffthrust.logs._tables.table import Table, absent_column, not_a_number, twice
+from diffthrust.logs._tables.table import Table, absent_column, not_a_number
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,12 @@ def table_of(
                 source.file, name, source.names, source.column_word, is_clock=is_clock
             )
         if list(source.names).count(name) > 1:
-            raise twice(source.file, name, source.column_word)
+            word = source.column_word
+            raise InputError.at(
+                Place(source.file, name),
+                f"expected one {word} {name!r}, found several of that name.",
+                f"rename or remove the other {word}.",
+            )
     table = Table(
         source.file,
         {},
@@ -174,11 +179,7 @@ def text_numbers(
 ) -> tuple[np.ndarray, bool, bool]:
     """Read a column of text: numbers, ``(n,)``, whether they were dates, or had decimal commas.
 
-    ``comma`` is as in `number_cells`; dates are allowed in a time.
-
-    Raises:
-        OtherDate: dates that do not begin with the year.
-        BadCell: a cell is neither a number nor a date.
+    Raises `BadCell` for other cells, and `OtherDate` for dates that do not begin with the year.
     """
     try:
         numbers, commas = number_cells(cells, missing, comma)

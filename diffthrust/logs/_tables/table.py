@@ -17,16 +17,10 @@ _MARKED = re.compile(r"'[+-]?[\d.,]*\d,\d[\d.,]*'")
 
 @dataclass
 class Table:
-    """The wanted columns of a file.
+    """The wanted columns of a file as numbers, ``(n,)`` each, NaN where a cell is empty.
 
-    Args:
-        file: name of the file, for messages.
-        columns: numbers by column name, each of shape (n,), NaN where the cell is empty.
-        rows: position of each sample in the file, shape (n,), counted from 1.
-        row_word: word for a row: ``"line"``, ``"row"`` or ``"element"``.
-        column_word: word for a column: ``"column"`` or ``"variable"``.
-        notes: sentences on how the file was read.
-        dates: the time column held dates or durations and is in seconds already.
+    ``rows`` are the positions of the samples in the file, counted from 1; with ``dates`` the time
+    column held dates or durations, and is in seconds already.
     """
 
     file: str
@@ -64,11 +58,7 @@ class Table:
         self.rows = self.rows[rows]
 
     def drop_blank_rows(self) -> None:
-        """Drop rows that hold no number, and note how many.
-
-        Raises:
-            InputError: all rows are blank.
-        """
+        """Drop rows that hold no number, and note how many; InputError if all are blank."""
         blank = np.logical_and.reduce([np.isnan(values) for values in self.columns.values()])
         if blank.all():
             raise InputError(
@@ -90,20 +80,13 @@ class Table:
 
         Takes the time stamps [s], ``(n,)``, and returns those that are kept.
         """
-        keep = window(stamps, start, stop)
-        first = 0.0 if start is None else start
-        last = "the end" if stop is None else f"{stop:g} s"
-        if not keep.any():
-            raise InputError(
-                f"{self.file}: expected samples from {first:g} s to {last} after the first, "
-                f"found none; the log lasts {stamps[-1] - stamps[0]:.6g} s.",
-                "choose start and stop inside the log.",
-            )
+        keep = window(stamps, start, stop, self.file)
         if not keep.all():
             self.keep(keep)
+            last = "the end" if stop is None else f"{stop:g} s"
             self.notes.append(
-                f"{int((~keep).sum())} of {keep.size} samples were cut, those outside {first:g} s "
-                f"to {last}."
+                f"{int((~keep).sum())} of {keep.size} samples were cut, those outside "
+                f"{start or 0.0:g} s to {last}."
             )
         return stamps[keep]
 
@@ -148,13 +131,4 @@ def damaged(path: Path, kind: str, error: Exception) -> InputError:
     return InputError(
         f"{path.name}: expected a {kind} file, found something that cannot be read ({reason}).",
         "check that the file is complete, and that its name ends as its content requires.",
-    )
-
-
-def twice(file: str, name: str, word: str) -> InputError:
-    """The error for a wanted column whose name occurs twice in the file."""
-    return InputError.at(
-        Place(file, name),
-        f"expected one {word} {name!r}, found several of that name.",
-        f"rename or remove the other {word}.",
     )

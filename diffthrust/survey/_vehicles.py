@@ -1,0 +1,257 @@
+"""Find the channels of a thruster, or of a vessel, among the columns of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diffthrust.logs._contents import Field
+from diffthrust.logs._units import same_quantity
+from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
+from diffthrust.survey._guess import SURE, pulse_command
+from diffthrust.survey._values import (
+    correlated,
+    difference,
+    hardly_negative,
+    numbers_of,
+    one_sided,
+    pulses_ahead,
+    turning,
+    two_sided,
+)
+
+
+def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
+    """A thruster with its command, or only thrust over speed; None if neither fits."""
+    measured = pool.picks(("speed", "thrust"), "measured")
+    spare = pool.picks(("inflow", "supply_voltage"), "input")
+    if not measured:
+        return None
+    commands = pool.all("command", moving=True)
+    if any(pick.meaning.effort for pick in commands):
+        volts = [pick for pick in commands if not pick.meaning.effort]
+        commands = [pick for pick in commands if pick.meaning.effort]
+        # A log with an effort and a voltage: the voltage is that of the battery, not a second
+        # command.
+        if volts and "supply_voltage" not in spare:
+            battery = volts[0].chosen("input").meant(quantity="supply_voltage", doubts=())
+            spare["supply_voltage"] = battery
+    if commands:
+        chosen = _driven(pool, commands, measured)
+        loop = chosen["command"].meaning.effort and _holds_speed(chosen)
+        model = "speed_loop_thruster" if loop else "thruster"
+        return replace(plain, model=model, channels=chosen, spare=spare)
+    targets = [
+        p for p in pool.all("set_point", moving=True) if same_quantity(p.meaning.unit, "rad/s")
+    ]
+    if targets and "speed" in measured:
+        chosen = _driven(pool, targets, measured)
+        return replace(plain, model="speed_loop_thruster", channels=chosen, spare=spare)
+    if len(measured) < 2:
+        return None
+    speed, thrust = measured["speed"], measured["thrust"]
+    speed = replace(speed, role="input")
+    if one_sided(speed.field.values) and not one_sided(thrust.field.values):
+        if correlated(speed.field, thrust.field) < -FIRMLY:
+            speed = speed.turned(
+                "It has no sign; turned round by scale, as the thrust falls where it rises."
+            )
+        else:
+            speed = speed.doubted("It has no sign, and the thrust goes both ways: which, is open.")
+    word = "No command was found: with the speed as input the thrust part alone is fitted."
+    channels = {"speed": speed, "thrust": thrust}
+    return replace(plain, model="thruster", channels=channels, spare=spare).doubted(word)
+
+
+def _driven(pool: Pool, commands: Sequence[Pick], measured: Mapping[str, Pick]) -> dict[str, Pick]:
+    """Command, speed and thrust of one thruster; of several, those that move together."""
+    best: tuple[float, Pick, dict[str, Pick]] | None = None
+    lead = next(iter(measured))
+    for command in commands:
+        for answer in pool.all(lead, moving=True):
+            tied = _follows(command, answer)
+            # The margin keeps the first pair of equal ones (four thrusters under one command), in
+            # the file's order.
+            if best is None or tied > best[0] + 0.01:
+                best = (tied, command, {lead: answer})
+    assert best is not None
+    tied, command, answers = best
+    for name in measured:
+        if name not in answers:
+            rivals = pool.all(name, moving=True)
+            answers[name] = max(rivals, key=lambda rival: _follows(command, rival))
+    if _ahead_only(command, [*answers.values()]):
+        word = ", as what is measured rises from the lowest widths on and is never negative"
+        widths = pulses_ahead(command.field.values)
+        command = replace(command, meaning=pulse_command(widths, word))
+    chosen = {"command": command.chosen("input", commands)}
+    for name in ("speed", "thrust"):
+        if name not in answers:
+            continue
+        pick = answers[name].chosen("measured", pool.all(name, moving=True))
+        both_ways = two_sided(command.field.values - command.stop)
+        if name == "speed" and both_ways and one_sided(pick.field.values):
+            word = "Never negative under a command that goes both ways: it has no sign."
+            pick = replace(pick.doubted(word), unsigned=True)
+        chosen[name] = pick
+    if tied < FIRMLY and command.field.values.size > 2:
+        word = f"It hardly moves with '{command.field.name}' (correlation {tied:.2f})."
+        chosen[lead] = chosen[lead].doubted(word)
+    return chosen
+
+
+def _ahead_only(command: Pick, answers: Sequence[Pick]) -> bool:
+    """Whether pulse widths drive one way: below 1500, a larger width gives more speed.
+
+    For a drive that goes both ways, the response is negative there, or falls if it has no sign.
+    """
+    values = command.field.values
+    if command.meaning.pwm is None or not all(hardly_negative(a.field.values) for a in answers):
+        return False
+    low = np.where((values > 0) & (values < 1500), values, np.nan)
+    if np.isfinite(low).sum() < 0.1 * numbers_of(values).size:
+        return False
+    below = replace(command.field, values=low)
+    return all(correlated(below, answer.field) > FIRMLY for answer in answers)
+
+
+def _holds_speed(chosen: Mapping[str, Pick]) -> bool:
+    """Whether the command sets the speed (a controller) rather than the torque.
+
+    The speed then follows the command instead of its square root; the thrust follows the square of
+    the command instead of the command.
+    """
+    command, answer = chosen["command"], chosen.get("speed") or chosen["thrust"]
+    drive = command.field.values - command.stop
+    follower = answer.field
+    if answer.unsigned:  # its sign is that of the drive
+        ways = drive
+        if follower.time is not None and command.field.time is not None:
+            ways = np.interp(follower.time, command.field.time, drive)
+        follower = replace(follower, values=np.abs(follower.values) * np.sign(ways))
+    # In the steady state a torque u gives speed^2 ~ u and thrust ~ u, a speed loop speed ~ u and
+    # thrust ~ u^2: the power that fits better decides.
+    held, torque = (
+        abs(correlated(_power(command.field, drive, power), follower))
+        for power in ((1.0, 0.5) if "speed" in chosen else (2.0, 1.0))
+    )
+    return held > torque
+
+
+def _power(field: Field, drive: np.ndarray, power: float) -> Field:
+    return replace(field, values=np.sign(drive) * np.abs(drive) ** power)
+
+
+def _follows(command: Pick, answer: Pick) -> float:
+    """Correlation of a response with a command, with or without signs."""
+    signed, sizes = (
+        correlated(command.field, answer.field, zero=command.stop, sizes=sizes)
+        for sizes in (False, True)
+    )
+    return max(abs(signed), sizes)
+
+
+MOTION = ("surge", "sway", "yaw_rate")
+POSE = ("north", "east", "heading")
+
+
+def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
+    """A vessel with two thrusters, or with propeller and rudder; None if neither fits."""
+    motion = pool.picks(MOTION, "measured")
+    if "surge" not in motion and (speed := pool.pick("velocity", "measured")) is not None:
+        motion = {"surge": speed.doubted("Taken for the speed ahead."), **motion}
+    place = pool.picks(POSE, "measured")
+    fixes = pool.picks(("latitude", "longitude"), "measured")
+    if len(fixes) == 2 and not {"north", "east"} & set(place):
+        place = {"north": fixes["latitude"], "east": fixes["longitude"], **place}
+    if not motion and not place:
+        return None
+    turns = _turning(motion, place, plain)
+    if "yaw_rate" in motion:
+        motion["yaw_rate"] = _unit_from_heading(motion["yaw_rate"], *turns)
+    driven = _twin(pool, motion, turns[0]) or _propeller(pool, motion)
+    if driven is None:
+        return None
+    drive, motion = driven
+    winds = pool.picks(("wind_speed", "wind_direction"), "input")
+    arm = "lever_arm is not in a log: measure it on the vessel, and write it under [parameters]."
+    return replace(
+        plain,
+        model="vessel",
+        channels={**drive, **(motion or place)},
+        spare={**(place if motion else {}), **winds},
+    ).doubted(arm)
+
+
+def _turning(
+    motion: Mapping[str, Pick], place: Mapping[str, Pick], plain: Choice
+) -> tuple[float, float]:
+    """Correlation of the heading's change with the yaw rate, and their ratio [rad/s]."""
+    if "yaw_rate" not in motion or "heading" not in place:
+        return 0.0, np.nan
+    rate, heading = motion["yaw_rate"], place["heading"]
+    clock = heading.field.time if plain.contents.messages else plain.seconds
+    if clock is None:
+        return 0.0, np.nan
+    turn = 360.0 if heading.meaning.unit == "deg" else 2 * np.pi
+    together, times = turning(heading.field, clock, turn, rate.field)
+    return together * np.sign(rate.meaning.scale), times
+
+
+def _unit_from_heading(rate: Pick, together: float, times: float) -> Pick:
+    """Take the unit of the yaw rate from the heading if its name gives none."""
+    for unit, factor in (("rad/s", 1.0), ("deg/s", np.pi / 180)):
+        # The two units differ by a factor of 57: 0.7 to 1.4 leaves room for noise and a slow
+        # sensor.
+        if abs(together) > FIRMLY and 0.7 < abs(times) / factor < 1.4 and rate.meaning.doubts:
+            return rate.meant(unit=unit, sure=SURE, why="heading", doubts=())
+    return rate
+
+
+_Drive = tuple[dict[str, Pick], dict[str, Pick]]
+"""The drive channels of a vessel, and its motion channels."""
+
+
+def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
+    """The forces or commands of two thrusters."""
+    pair = pool.sides("thrust") or pool.sides("command")
+    rate = motion.get("yaw_rate")
+    if pair is None:
+        moving = pool.all("command", moving=True)
+        if len(moving) != 2 or rate is None or pool.all("speed", moving=True):
+            return None
+        port, starboard = (pick.chosen("input") for pick in moving)
+        word = "Which is left is guessed from the yaw rate: exchange the two columns if it is not."
+        # More thrust to port turns a vessel to starboard, which counts positive.
+        if _turning_sense(port, starboard, rate) < 0:
+            port, starboard = starboard, port
+        return {"left_force": port.doubted(word), "right_force": starboard}, motion
+    port, starboard = pair
+    if rate is None or _turning_sense(port, starboard, rate) > -FIRMLY:
+        return {"left_force": port, "right_force": starboard}, motion
+    against = "The vessel turns to port where left exceeds right: "
+    # Heading and yaw rate agree, so the rate's sign is right, and the columns must be exchanged.
+    if turns > FIRMLY:
+        word = f"{against}exchanged here, as the heading turns at the yaw rate."
+        return {"left_force": starboard.doubted(word), "right_force": port.doubted(word)}, motion
+    word = f"{against}turned round by scale; it may be that left and right are exchanged."
+    drive = {"left_force": port, "right_force": starboard}
+    return drive, {**motion, "yaw_rate": rate.turned(word)}
+
+
+def _turning_sense(port: Pick, starboard: Pick, rate: Pick) -> float:
+    return difference(port.field, starboard.field, rate.field) * float(np.sign(rate.meaning.scale))
+
+
+def _propeller(pool: Pool, motion: dict[str, Pick]) -> _Drive | None:
+    drive = pool.picks(("speed", "rudder_angle"), "input")
+    if len(drive) < 2:
+        return None
+    rudder, rate = drive["rudder_angle"], motion.get("yaw_rate")
+    if rate is not None and correlated(rudder.field, rate.field) * rate.meaning.scale > FIRMLY:
+        rudder = rudder.turned(
+            "Turned round by scale: here a positive angle turns to starboard, in the model to port."
+        )
+    return {"propeller_speed": drive["speed"], "rudder_angle": rudder}, motion
