@@ -55,6 +55,7 @@ def _registry() -> Any:
     return registry
 
 
+@lru_cache(maxsize=256)  # whether names of columns are units is asked at each reading
 def _mend_unknown(word: str) -> str:
     if word.lower() in set(_registry()):  # 'Volt': only the case is wrong
         near = f"the nearest is {word.lower()!r}"
