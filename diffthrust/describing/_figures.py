@@ -37,8 +37,8 @@ def map_figure(result: DescribingValues) -> Figure:
     figure = _figure(11.0, 4.4, title)
     first_panel, second_panel = figure.subplots(1, 2)
     empty = "output does not move"
-    _map(figure, first_panel, result, gain, labels[0], empty, logarithmic=True)
-    _map(figure, second_panel, result, result.phase, labels[1], empty, logarithmic=False)
+    _map(figure, first_panel, result, gain, labels[0], empty, by_ratio=True)
+    _map(figure, second_panel, result, result.phase, labels[1], empty, by_ratio=False)
     return figure
 
 
@@ -52,7 +52,7 @@ def break_figure(result: DescribingValues) -> Figure:
         return _curves_figure(result, title, (values,), (label,))
     figure = _figure(11.0, 4.4, title)
     first_panel, second_panel = figure.subplots(1, 2)
-    _map(figure, first_panel, result, values, label, "no such lag", logarithmic=True)
+    _map(figure, first_panel, result, values, label, "no such lag", by_ratio=True)
     _curves(second_panel, result, values, label)
     return figure
 
@@ -91,7 +91,7 @@ def _curves_figure(result: DescribingValues, title: str, parts: Any, labels: Any
 
 def _map(
     figure: Figure, axes: Axes, result: DescribingValues, values: np.ndarray, label: str,
-    empty: str, *, logarithmic: bool,
+    empty: str, *, by_ratio: bool,
 ) -> None:  # fmt: skip
     finite = values[np.isfinite(values)]
     x, y = result.frequencies, result.amplitudes
@@ -103,8 +103,8 @@ def _map(
     _hatched(axes, result, values, empty)
     if finite.size:
         low, high = float(finite.min()), float(finite.max())
-        levels = _levels(low, high, logarithmic)
-        norm = LogNorm(levels[0], levels[-1]) if logarithmic else Normalize(levels[0], levels[-1])
+        levels = _levels(low, high, by_ratio)
+        norm = LogNorm(levels[0], levels[-1]) if by_ratio else Normalize(levels[0], levels[-1])
         shown = np.ma.masked_invalid(values)
         # cividis reads the same with every kind of colour vision, and in grey
         mesh = axes.pcolormesh(_edges(x), _edges(y), shown, norm=norm, cmap="cividis")
@@ -165,9 +165,9 @@ def _scales(axes: Axes, result: DescribingValues | BandValues, values: Any, labe
                 title_fontsize=8)  # fmt: skip
 
 
-def _levels(low: float, high: float, logarithmic: bool) -> np.ndarray:
+def _levels(low: float, high: float, by_ratio: bool) -> np.ndarray:
     """Round values that reach from the lowest to the highest."""
-    if not logarithmic:
+    if not by_ratio:
         if high - low < 1e-9 * max(abs(low), abs(high), 1e-9):
             return np.array([low - 1.0, high + 1.0])
         return np.asarray(MaxNLocator(9, steps=[1, 1.5, 2, 3, 5, 10]).tick_values(low, high))
