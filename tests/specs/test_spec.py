@@ -383,5 +383,5 @@ def test_a_stretch_of_a_log_that_is_not_in_the_spec_is_refused(folder):
     (folder / "fit.toml").write_text(
         EDITED.replace("start = 0.2", "start = 20").replace("0.4", "30")
     )
-    with pytest.raises(InputError, match=r"line 7.*expected samples between 20 and 30 s"):
+    with pytest.raises(InputError, match=r"line 7.*expected samples from 20 to 30 s"):
         load_spec(folder).holdout_logs()
