@@ -117,11 +117,11 @@ def draw_drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: 
     if first:
         axes.set_ylabel(what + (f"\n[{unit}]" if unit else ""), fontsize=8)
     if len(names) > 1:
-        above = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "handlelength": 1.4}
-        place = above if len(names) > 3 else {"loc": "upper right"}
-        columns = min(len(names), 8) if len(names) > 3 else 3
-        lines = axes.get_lines()
-        axes.legend(lines, labels, fontsize=7, frameon=False, ncols=columns, **place)
+        place: dict[str, Any] = {"loc": "upper right", "ncols": 3}
+        if len(names) > 3:  # above, where it covers no line
+            place = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "handlelength": 1.4}
+            place["ncols"] = min(len(names), 8)
+        axes.legend(axes.get_lines(), labels, fontsize=7, frameon=False, **place)
     unboxed(axes)
     axes.tick_params(labelbottom=False)
 
