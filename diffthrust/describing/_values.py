@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -18,7 +19,7 @@ _SMALL_PHASE = 30.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class _DescribedPath(Brief):
+class _DescribedPath(Brief, ABC):
     """What a describing function and its intervals have in common.
 
     Args:
@@ -63,9 +64,9 @@ class _DescribedPath(Brief):
             **self._shown(units, size / swing),
         )
 
+    @abstractmethod
     def _shown(self, units: ShownUnits, per: float) -> dict[str, Any]:
         """The other fields with units; gains are to be multiplied by ``per``."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

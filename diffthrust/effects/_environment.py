@@ -52,7 +52,10 @@ class WaterCurrent(Effect):
     def size_words(self, starts: Sequence[Mapping[str, float]]) -> str:
         """How fast the water moved in the logs: in the slowest and in the fastest."""
         speeds = [math.hypot(s["to_north"], s["to_east"]) for s in starts]
-        return f"{min(speeds):.2g} to {max(speeds):.2g} m/s, another in each log"
+        slowest, fastest = f"{min(speeds):.2g}", f"{max(speeds):.2g}"
+        if slowest == fastest:
+            return f"{slowest} m/s, elsewhere in each log"
+        return f"{slowest} to {fastest} m/s, another in each log"
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """Speeds through the water, accelerations over ground."""

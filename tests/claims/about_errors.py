@@ -123,6 +123,16 @@ def amplitudes(fit: Any) -> list[float]:
     ]
 
 
+def currents(fit: Any) -> list[float]:
+    """How fast the water moves in each log, where that differs from log to log."""
+    names = [e.name for e in fit.model.effects if e.differs and "to_north" in e.by_log]
+    return [
+        float(np.hypot(start[f"{name}.to_north"], start[f"{name}.to_east"]))
+        for name in names
+        for start in fit.initial
+    ]
+
+
 @claim(r"The (?P<model>[^:.]+?) lacks (?P<what>[^:]+?): with (?:it|them) (?P<gain>the .+?)\.")
 def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     named = re.sub(r"\(these logs cannot tell it from .*?\)", "", m["what"])
@@ -142,7 +152,7 @@ def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         if in_words(name) not in named:
             yield f"{name} was added"
     estimates = [e for n, e in diag.fit.parameters.items() if n.rpartition(".")[0] in diag.added]
-    values = [e.shown[0] for e in estimates] + amplitudes(diag.fit)
+    values = [e.shown[0] for e in estimates] + amplitudes(diag.fit) + currents(diag.fit)
     for number in re.findall(rf"(?<![\w.^]){NUMBER}(?!\^)", named):
         if not any(is_said(number, value, 1e-9) for value in values):
             yield f"no added parameter is {number}"

@@ -170,6 +170,8 @@ def _consequence(effect: Any, fit: Any) -> str:
 
 def _wording(effect: Any, fit: Any) -> str:
     """How an effect may be told: in its own words with any numbers, or by its name."""
+    if effect.differs:
+        return rf"(?:an? )?{re.escape(in_words(effect.name))} of [^\n]+ in each log"
     if consequence := _consequence(effect, fit):
         return re.escape(consequence)
     if not effect.in_words:

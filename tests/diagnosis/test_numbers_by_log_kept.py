@@ -1,8 +1,10 @@
 """A diagnosis of a fit with numbers that differ by log keeps them, and finds what is missing."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from steps import CandidateFitter, Programs, bind
+from steps import CandidateFitter, Programs, admission_module, bind
 
 import diffthrust as dft
 from diffthrust.estimation._one_step import cost  # private: without a search
@@ -81,3 +83,36 @@ def test_what_may_differ_by_log_is_one_value_where_one_will_do():
     diag = dft.diagnose(fit, logs, holdout=unseen, candidates=[Tare()], experiment=False)
     assert diag.added == ("thrust_sensor_offset",)
     assert diag.fit.model.per_log == ()
+
+
+@pytest.mark.parametrize(
+    ("north", "matters", "left", "fitted"),
+    [(0.17, False, False, 1), (0.17, True, True, 1), (0.05, False, True, 0)],
+)
+def test_a_current_that_is_nearly_the_same_in_all_logs_is_one_again(
+    monkeypatch, north, matters, left, fitted
+):
+    """A boat's, "of 0.18 to 0.18 m/s, another in each log", once its drags were there."""
+    current = dft.effects.WaterCurrent(to_north=0.18, to_east=0.0).differing()
+    model = dft.Vessel() + current
+    initial = [{"water_current.to_north": v, "water_current.to_east": 0.0} for v in (0.18, north)]
+    train = SimpleNamespace(nrmse=0.1)
+    fit = SimpleNamespace(model=model, initial=initial, parameters=model.parameters, train=train)
+    apart = admission_module.FittedStage(("water_current",), fit, (), ())
+    asked = []
+
+    def refit(model, starts, substeps):
+        asked.append([effect.differs for effect in model.effects])
+        return SimpleNamespace(model=model, train=train, holdout=None), (), ()
+
+    for name, answer in (
+        ("_refitted", apart), ("no_better", None), ("matters", matters), ("worths_between", ())
+    ):  # fmt: skip
+        monkeypatch.setattr(admission_module, name, lambda *_, answer=answer: answer)
+    monkeypatch.setattr(admission_module, "_of_stage", lambda _: apart.effects)
+    context = SimpleNamespace(
+        given=dft.Vessel(), refit=refit, fitter=SimpleNamespace(candidates={current.name: current})
+    )
+    stage = admission_module.refitted_stage(context, SimpleNamespace(stages=(apart,)))
+    assert [effect.differs for effect in stage.fit.model.effects] == [left]
+    assert asked == [[False]] * fitted
