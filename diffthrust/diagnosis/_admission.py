@@ -149,8 +149,7 @@ def reject_if_negligible(
         change = change_between(fitter, baseline, fitted_beside(fitter, last, present, names))
     if not negligible(change.worth, change.everywhere):
         return None
-    share = change.worth.of(remaining_share(state, last))
-    return replace(state, worth={**state.worth, name: share}, detectable=(*state.detectable, name))
+    return replace(state, detectable=(*state.detectable, name))
 
 
 def reject_if_unborne(context: SearchContext, state: SearchState, name: str) -> Refusal | None:
@@ -192,9 +191,7 @@ def record_stage(
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
     if constant or matters(worth, everywhere) or in_place_of_others:
         return replace(state, stages=(*state.stages, fitted))
-    share = worth.of(remaining_share(state, without[-1]))
-    worths = {**state.worth, name: share}
-    return replace(state, worth=worths, detectable=(*state.detectable, name))
+    return replace(state, detectable=(*state.detectable, name))
 
 
 def worths_between(before: FittedStage, after: FittedStage) -> tuple[Worth, Worth]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
+from diffthrust.diagnosis._beside_others import with_shares_beside_others
 from diffthrust.diagnosis._candidates import Candidates, asks_for_all
 from diffthrust.diagnosis._channel_use import unused_channels, unused_notes
 from diffthrust.diagnosis._equivalence import proposal, with_equivalents
@@ -176,7 +177,7 @@ def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext,
         state = step(context, state)
         if state.exhausted:
             context, state = add_periodic_force(context, state)
-    return context, state
+    return context, with_shares_beside_others(context, state)
 
 
 def provenance(

@@ -41,7 +41,8 @@ class BeforeAfter(NamedTuple):
 class Worth:
     """Share of the squared whole-run error that an effect removes, of unseen logs if there are any.
 
-    A diagnosis takes it of the error of the model as given, so that shares add up.
+    A diagnosis takes it of the error of the model as given, so that shares add up; that of an
+    effect that it leaves out, of the error that is left.
 
     Args:
         share: 0 changes nothing, 1 leaves no error, below 0 makes it larger.
@@ -52,6 +53,8 @@ class Worth:
         everywhere: the same of training and unseen logs together, where both are known.
         together: the effects that have this share jointly, where no one has a share of its own.
         nrmse: of a channel, its error without the effect over what it does; NaN if not known.
+        beside_others: the share of the error left without it that it removes beside all other
+            effects, which are fitted again without it; where there are several.
 
     Example:
         >>> Worth(0.72, 0.6, 0.8).to_json()
@@ -67,6 +70,7 @@ class Worth:
     everywhere: Worth | None = None
     together: tuple[str, ...] = ()
     nrmse: float = math.nan
+    beside_others: Worth | None = None
 
     def __str__(self) -> str:
         return "{} ({})".format(*self.cells)
@@ -100,6 +104,8 @@ class Worth:
             data["everywhere"] = _share_data(self.everywhere)
         if self.together:
             data["together"] = list(self.together)
+        if self.beside_others:
+            data["beside_others"] = self.beside_others.to_json()
         return data
 
 
@@ -210,8 +216,12 @@ def negligible(worth: Worth, everywhere: Worth) -> bool:
 
 
 def adds_little(worth: Worth) -> bool:
-    """Whether an effect removes no tenth of the squared error, in all and of no channel."""
-    shares = filter(None, (worth, worth.everywhere))
+    """Whether an effect removes no tenth of the squared error, in all and of no channel.
+
+    Neither of what was left before it nor of what would be left without it.
+    """
+    last = worth.beside_others
+    shares = filter(None, (worth, worth.everywhere, last, last and last.everywhere))
     least = SETTINGS.whole_runs.one_channel_share
     return all(one.share <= least for each in shares for one in (each, *each.channels.values()))
 

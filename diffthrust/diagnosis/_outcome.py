@@ -98,7 +98,10 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
     """The effects that a search has selected, and what became of the other candidates."""
     state, fitter = search.state, context.fitter
     present, last = state.current.trial.effects, state.stages[-1]
-    worth = shares_by_effect(state.stages) | {n: state.worth[n] for n in state.detectable}
+    worth = {
+        name: replace(share, beside_others=state.beside.get(name))
+        for name, share in shares_by_effect(state.stages).items()
+    } | {name: state.beside[name] for name in state.detectable if name in state.beside}
     untestable = untested(state)
     listed = {*present, *state.possible, *untestable, *fitter.constants}
     return Selection(

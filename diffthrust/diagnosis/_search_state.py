@@ -242,8 +242,8 @@ class SearchState:
         silent: effects without a predicted gain at some stage.
         detectable: effects of the current model without a stage: they do not matter over whole
             runs, and are kept so that their evidence is not attributed to other effects.
-        worth: explained share of the effects that are detectable.
         possible: effects that only whole runs support, with their explained share.
+        beside: what each effect does to whole runs beside all others, once the search has ended.
         exhausted: the last step added nothing, which ends the search.
     """
 
@@ -256,8 +256,8 @@ class SearchState:
     turned_down: Mapping[str, tuple[Refusal, tuple[str, ...]]] = field(default_factory=dict)
     silent: frozenset[str] = frozenset()
     detectable: tuple[str, ...] = ()
-    worth: Mapping[str, Worth] = field(default_factory=dict)
     possible: Mapping[str, Worth] = field(default_factory=dict)
+    beside: Mapping[str, Worth] = field(default_factory=dict)
     exhausted: bool = False
 
     @property

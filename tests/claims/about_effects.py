@@ -66,6 +66,36 @@ def _removes(words: str, text: str, names: Sequence[str], worths: Any) -> Iterat
         yield "an interval that excludes nothing is no worth"
 
 
+@claim(rf"Beside all others, of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error (?:of all "
+       rf"channels )?that is left without it over whole runs of (?P<logs>unseen logs|the training "
+       rf"logs|training and unseen logs) (?:each removes: )?(?P<list>.+? {WORTH})\.")  # fmt: skip
+def _beside_others(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    channel = (m["channel"] or "").replace(" ", "_")
+    everywhere = m["logs"] == "training and unseen logs"
+    beside = {n: diag.worth[n].beside_others for n in diag.added if n in diag.worth}
+    whole = {n: w for n in beside if (w := _of(beside[n], channel, everywhere))}
+    for words, text in re.findall(rf"(?:^|, |and )([^,()]+?)(?: removes)? ({WORTH})", m["list"]):
+        names = _named(words, whole)
+        yield from _removes(words, text, names, whole)
+        if page and names and not diag.laws:
+            yield from _by_leaving_out(names[0], text, channel, everywhere, diag, page)
+
+
+def _by_leaving_out(
+    name: str, text: str, channel: str, everywhere: bool, diag: Any, page: Page
+) -> Iterator[str]:
+    """The share by plain least squares of the last stage, with the effect and without it."""
+    runs = [*page.train, *page.unseen] if everywhere else page.judged
+    try:
+        fits = page.plain(diag.fit), page.plain(diag.fit, without=name)
+    except equations.Unwritten:
+        return
+    last, fewer = (wr.errors(f.system, runs, f.values)[channel or "all"] ** 2 for f in fits)
+    _, low, high = shares_in(text)
+    if not low - REMOVED <= 1.0 - last / fewer <= high + REMOVED:
+        yield f"beside the others {name} removes {1.0 - last / fewer:.2f} by a plain least squares"
+
+
 def _plainly(
     names: Sequence[str], text: str, channel: str, everywhere: bool, diag: Any, page: Page
 ) -> Iterator[str]:
@@ -111,12 +141,16 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for name in diag.detectable:
         if in_words(name) not in m["list"]:
             yield f"{name} is detectable"
-    said = rf"([^,()]+?) \((?:it removes ({WORTH}) of|(no sure effect))"
-    for words, text, nothing in re.findall(said, m["list"]):
+    said = (
+        rf"([^,()]+?) \((?:it would remove ({WORTH}) of the squared (?:([a-zA-Z ]+?) )?error "
+        rf"(?:of all channels )?that is left( on training and unseen logs)?|(no sure effect))"
+    )
+    for words, text, channel, everywhere, nothing in re.findall(said, m["list"]):
         first = re.sub(r"^and ", "", words.strip()).partition(" or ")[0]
         names = _named(first, diag.worth)
         if not nothing:
-            yield from _removes(first, text, names, diag.worth)
+            whole = {n: _of(diag.worth[n], channel.replace(" ", "_"), everywhere) for n in names}
+            yield from _removes(first, text, names, whole)
         elif not names or diag.worth[names[0]].low >= SURE:
             yield f"{first} has an effect on whole runs"
 

@@ -51,9 +51,12 @@ class Page:
         system = equations.system_of(name, effects)
         return wr.errors(system, self.judged, equations.values_of(name, effects, numbers))
 
-    def plain(self, fit: Any) -> wr.Found:
-        """A plain least squares of the equations of a fit."""
+    def plain(self, fit: Any, without: str = "") -> wr.Found:
+        """A plain least squares of the equations of a fit, or of these without an effect."""
         name, effects, numbers, fixed = numbers_of(fit)
+        effects = tuple(effect for effect in effects if effect != without)
+        numbers = {n: value for n, value in numbers.items() if n.partition(".")[0] != without}
+        fixed = [n for n in fixed if n in numbers]
         key = (name, effects)
         if key not in self._fits:
             self._fits[key] = equations.fit_of(

@@ -173,10 +173,12 @@ def test_what_matters_leads_and_what_does_not_is_told_as_such():
     text = diag.details
     assert text.index("an actuator lag") < text.index("a command dead band of")
     assert "actuator lag 70 % (60 % to 80 %) and command dead band 20 % (10 % to 30 %)" in text
-    assert "Left out: a thrust sensor lag (it removes 1 % (0.5 % to 2 %)" in text
+    assert "Left out: a thrust sensor lag (it would remove 1 % (0.5 % to 2 %) of" in text
     assert contradictions(diag) == []
     alike = replace(diag, detectable_groups=(("thrust_sensor_lag", "thrust_sensor_delay"),))
-    assert "Left out: a thrust sensor lag or a thrust sensor delay (it removes" in alike.details
+    assert (
+        "Left out: a thrust sensor lag or a thrust sensor delay (it would remove" in alike.details
+    )
     assert alike.to_json()["detectable_groups"] == [["thrust_sensor_lag", "thrust_sensor_delay"]]
 
 
@@ -258,14 +260,37 @@ def test_every_share_says_of_which_error_it_is():
         "command dead band": "squared speed error as given, unseen logs",
         "actuator lag": "squared error of all channels as given, training and unseen logs",
         "Coulomb friction": "squared error of all channels that is left, unseen logs",
-        "thrust sensor lag": "squared error of all channels as given, unseen logs",
+        "thrust sensor lag": "squared error of all channels that is left, unseen logs",
     }
     text = diag.details
     assert "Of the squared speed error as given over whole runs of unseen logs" in text
     assert "Of the squared error of all channels as given over whole runs of training and" in text
-    assert "removes 1 % (0.5 % to 2 %) of the squared error of all channels as given)" in text
+    assert "remove 1 % (0.5 % to 2 %) of the squared error of all channels that is left)" in text
     assert "share of the squared error of all channels that is left on unseen logs" in text
     assert claims.contradictions(diag) == []
+
+
+def test_what_an_effect_does_beside_the_others_is_told_and_decides_whether_it_adds_little():
+    """A small thruster's load exponent came second and "adds little"; first it removes 87 %."""
+    last = Worth(0.12, 0.08, 0.2)
+    second = Worth(0.01, 0.005, 0.02)
+    diag = of_two(
+        command_deadband=Worth(0.86, 0.8, 0.9, beside_others=last),
+        actuator_lag=replace(second, beside_others=replace(last, share=0.15)),
+    )
+    assert (
+        "Beside all others, of the squared error of all channels that is left without it over "
+        "whole runs of unseen logs each removes: command dead band 12 % (8 % to 20 %) and actuator "
+        "lag 15 % (8 % to 20 %)."
+    ) in diag.details
+    assert "Adds little" not in diag.summary
+    assert [row[:3] for row in worth_rows(diag).blocks[0]][1::2] == [
+        ("", "beside the others", "12 %"),
+        ("", "beside the others", "15 %"),
+    ]
+    assert claims.contradictions(diag) == []
+    less = replace(diag.worth["actuator_lag"], beside_others=second)
+    assert "Adds little: " in replace(diag, worth={**diag.worth, "actuator_lag": less}).summary
 
 
 def test_an_effect_of_which_nothing_is_sure_is_not_said_to_matter():

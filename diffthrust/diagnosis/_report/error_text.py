@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from diffthrust._support.words import capitalised, distinct_numbers, humanize, joined, number
 from diffthrust.diagnosis._explained_share import Worth, sure_share
 from diffthrust.diagnosis._findings import Findings
@@ -67,19 +69,24 @@ def worth_words(diag: Findings) -> list[str]:
     Shares of one whole stand in one sentence. That of a single effect goes without saying, because
     the errors before and after it are said, unless it is told by channel.
     """
-    wholes: dict[tuple[str, bool], list[tuple[str, Worth]]] = {}
-    unsure, parts = [], _parts(diag)
-    for words, worth in parts.items():
-        if sure := sure_share(worth):
-            wholes.setdefault((sure.channel, sure.everywhere), []).append((words, sure.worth))
-        else:
-            unsure.append(words)
+    parts = _parts(diag)
     sentences = [
         f"Of the {squared_error(channel)} over whole runs of {judged_logs(diag, everywhere)} "
         f"{_removed_words(shares)}."
-        for (channel, everywhere), shares in wholes.items()
+        for (channel, everywhere), shares in _by_whole(parts).items()
         if len(diag.added) > 1 or channel or everywhere
     ]
+    beside = {
+        humanize(name): worth.beside_others
+        for name in leading(diag)
+        if (worth := diag.worth.get(name)) and worth.beside_others
+    }
+    sentences += [
+        f"Beside all others, of the {squared_error(channel, WITHOUT)} over whole runs of "
+        f"{judged_logs(diag, everywhere)} {_removed_words(shares)}."
+        for (channel, everywhere), shares in _by_whole(beside).items()
+    ]
+    unsure = [words for words, worth in parts.items() if sure_share(worth) is None]
     if unsure:
         has = "has" if len(unsure) == 1 and "together" not in unsure[0] else "have"
         sentences.append(f"{capitalised(joined(unsure))} {has} no sure effect on whole runs.")
@@ -109,6 +116,15 @@ def _parts(diag: Findings) -> dict[str, Worth]:
     return parts
 
 
+def _by_whole(worths: Mapping[str, Worth]) -> dict[tuple[str, bool], list[tuple[str, Worth]]]:
+    """The sure ones of some shares, by the channel and the logs of whose error they are shares."""
+    wholes: dict[tuple[str, bool], list[tuple[str, Worth]]] = {}
+    for words, worth in worths.items():
+        if sure := sure_share(worth):
+            wholes.setdefault((sure.channel, sure.everywhere), []).append((words, sure.worth))
+    return wholes
+
+
 def _removed_words(shares: list[tuple[str, Worth]]) -> str:
     if len(shares) > 1:
         return f"each removes: {joined(f'{words} {worth}' for words, worth in shares)}"
@@ -116,15 +132,19 @@ def _removed_words(shares: list[tuple[str, Worth]]) -> str:
     return f"{words} {'remove' if words.endswith(' together') else 'removes'} {worth}"
 
 
-def squared_error(channel: str = "", *, left: bool = False) -> str:
+GIVEN, LEFT, WITHOUT = "as given", "that is left", "that is left without it"
+"""Of which model an error is told: as it was given, with all that was added, without one of it."""
+
+
+def squared_error(channel: str = "", of: str = GIVEN) -> str:
     """What a share is a share of; every share of a page is told of it in these words.
 
     Args:
         channel: of its error; of that of all channels where empty.
-        left: of what is left with all that was added; else of what the model has as it is given.
+        of: `GIVEN`, `LEFT` or `WITHOUT`.
     """
-    of = f"squared {humanize(channel)} error" if channel else "squared error of all channels"
-    return f"{of} {'that is left' if left else 'as given'}"
+    error = f"squared {humanize(channel)} error" if channel else "squared error of all channels"
+    return f"{error} {of}"
 
 
 def sample_word(diag: Findings) -> str:
@@ -136,8 +156,11 @@ def _detectable_share(diag: Findings, name: str) -> str:
     worth = diag.worth.get(name)
     if worth is None:
         return ""
-    sure = f"it removes {worth} of the {squared_error()}"
-    return f" ({sure if worth.above_zero else 'no sure effect on whole runs'})"
+    if sure := sure_share(worth):
+        logs = " on " + judged_logs(diag, True) if sure.everywhere else ""
+        of = squared_error(sure.channel, LEFT)
+        return f" (it would remove {sure.worth} of the {of}{logs})"
+    return " (no sure effect on whole runs)"
 
 
 def judged_logs(diag: Findings, everywhere: bool) -> str:

@@ -21,6 +21,7 @@ from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._missing import Missing, Remaining
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
 from diffthrust.diagnosis._report.error_text import (
+    LEFT,
     error_size,
     growth_of,
     judged_logs,
@@ -87,7 +88,7 @@ def possible_words(diag: Findings) -> list[str]:
         return []
     beside = " beside what was learned" if diag.laws else ""
     return [
-        f"Possible, judged by whole runs alone, with the share of the {squared_error(left=True)} "
+        f"Possible, judged by whole runs alone, with the share of the {squared_error(of=LEFT)} "
         f"on {errors_of(diag)[0]} that each would remove{beside}: {shares}."
     ]
 
@@ -157,7 +158,7 @@ def _changed_words(diag: Findings, changed: ChangedSize) -> str:
     return (
         f"{capitalised(changed_parameter(changed))}{since}: {low} {first}, {amount(high, unit)} "
         f"{then}. By the slopes of the fit that removes {changed.worth} of the "
-        f"{squared_error(left=True)} over whole runs of {errors_of(diag)[0]}."
+        f"{squared_error(of=LEFT)} over whole runs of {errors_of(diag)[0]}."
     )
 
 

@@ -8,7 +8,7 @@ from diffthrust._support.report import Rows
 from diffthrust._support.words import humanize, joined, number, with_error
 from diffthrust.diagnosis._explained_share import Worth, sure_share
 from diffthrust.diagnosis._findings import Findings, Stage
-from diffthrust.diagnosis._report.error_text import judged_logs, squared_error
+from diffthrust.diagnosis._report.error_text import GIVEN, LEFT, WITHOUT, judged_logs, squared_error
 from diffthrust.diagnosis._report.text import (
     adding_little,
     leading,
@@ -49,22 +49,30 @@ def worth_rows(diag: Findings) -> Rows:
     }
     worth = {**diag.worth, **diag.possible}
     rows = (
-        (humanize(name), kind, *_sure_cells(diag, worth[name], kind == "possible"))
+        row
         for kind, names in kinds.items()
         for name in names
         if name in worth
+        for row in _worth_rows(diag, name, kind, worth[name])
     )
     headings = ("Effect", "", "Removes", "90 % interval", "Of the")
     return Rows.of(headings, rows, numbers=(2, 3))
 
 
-def _sure_cells(diag: Findings, worth: Worth, left: bool) -> tuple[str, str, str]:
+def _worth_rows(diag: Findings, name: str, kind: str, worth: Worth) -> Iterator[tuple[str, ...]]:
+    of = GIVEN if name in diag.added else LEFT
+    yield humanize(name), kind, *_sure_cells(diag, worth, of)
+    if worth.beside_others:
+        yield "", "beside the others", *_sure_cells(diag, worth.beside_others, WITHOUT)
+
+
+def _sure_cells(diag: Findings, worth: Worth, of: str) -> tuple[str, str, str]:
     sure = sure_share(worth)
     if sure is None:
         return "nothing sure", worth.cells[1], ""
     others = [humanize(name) for name in worth.together]
-    of = f"{squared_error(sure.channel, left=left)}, {judged_logs(diag, sure.everywhere)}"
-    return *sure.worth.cells, of + f" ({joined(others)} together)" * bool(others)
+    whole = f"{squared_error(sure.channel, of)}, {judged_logs(diag, sure.everywhere)}"
+    return *sure.worth.cells, whole + f" ({joined(others)} together)" * bool(others)
 
 
 def stage_rows(diag: Findings) -> Rows:

@@ -333,6 +333,7 @@ def _restrict_to(
         stages=tuple(stage for stage in state.stages if {*stage.effects} <= {*kept}),
         detectable=(),
         dropped=(*state.dropped, *dropped),
+        beside={} if dropped else state.beside,
     )
     if {*state.stages[-1].effects} == {*kept}:
         return state
