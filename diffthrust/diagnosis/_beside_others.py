@@ -10,18 +10,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diffthrust.diagnosis._admission import record_stage, refitted_stage
+from diffthrust.diagnosis._admission import record_stage, refitted_stage, worths_between
+from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth, matters
-from diffthrust.diagnosis._search_state import SearchContext, SearchState
-from diffthrust.diagnosis._simulation_fit import (
-    SimulationChange,
-    change_between,
-    fitted_beside,
-    fitted_to_runs,
-    fitted_without,
-    simulation_fitter,
-)
+from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 
 
 def with_shares_beside_others(context: SearchContext, state: SearchState) -> SearchState:
@@ -31,34 +24,35 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
     left without it, the others fitted again; of a detectable one the share that it would remove of
     what is left. A detectable one that matters by now is added.
     """
-    fitter, last = context.fitter, state.stages[-1]
-    several = len(last.effects) > 1
-    added = [n for n in last.effects if several and n in fitter.candidates]
-    outside = [n for n in state.detectable if n in fitter.candidates]
-    if not added and not outside:
-        return replace(state, beside={})
-    with context.clock("whole runs"):
-        simulation_fitter(fitter).ready(last.effects, outside)  # one program for all of them
-        base = fitted_to_runs(fitter, last)
-        beside = {}
-        for name in added:
-            others = [n for n in last.effects if n != name]
-            without = fitted_without(fitter, base, others)
-            beside[name] = _worth(context, change_between(fitter, without, base))
-        for name in outside:
-            names = (*last.effects, name)
-            updated = fitted_beside(fitter, last, state.current.trial, names)
-            beside[name] = _worth(context, change_between(fitter, base, updated))
-    late = [n for n in outside if matters(beside[n], beside[n].everywhere or beside[n])]
-    for name in sorted(late, key=lambda n: -beside[n].share):
+    candidates, last = context.fitter.candidates, state.stages[-1]
+    added = [name for name in last.effects if name in candidates] * (len(last.effects) > 1)
+    beside = {name: _between(context, _without(context, state, name), last) for name in added}
+    for name in state.detectable:
         tried = replace(state, detectable=tuple(n for n in state.detectable if n != name))
-        fitted = refitted_stage(context, tried)
-        if no_better(last, fitted) is None:
+        fitted = refitted_stage(context, tried, starts=1, substeps=last.fit.substeps)
+        beside[name] = _between(context, last, fitted)
+        late = matters(beside[name], beside[name].everywhere or beside[name])
+        if late and no_better(last, fitted) is None:
             recorded = record_stage(context, tried, fitted, name)
-            if recorded.number > state.number:
-                return with_shares_beside_others(context, recorded)
+            return with_shares_beside_others(context, recorded)
     return replace(state, beside=beside)
 
 
-def _worth(context: SearchContext, change: SimulationChange) -> Worth:
-    return replace(change.worth, everywhere=change.everywhere if context.unseen else None)
+def _without(context: SearchContext, state: SearchState, name: str) -> FittedStage:
+    """The last stage without one of its effects, fitted from where it is with it."""
+    last = state.stages[-1]
+    others = tuple(effect for effect in last.effects if effect != name)
+    for stage in state.stages:
+        if {*stage.effects} == {*others}:
+            return stage
+    model = with_candidates(context.given, others, context.fitter.candidates, last.fit.model)
+    values = {n: p.value for n, p in last.fit.model.parameters.items()}
+    start = {n: values[n] for n, p in model.parameters.items() if not p.fixed}
+    context.say(f"fitting without {name}", state.share(1.0))
+    fitted = context.refit(model, [start], starts=1, substeps=last.fit.substeps)
+    return FittedStage(others, *fitted)
+
+
+def _between(context: SearchContext, before: FittedStage, after: FittedStage) -> Worth:
+    worth, everywhere = worths_between(before, after)
+    return replace(worth, everywhere=everywhere if context.unseen else None)

@@ -70,7 +70,7 @@ class InflowThrustLoss(Effect):
 
 @registered
 class AxialFlow(Effect):
-    """The water in the duct is slow to follow the propeller: thrust overshoots at fast changes.
+    """Thrust overshoots at fast changes, while the water in the duct catches up.
 
     Acts on the thrust [N]: thrust - loss * |speed| * flow, where the speed ``flow`` [m/s] of the
     water in the duct is a state:
@@ -90,7 +90,7 @@ class AxialFlow(Effect):
     """
 
     name = "axial_flow"
-    in_words = "the water in the duct is slow to follow the propeller"
+    in_words = "thrust overshoots while the water in the duct catches up"
     port = "propeller"
     states: ClassVar[Mapping[str, str]] = {"flow": "m/s"}
     loss: float = parameter(
