@@ -220,9 +220,25 @@ def adds_little(worth: Worth) -> bool:
 
     Neither of what was left before it nor of what would be left without it.
     """
+    return _is_little(worth) and (worth.beside_others is None or _is_little(worth.beside_others))
+
+
+def surely_removes(worth: Worth) -> bool:
+    """Whether an effect surely removes something, when it was added or beside all others."""
     last = worth.beside_others
-    shares = filter(None, (worth, worth.everywhere, last, last and last.everywhere))
+    return bool(sure_share(worth) or (last and sure_share(last)))
+
+
+def order_matters(worth: Worth) -> bool:
+    """Whether an effect removes much, and surely, only when it was added or only beside others."""
+    last = worth.beside_others
+    much = [not _is_little(w) and sure_share(w) is not None for w in (worth, last) if w]
+    return len({*much}) > 1
+
+
+def _is_little(worth: Worth) -> bool:
     least = SETTINGS.whole_runs.one_channel_share
+    shares = filter(None, (worth, worth.everywhere))
     return all(one.share <= least for each in shares for one in (each, *each.channels.values()))
 
 

@@ -13,7 +13,18 @@ from reference import whole_runs as wr
 
 from .about_errors import SIMULATED
 from .page import Page
-from .parsing import NUMBER, SHARE, WORTH, claim, error_of, in_words, is_said, shares_in, worth_is
+from .parsing import (
+    NUMBER,
+    SHARE,
+    WORTH,
+    all_shares,
+    claim,
+    error_of,
+    in_words,
+    is_said,
+    shares_in,
+    worth_is,
+)
 
 REMOVED = 0.05
 """Shares of squared errors may differ by this much: of one fit of whole runs and of another."""
@@ -129,7 +140,7 @@ def _nothing_sure(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "no added effect is named"
     for name in names:
         worth = diag.worth[name]
-        for shares in filter(None, (worth, worth.everywhere)):
+        for shares in all_shares(worth):
             if shares.low >= SURE or any(c.low >= SURE and c.share > 0.1
                                          for c in shares.channels.values()):  # fmt: skip
                 yield f"{name} removes {shares}"

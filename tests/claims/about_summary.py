@@ -22,7 +22,7 @@ from .about_errors import (
     recorded,
 )
 from .page import Page
-from .parsing import NUMBER, WORTH, claim, error_of, in_words, is_said, worth_is
+from .parsing import NUMBER, WORTH, all_shares, claim, error_of, in_words, is_said, worth_is
 
 KEPT_OUT = "logs kept out of the fit"
 LOGS = rf"{KEPT_OUT}|the training logs"
@@ -130,7 +130,7 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     worth = diag.worth.get(said.name)
     if m["label"] == "Adds little":
         yield from _adds_little(said.name, diag)
-    shares = [w for w in (worth, worth and worth.everywhere) if w]
+    shares = all_shares(worth)
     sure = [w.low >= SURE or any(c.low >= SURE for c in w.channels.values()) for w in shares]
     if (m["label"] != "Perhaps") != (not shares or any(sure)):
         yield f"{said.name} is worth {worth}"
@@ -154,7 +154,7 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 def _adds_little(name: str, diag: Any) -> Iterator[str]:
     """It removes no tenth of any squared error, by its shares and by the errors of its stage."""
     worth = diag.worth[name]
-    shares = [w for w in (worth, worth.everywhere) if w]
+    shares = all_shares(worth)
     if any(one.share > 0.1 for each in shares for one in (each, *each.channels.values())):
         yield f"{name} removes {worth}"
     at = next(k for k, stage in enumerate(diag.stages) if name in stage.effects)

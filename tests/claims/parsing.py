@@ -101,6 +101,12 @@ def shares_in(text: str) -> list[float]:
     ]
 
 
+def all_shares(worth: Any) -> list[Any]:
+    """What an effect removes when it is added and beside all others, of unseen logs and of all."""
+    both = (worth, worth and worth.beside_others)
+    return [share for w in both if w for share in (w, w.everywhere) if share]
+
+
 def worth_is(text: str, worth: Any) -> bool:
     values = (worth.share, worth.low, worth.high)
     parts = re.findall(SHARE, text)

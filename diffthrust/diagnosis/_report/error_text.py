@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from diffthrust._support.words import capitalised, distinct_numbers, humanize, joined, number
-from diffthrust.diagnosis._explained_share import Worth, sure_share
+from diffthrust.diagnosis._explained_share import (
+    Worth,
+    order_matters,
+    sure_share,
+    surely_removes,
+)
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._report.text import (
     an_effect,
@@ -67,7 +72,8 @@ def worth_words(diag: Findings) -> list[str]:
     """The share that each effect removes, and the effects that change nothing over whole runs.
 
     Shares of one whole stand in one sentence. That of a single effect goes without saying, because
-    the errors before and after it are said, unless it is told by channel.
+    the errors before and after it are said, unless it is told by channel; and what each removes
+    beside all others, unless the order in which they were added matters.
     """
     parts = _parts(diag)
     sentences = [
@@ -76,17 +82,16 @@ def worth_words(diag: Findings) -> list[str]:
         for (channel, everywhere), shares in _by_whole(parts).items()
         if len(diag.added) > 1 or channel or everywhere
     ]
-    beside = {
-        humanize(name): worth.beside_others
-        for name in leading(diag)
-        if (worth := diag.worth.get(name)) and worth.beside_others
-    }
+    worths = {name: diag.worth[name] for name in leading(diag) if name in diag.worth}
+    beside = {humanize(name): w.beside_others for name, w in worths.items() if w.beside_others}
+    if not any(map(order_matters, worths.values())):
+        beside = {}
     sentences += [
         f"Beside all others, of the {squared_error(channel, WITHOUT)} over whole runs of "
         f"{judged_logs(diag, everywhere)} {_removed_words(shares)}."
         for (channel, everywhere), shares in _by_whole(beside).items()
     ]
-    unsure = [words for words, worth in parts.items() if sure_share(worth) is None]
+    unsure = [words for words, worth in parts.items() if not surely_removes(worth)]
     if unsure:
         has = "has" if len(unsure) == 1 and "together" not in unsure[0] else "have"
         sentences.append(f"{capitalised(joined(unsure))} {has} no sure effect on whole runs.")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from diffthrust._support.words import counted, distinct_numbers, humanize, joined, number
-from diffthrust.diagnosis._explained_share import sure_share
+from diffthrust.diagnosis._explained_share import sure_share, surely_removes
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._report.budget import Part, as_part, figures_in, within_budget
@@ -90,7 +90,7 @@ def _effects(diag: Findings) -> Part:
     lines = []
     for name in names:
         worth = diag.worth.get(name)
-        sure = worth is None or sure_share(worth) is not None
+        sure = worth is None or surely_removes(worth)
         lines.append(f"{'Found' if sure else 'Perhaps'}: {effect_words(name, diag.fit)}")
     count, wordings = len(lines), []
     for k in range(count, 0, -1):

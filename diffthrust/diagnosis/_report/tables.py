@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from diffthrust._support.report import Rows
 from diffthrust._support.words import humanize, joined, number, with_error
-from diffthrust.diagnosis._explained_share import Worth, sure_share
+from diffthrust.diagnosis._explained_share import Worth, sure_share, surely_removes
 from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.error_text import GIVEN, LEFT, WITHOUT, judged_logs, squared_error
 from diffthrust.diagnosis._report.text import (
@@ -39,7 +39,7 @@ def worth_rows(diag: Findings) -> Rows:
     """What each effect surely removes of the squared errors over whole runs, and of which."""
     small = adding_little(diag)
     added = [name for name in leading(diag) if name not in small]
-    unsure = tuple(n for n in added if n in diag.worth and sure_share(diag.worth[n]) is None)
+    unsure = tuple(n for n in added if n in diag.worth and not surely_removes(diag.worth[n]))
     kinds = {
         "matters": tuple(name for name in added if name not in unsure),
         "perhaps": unsure,  # as the answer says of them

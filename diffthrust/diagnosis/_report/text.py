@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from diffthrust._support.words import an, capitalised, humanize, joined, number, with_error
-from diffthrust.diagnosis._explained_share import adds_little, sure_share
+from diffthrust.diagnosis._explained_share import adds_little, surely_removes
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
@@ -110,7 +110,7 @@ def adding_little(diag: Findings) -> tuple[str, ...]:
     return tuple(
         name
         for name in leading(diag)[1:]
-        if (worth := diag.worth.get(name)) and sure_share(worth) and adds_little(worth)
+        if (worth := diag.worth.get(name)) and surely_removes(worth) and adds_little(worth)
     )
 
 
