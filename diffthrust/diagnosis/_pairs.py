@@ -191,7 +191,7 @@ def _proven_pair(
     """A pair that whole unseen runs prove, each beside the other too, or one of it alone."""
     last = state.stages[-1]
     stage = _refitted(context, state, trial)
-    if no_better(last, stage) or not _removed(last, stage).low > SETTINGS.whole_runs.proving_share:
+    if not _is_proven(last, stage):
         return None
     first, second = trial.effects[-2:]
     alone = []
@@ -212,6 +212,18 @@ def _proven_pair(
     if len(alone) == 2 and all(_removed(last, single).sure for single in alone):
         return Proven((first, second), (min(alone, key=lambda s: s.train.nrmse), stage))
     return Proven((first, second), (stage,))
+
+
+def _is_proven(last: FittedStage, stage: FittedStage) -> bool:
+    """Whether whole runs prove a pair: unseen ones, or all by far, of which unseen ones are sure.
+
+    A current and a weak thruster took a boat's training runs from 0.95 to 0.30 and its only unseen
+    run from 0.54 to 0.43, 37 % (5 % to 63 %) of its squared error, while two drags were missing.
+    """
+    unseen, everywhere = worths_between(last, stage)
+    by_far = unseen.sure and everywhere.low > SETTINGS.pairs.least_single_share
+    enough = unseen.low > SETTINGS.whole_runs.proving_share
+    return no_better(last, stage) is None and (enough or by_far)
 
 
 def _is_needed(single: FittedStage, pair: FittedStage) -> bool:
