@@ -13,7 +13,7 @@ from dataclasses import replace
 from diffthrust.diagnosis._admission import record_stage, refitted_stage, worths_between
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import no_better
-from diffthrust.diagnosis._explained_share import Worth, matters
+from diffthrust.diagnosis._explained_share import Worth, adds_little, matters
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 
 
@@ -22,7 +22,8 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
 
     Of an effect of the last stage it is the share that it removes of the squared error which is
     left without it, the others fitted again; of a detectable one the share that it would remove of
-    what is left. A detectable one that matters by now is added.
+    what is left. A detectable one that matters by now is added, if it removes a tenth: on the maps
+    of a T200 a dead band removed 3 % beside five others, and could not be told from alpha.
     """
     candidates, last = context.fitter.candidates, state.stages[-1]
     added = [name for name in last.effects if name in candidates] * (len(last.effects) > 1)
@@ -31,10 +32,11 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
         tried = replace(state, detectable=tuple(n for n in state.detectable if n != name))
         fitted = refitted_stage(context, tried, starts=1, substeps=last.fit.substeps)
         beside[name] = _between(context, last, fitted)
-        late = matters(beside[name], beside[name].everywhere or beside[name])
-        if late and no_better(last, fitted) is None:
+        if not adds_little(beside[name]) and matters(*worths_between(last, fitted)):
+            fitted = refitted_stage(context, tried)
             recorded = record_stage(context, tried, fitted, name)
-            return with_shares_beside_others(context, recorded)
+            if no_better(last, fitted) is None and recorded.number > state.number:
+                return with_shares_beside_others(context, recorded)
     return replace(state, beside=beside)
 
 
