@@ -7,6 +7,7 @@ closed forms, or at the edge of a threshold.
 from diffthrust.diagnosis import (  # private: how a search begins
     _admission as admission_module,
 )
+from diffthrust.diagnosis import _beside_others as beside_others_module
 from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
@@ -320,6 +321,7 @@ __all__ = [
     "as_estimated",
     "as_formula",
     "beginnings",
+    "beside_others_module",
     "best_match",
     "bind",
     "candidates_of",

@@ -16,6 +16,7 @@ from steps import (
     TriedEffect,
     Worth,
     admission_module,
+    beside_others_module,
     bind,
     done,
     from_simulation,
@@ -340,6 +341,62 @@ def test_shares_side_by_side_are_parts_of_one_whole_whatever_took_the_place_of_w
         "wind": 0.8025,
     }
     assert all(share.everywhere and not share.together for share in worth.values())
+
+
+class Sizes:
+    """A search whose fits end with errors of sizes that are known for each set of effects."""
+
+    unseen = ("C",)
+    fitter = SimpleNamespace(candidates={"lag", "wind", "sag"}, constants=())
+
+    def __init__(self, monkeypatch, sizes):
+        self.sizes, self.fitted = sizes, []
+        monkeypatch.setattr(beside_others_module, "refitted_stage", self.refitted)
+        monkeypatch.setattr(beside_others_module, "_without", self.without)
+
+    def stage(self, *effects):
+        (made,) = stages_of((effects, self.sizes[effects]))
+        size = self.sizes[effects]
+        channels = {"speed": SimpleNamespace(rmse=size, nrmse=size)}
+        error = SimpleNamespace(nrmse=size, channels=channels)
+        return replace(made, fit=SimpleNamespace(train=error, holdout=error, substeps=2))
+
+    def refitted(self, context, state, **_):
+        left_out = {*state.detectable}
+        self.fitted.append(tuple(n for n in state.current.trial.effects if n not in left_out))
+        return self.stage(*self.fitted[-1])
+
+    def without(self, context, state, name):
+        return self.stage(*(n for n in state.stages[-1].effects if n != name))
+
+    def ended(self, effects, detectable=()):
+        stages = tuple(self.stage(*effects[:k]) for k in range(len(effects) + 1))
+        trial = SimpleNamespace(effects=(*effects, *detectable))
+        state = SearchState(SimpleNamespace(trial=trial), stages, {}, detectable=detectable)
+        return beside_others_module.with_shares_beside_others(self, state)
+
+
+def test_each_effect_is_left_out_of_the_last_model_whatever_came_first(monkeypatch):
+    sizes = {(): 2.0, ("lag",): 1.0, ("wind",): 1.0, ("lag", "wind"): 0.5}
+    beside = Sizes(monkeypatch, sizes).ended(("lag", "wind")).beside
+    assert {n: w.share for n, w in beside.items()} == pytest.approx({"lag": 0.75, "wind": 0.75})
+    assert beside["lag"].everywhere.share == pytest.approx(0.75)
+    assert Sizes(monkeypatch, sizes).ended(("lag",)).beside == {}  # its share as given says it
+
+
+@pytest.mark.parametrize(("size", "added"), [(0.9, True), (0.97, False)])
+def test_what_was_left_out_is_added_at_the_end_if_it_removes_a_tenth(monkeypatch, size, added):
+    sizes = {(): 2.0, ("lag",): 1.0, ("lag", "wind"): size, ("wind",): 1.5}
+    tools = Sizes(monkeypatch, sizes)
+    ended = tools.ended(("lag",), detectable=("wind",))
+    assert (ended.stages[-1].effects == ("lag", "wind")) is added
+    assert ended.detectable == (() if added else ("wind",))
+    assert tools.fitted == [("lag", "wind")] * (2 if added else 1)  # to its end, if it is added
+    left = 1.0 - (size / 1.5) ** 2 if added else None  # of what is left without the lag
+    assert ended.beside["wind"].share == pytest.approx(1.0 - size**2)
+    assert ended.beside.get("lag", ended.beside["wind"]).share == pytest.approx(
+        left if added else 1.0 - size**2
+    )
 
 
 def test_what_does_harm_without_another_has_one_share_with_it():
