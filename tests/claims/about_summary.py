@@ -118,7 +118,10 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 @claim(r"(?P<label>Found|Perhaps|Adds little): (?P<what>[^\n]+?)\.")
 def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     effects = [e for e in diag.fit.model.effects if e.name in diag.added]
-    said = next((e for e in effects if re.fullmatch(_wording(e, diag.fit), m["what"])), None)
+    what, _, rivals = m["what"].partition(", or it is ")
+    said = next((e for e in effects if re.fullmatch(_wording(e, diag.fit), what)), None)
+    if said and rivals:
+        yield from _other_rivals(said.name, rivals, diag)
     named = [e for e in effects if in_words(e.name) in m["what"]]
     if said is None and m["label"] == "Adds little" and named:  # their names alone
         for effect in named:
@@ -322,15 +325,18 @@ def _changes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- how sure, and what to do ----------------------------------------------------------------------
 
 
-@claim(r"(?:It could as well be|These logs cannot tell (?P<effect>.+?) from) "
-       r"(?P<rivals>[^\n.]+?)\.")  # fmt: skip
+@claim(r"These logs cannot tell (?P<effect>.+?) from (?P<rivals>[^\n.]+?)\.")
 def _rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    groups = dict(zip(diag.added, diag.groups, strict=True))
-    named = [n for n in diag.added if not m["effect"] or in_words(n) in m["effect"]]
-    if not any(
-        all(in_words(r) in m["rivals"] for r in groups[n] if r not in diag.added) for n in named
-    ):
+    named = [n for n in diag.added if in_words(n) in m["effect"]]
+    if not any(not [*_other_rivals(n, m["rivals"], diag)] for n in named):
         yield f"groups: {diag.groups}"
+
+
+def _other_rivals(name: str, rivals: str, diag: Any) -> Iterator[str]:
+    """Where an effect is told as another than those that these logs cannot tell from it."""
+    group = dict(zip(diag.added, diag.groups, strict=True))[name]
+    if not all(in_words(r) in rivals for r in group if r not in diag.added):
+        yield f"groups: {name} may be any of {group}"
 
 
 @claim(r"Measure the (?P<channel>[a-z ]+?), which could look like "
@@ -346,12 +352,6 @@ def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"untestable: {diag.untestable}"
     if not any(in_words(name) in m["effect"] for name in diag.added):
         yield f"added: {diag.added}"
-
-
-@claim(r"These logs do not tell all effects from others\.")
-def _some_rivals(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if all(len(group) < 2 for group in diag.groups):
-        yield f"groups: {diag.groups}"
 
 
 @claim(r"Possibly also: (?P<list>[^\n]+?)\.")

@@ -216,7 +216,7 @@ def test_what_adds_little_is_told_behind_the_error_that_another_effect_removes()
     assert claims.contradictions(told, text=told.summary) == []
     much = replace(WEAK, channels={**WEAK.channels, "speed": Worth(0.2, 0.1, 0.3)})
     both = replace(told, worth={"command_deadband": SURE, "actuator_lag": much})
-    assert "Found: the motor's torque lags by 0.00050 s." in both.summary
+    assert "Found: the motor's torque lags by 0.00050 s" in both.summary
     wrong = told.summary.replace("Found: commands", "Adds little: commands")
     assert claims.contradictions(told, text=wrong) != []
 

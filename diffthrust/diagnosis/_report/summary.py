@@ -55,7 +55,6 @@ def summary(diag: Findings) -> str:
         *_laws(diag),
         _error(diag),
         _small(diag),
-        _rivals(diag),
         _possible(diag),
         _left(diag),
         _other_model(diag),
@@ -83,18 +82,23 @@ def _missing(diag: Findings) -> Part:
 def _effects(diag: Findings) -> Part:
     """The added effects, the one that removes most first; fewer with their sizes in each wording.
 
-    Without those that add little beside the others, which follow behind the error.
+    At first with what these logs cannot tell from them. Without those that add little beside the
+    others, which follow behind the error.
     """
     small = adding_little(diag)
     names = [name for name in leading(diag) if name not in small]
-    lines = []
+    lines, rivals = [], rival_words(diag)
     for name in names:
         worth = diag.worth.get(name)
         sure = worth is None or surely_removes(worth)
         lines.append(f"{'Found' if sure else 'Perhaps'}: {effect_words(name, diag.fit)}")
     count, wordings = len(lines), []
+    doubts = [f", or it is {rivals[name]}" if name in rivals else "" for name in names]
+    hedged = [line + doubt for line, doubt in zip(lines, doubts, strict=True)]
     for k in range(count, 0, -1):
         also = [f"Also: {joined(map(humanize, names[k:]))}"] if k < count else []
+        if any(doubts[:k]):
+            wordings.append((4, ".\n".join([*hedged[:k], *also])))
         wordings.append(((11, 11, 10)[k] if k < 3 else 7, ".\n".join([*lines[:k], *also])))
     return as_part(*wordings, (13, f"Found: {counted(count, 'effect')}, see below"))
 
@@ -190,19 +194,6 @@ def _unmeasured(diag: Findings) -> Part:
     if not sentences:
         return ()
     return as_part((4, ". ".join(sentences)), (8, sentences[0]))
-
-
-def _rivals(diag: Findings) -> Part:
-    """What these logs cannot tell from an added effect."""
-    sentences = []
-    for name, words in rival_words(diag).items():
-        alone = len(diag.best) == 1
-        told = "It could as well be" if alone else f"These logs cannot tell {an_effect(name)} from"
-        sentences.append(f"{told} {words}")
-    if not sentences:
-        return ()
-    several = "These logs do not tell all effects from others"
-    return as_part((4, ". ".join(sentences)), (5, sentences[0]), (5, several))
 
 
 def _possible(diag: Findings) -> Part:
