@@ -166,6 +166,7 @@ def test_an_estimated_disturbance_leaves_no_steady_error(vessel):
     assert abs(estimating) < 0.01 < 0.05 < abs(plain)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("vessel", [CALM, WINDY])
 def test_the_harmonic_path(vessel):
     path = HarmonicPath(0.8, amplitude=1.5, wavelength=15.0, course=math.pi / 2)
@@ -311,6 +312,7 @@ def test_the_rate_of_the_controller_hardly_matters():
     assert fast.along(20.0).largest < 0.1
 
 
+@pytest.mark.thorough
 def test_speeds_that_drop_out_do_not_shake_the_estimate():
     controller = mpc(disturbance=0.5)
     start = {"surge": 0.8, "sway": 0.0, "yaw_rate": 0.0, "north": 0.0, "east": 0.0, "heading": 0.0}

@@ -179,6 +179,7 @@ def test_limits_of_states_are_kept_where_the_model_is_right():
     assert kept["settled"].mean() > 0.9
 
 
+@pytest.mark.thorough
 def test_a_wall_beside_the_path_is_not_crossed():
     """The path weaves 1.5 m to either side, and the water ends 1 m to the north."""
     path = HarmonicPath(0.8, amplitude=1.5, wavelength=15.0, course=math.pi / 2)

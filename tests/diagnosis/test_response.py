@@ -147,6 +147,7 @@ def test_the_answer_to_an_effect_is_its_derivative_in_a_pass(trials, name):
     assert np.linalg.norm(answer) == pytest.approx(np.linalg.norm(exact), rel=0.05)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "point"),
     [("linear_damping", {"rate": 1e-5}), ("speed_sensor_scale", {"change": 1e-6})],

@@ -68,6 +68,7 @@ def test_over_short_logs_one_program_has_all_candidates(trials, monkeypatch, lon
     assert len({id(program) for program in ready}) == len({*programs})
 
 
+@pytest.mark.thorough
 def test_an_effect_whose_null_is_infinite_begins_at_the_value_that_is_given(trials):
     made, base = trials
     given = {"command_saturation.limit": 0.9 * np.abs(made.records[0].inputs["command"]).max()}

@@ -121,6 +121,7 @@ def test_several_logs_have_an_initial_state_each_and_a_time_of_their_own():
     assert post.observed_data["thrust[run 3]"].shape == (200,)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["emcee", "nuts"])
 def test_the_plots_of_arviz_work(posts, method, tmp_path):
     from matplotlib import pyplot as plt
