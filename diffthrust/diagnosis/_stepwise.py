@@ -164,11 +164,14 @@ def simulation_is_poor(context: SearchContext, state: SearchState, last: OverRun
     return bool(far_above_noise(last.holdout or last.train, one_step))
 
 
-def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
+def from_simulation(
+    context: SearchContext, state: SearchState, look_ahead: bool = True
+) -> SearchState:
     """Retry the effects that lower the errors over whole runs, from their values there.
 
     The first that also lowers the one-step errors is added; the others are possible. Where none is
-    added, pairs and singles that whole unseen runs prove are.
+    added, pairs and singles that whole unseen runs prove are; with ``look_ahead`` also a pair that
+    these prove with what such a step adds next.
     """
     if not simulation_is_poor(context, state, state.stages[-1]):
         return replace(state, possible={})
@@ -181,7 +184,8 @@ def from_simulation(context: SearchContext, state: SearchState) -> SearchState:
     least = SETTINGS.whole_runs.proving_share
     proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
     new = [name for name in proving if name not in state.detectable]
-    proven_state = partial(with_proven, context, state, runs, base, singles, new)
+    ahead = partial(from_simulation, context, look_ahead=False) if look_ahead else None
+    proven_state = partial(with_proven, context, state, runs, base, singles, new, ahead)
     led = proven_state() if runs_lead(context) else None
     if led and led.accepted != state.accepted:
         return led
