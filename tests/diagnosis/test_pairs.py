@@ -1,6 +1,6 @@
 """Effects that whole unseen runs prove: two that lower their errors only together, or one."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import claims
@@ -17,15 +17,17 @@ MEASURED, RESIDUAL = RNG.standard_normal(600), RNG.standard_normal(600)
 
 
 def stage(size, *effects, unseen=True):
-    """A stage whose errors over whole runs are so large."""
-    channel = SimpleNamespace(rmse=size, nrmse=size)
-    errors = SimpleNamespace(nrmse=size, channels={"speed": channel})
-    trace = SimpleNamespace(measured=MEASURED, residual=size * RESIDUAL)
-    runs = [SimpleNamespace(channels={"speed": trace}) for _ in range(3)]
+    """A stage whose errors over whole runs are so large; over unseen ones ``unseen`` times that."""
+    sizes = (size, size, *([size * unseen] if unseen else []))
+    errors = []
+    for each in sizes:
+        channel = SimpleNamespace(rmse=each, nrmse=each)
+        errors.append(SimpleNamespace(nrmse=each, channels={"speed": channel}))
+    traces = [SimpleNamespace(measured=MEASURED, residual=each * RESIDUAL) for each in sizes]
+    runs = tuple(SimpleNamespace(channels={"speed": trace}) for trace in traces)
     model = SimpleNamespace(parameters={}, size=size, unseen=unseen)
-    holdout = errors if unseen else None
-    fit = SimpleNamespace(train=errors, holdout=holdout, model=model)
-    return FittedStage(effects, fit, tuple(runs[:2]), tuple(runs[2:]) if unseen else ())
+    fit = SimpleNamespace(train=errors[0], holdout=errors[2] if unseen else None, model=model)
+    return FittedStage(effects, fit, runs[:2], runs[2:])
 
 
 @dataclass(frozen=True)
@@ -81,13 +83,14 @@ class Context:
 def searched(monkeypatch):
     """The search after pairs, where whole runs err by so much with each set of effects."""
 
-    def after(sizes, unseen=("C",), lowering=(), possible=()):
+    def after(sizes, unseen=("C",), lowering=(), possible=(), astray=(), ahead=None):
         fitted = []
 
         def refitted(context, state, starts, substeps=0):
             effects = state.current.trial.effects
             fitted.append(effects)
-            return stage(sizes.get(effects, 1.0), *effects)
+            size = sizes.get(effects, 1.0)
+            return stage(size, *effects, unseen=1.2 / size if effects in astray else True)
 
         def share_between(fitter, first, second):
             before, after = (stage(sizes.get(trial.effects, 1.0)) for trial in (first, second))
@@ -110,9 +113,10 @@ def searched(monkeypatch):
         )
         singles = {name: Trial((name,)) for name in lowering}
         context = Context(unseen)
-        asked = context, given, Runs(), Trial(()), singles, lowering
+        asked = context, given, Runs(), Trial(()), singles, lowering, ahead
         state = pairs_module.with_proven(*asked)
-        assert context.ended == [s.fit.train.nrmse for s in state.stages[1:]]  # no other
+        if not ahead:
+            assert context.ended == [s.fit.train.nrmse for s in state.stages[1:]]  # no other
         return state, fitted
 
     return after
@@ -219,6 +223,26 @@ def test_how_fast_runs_forget_is_a_number_of_one_program():
     assert [*programs.gains(2.0).values()] == pytest.approx([0.05] * 3)  # a step of 2 s
     assert [*programs.gains(20.0).values()] == pytest.approx([0.005] * 3)
     assert programs.gains(0.01) == dict.fromkeys(programs.gains(2.0), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("size", "then", "added"),
+    [
+        (0.1, 0.05, True),
+        (0.1, 1.5, False),  # what comes next leaves the unseen run astray, too
+        (0.9, 0.05, False),  # training runs do not ask for it by far
+    ],
+)
+def test_a_pair_is_proven_by_what_comes_beside_it(searched, size, then, added):
+    """Of a boat the only unseen run stayed astray until two drags stood beside the pair."""
+
+    def ahead(state):
+        effects = (*state.stages[-1].effects, "c")
+        return replace(state, stages=(*state.stages, stage(then, *effects)))
+
+    pair = ("a", "b")
+    state, _ = searched({pair: size}, astray={pair}, ahead=ahead)
+    assert [stage.effects for stage in state.stages[1:]] == ([pair, (*pair, "c")] if added else [])
 
 
 @pytest.mark.slow
