@@ -47,6 +47,10 @@ class Refusal(StrEnum):
     ALL_RUNS = (
         "predicts the next sample better, and whole runs worse, unseen and training ones together"
     )
+    TRAINING_RUNS = (
+        "predicts the next sample better, and whole training runs worse in every channel: its fit "
+        "has not come to its optimum"
+    )
     IDLE = "predicts the next sample better, and does nothing in whole runs beside a later effect"
     NO_BETTER_RUNS = "predicts the next sample better, and whole runs no better at that value"
 
