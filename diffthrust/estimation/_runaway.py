@@ -41,6 +41,11 @@ VERY_FAR = 1e3
 within the two decades over which starts are drawn are doubted. Higher: of a channel in mN that was
 declared in N, whose factor the parameter takes on, nothing is said."""
 
+HOPELESS = 1e5
+"""A value so many times the first guess is none: with an inertia of 6e5 kg m^2, begun at 1.25, the
+thrusters of a Kingfisher move nothing, and what else was found stood in for them. Lower: of a
+tanker's 1569 kg m^2, begun at 1.25, nothing would be believed. Higher: nothing is caught."""
+
 MOST_OF = 0.5
 """Power of a parameter with which another follows it that grew for the same reason. Of a tanker's
 model masses and dampings follow its inertia with 0.72 to 0.83, the exponent of the force with 0.25.
@@ -153,6 +158,16 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
                 "upper bound, or fit logs that excite what it acts on."
             )
     return tuple(notes)
+
+
+def hopeless_values(fit: Fit, guess: Mapping[str, float]) -> dict[str, float]:
+    """The parameters of a fit that ran away by so much that nothing it says is to be believed.
+
+    Args:
+        fit: the fit.
+        guess: where they began, at first: other fits may have gone before this one.
+    """
+    return dict(_suspects(replace(fit, guess={**fit.guess, **guess}), HOPELESS))
 
 
 def _suspects(fit: Fit, times: float) -> Iterator[tuple[str, float]]:

@@ -339,6 +339,21 @@ def _other_rivals(name: str, rivals: str, diag: Any) -> Iterator[str]:
         yield f"groups: {name} may be any of {group}"
 
 
+@claim(r"No fit is to be believed: (?P<name>[\w.]+) ran away(?: to (?P<value>[-+.\de]+)[^\n]*)?\.")
+def _ran_away(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    began, ended = diag.stages[0].fit.guess[m["name"]], diag.fit.parameters[m["name"]].value
+    if not abs(ended) >= 1e5 * abs(began):
+        yield f"{m['name']} began at {began} and ended at {ended}"
+    if m["value"] and not is_said(m["value"], ended, 1e-3):
+        yield f"{m['name']} is {ended}"
+
+
+@claim(r"Next: check signs, units and the sense of angles(?:, or hold a mass that you know)?\.")
+def _check(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if "No fit is to be believed" not in diag.summary:
+        yield "its fit is one to be believed"
+
+
 @claim(r"Measure the (?P<channel>[a-z ]+?), which could look like "
        r"(?P<effect>[^\n.]+?)\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
@@ -425,7 +440,7 @@ def _more(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"Below: what the logs as they are seem to lack, perhaps by this mistake\.")
 def _as_they_are(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if not diag.helpful_mends:
+    if not (diag.helpful_mends or "No fit is to be believed" in diag.summary):
         yield "nothing mends them"
 
 

@@ -381,3 +381,20 @@ def test_a_notebook_shows_the_answer_and_folds_the_rest():
     assert "Stages" not in shown
     assert "Stages" in folded
     assert folded.endswith("</details></div>")
+
+
+def test_a_fit_that_ran_away_is_told_first_and_nothing_is_found_by_it():
+    """With an inertia of 6e5 kg m^2 a Kingfisher's thrusters did nothing, and "the water moves"."""
+    diag = made.found()
+    first, last = diag.stages
+    far = replace(last.fit.parameters["beta"], value=2e5 * first.fit.guess["beta"])
+    fit = replace(last.fit, parameters={**last.fit.parameters, "beta": far})
+    away = replace(diag, stages=(first, replace(last, fit=fit)))
+    lines = away.summary.splitlines()
+    assert lines[0].startswith("No fit is to be believed: beta ran away to ")
+    assert lines[1:] == [
+        "Below: what the logs as they are seem to lack, perhaps by this mistake.",
+        "Next: check signs, units and the sense of angles, or hold a mass that you know.",
+    ]
+    assert claims.contradictions(away, text=away.summary) == []
+    assert claims.contradictions(diag, text=lines[0])  # not said of values that are near

@@ -23,6 +23,7 @@ from diffthrust.diagnosis._report.text import (
     errors_of,
     judged_errors,
     leading,
+    ran_away,
     rival_words,
     unmeasured_rivals,
 )
@@ -61,7 +62,8 @@ def summary(diag: Findings) -> str:
     ]
     # of logs to be mended first it may be the same mistake: two thrusters of a BlueBoat steered
     # "with -6 % of the logged moment" below a turned yaw rate
-    return within_budget([*doubtful(diag), *([] if diag.helpful_mends else found), _next(diag)])
+    below = diag.helpful_mends or ran_away(diag)
+    return within_budget([*doubtful(diag), *([] if below else found), _next(diag)])
 
 
 # -- what is missing -------------------------------------------------------------------------------
@@ -287,6 +289,9 @@ def _next(diag: Findings) -> Part:
         line = mends[0].reading.line.partition(", or ")[0].rstrip(".")
         table, _, key = line.partition("] ")  # "[channels.thrust] scale = -1"
         return as_part((10, f"Copy under {table}]: {key}" if key else f"Copy: {line}"))
+    if ran_away(diag):
+        words = "Next: check signs, units and the sense of angles"
+        return as_part((9, f"{words}, or hold a mass that you know"), (10, words))
     if diag.laws:
         return as_part((9, f"Copy: the lines under '{TO_COPY}'"))
     if diag.best:

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from diffthrust._support.words import count_words, distinct_numbers, humanize, joined, percent
+from diffthrust._support.words import (
+    count_words,
+    distinct_numbers,
+    humanize,
+    joined,
+    number,
+    percent,
+)
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._report.budget import Part, as_part
 from diffthrust.diagnosis._report.doubts import grave_doubts
-from diffthrust.diagnosis._report.text import stopped_parameters, vanished_words
+from diffthrust.diagnosis._report.text import ran_away, stopped_parameters, vanished_words
 from diffthrust.estimation._status import Status
 
 _SUSPECT = {
@@ -33,6 +40,7 @@ def doubtful(diag: Findings) -> list[Part]:
     return [
         _sound(diag),
         _logs(diag),
+        _ran_away(diag),
         _odd_logs(diag),
         _caution(diag),
         _bounds(diag),
@@ -49,7 +57,7 @@ def _sound(diag: Findings) -> Part:
     """
     odd = any(log.accused for log in diag.odd_logs)
     sought = diag.stages[0].fit.doubts_sought
-    sound = sought and not (odd or diag.doubts or diag.before.hints)
+    sound = sought and not (odd or diag.doubts or diag.before.hints or ran_away(diag))
     if diag.before.tabular:
         words = "The logs are tables without time"
         return as_part((5, f"{words}. They look sound" if sound else words))
@@ -79,13 +87,23 @@ def _logs(diag: Findings) -> Part:
     return ()
 
 
+def _ran_away(diag: Findings) -> Part:
+    """That no fit came to values that a vehicle can have: something given or logged is wrong."""
+    if not (far := ran_away(diag)):
+        return ()
+    name, value = far
+    unit = diag.fit.parameters[name].unit
+    words = f"No fit is to be believed: {name} ran away"
+    return as_part((12, f"{words} to {number(value, 2)} {unit}".rstrip()), (13, words))
+
+
 def _as_they_are(diag: Findings) -> Part:
     """That what was found stands below: it may be the same mistake, and who mends both has it back.
 
     On the BlueBoat an exchange of the thrusters stood below a turned yaw rate.
     """
     found = diag.best or diag.held or diag.laws
-    if not (diag.helpful_mends and found):
+    if not ((diag.helpful_mends or ran_away(diag)) and found):
         return ()
     return as_part((10, "Below: what the logs as they are seem to lack, perhaps by this mistake"))
 
