@@ -35,7 +35,8 @@ def beyond_others(model: Model, run: Run, others: Sequence[Run]) -> tuple[str, .
         others: the runs of the logs that it is held against.
 
     Returns:
-        The signals that are for long beyond what half of the others reach, the plainest first.
+        The signals that are for long beyond what the others reach, or half of them, the plainest
+        first.
 
     Example:
         >>> beyond_others(model, astern, ahead)
@@ -49,13 +50,17 @@ def beyond_others(model: Model, run: Run, others: Sequence[Run]) -> tuple[str, .
             continue
         lows, highs = (np.sort([end(peer) for peer in peers]) for end in (np.min, np.max))
         margin = _MARGIN * float(highs[-1] - lows[0])
-        # what at least half of them reach
-        low, high = float(lows[(len(peers) - 1) // 2]), float(highs[len(peers) // 2])
         unit = units_of(run).get(name, "")
-        for outside, side, end in (
-            (values < low - margin, "below", low),
-            (values > high + margin, "above", high),
-        ):
-            if np.mean(outside) > SETTINGS.outlier_logs.least_time_beyond:
-                words.append(f"{humanize(name)} {side} {number(end, 2)} {unit}".rstrip())
+        # what any of them reaches, or else at least half of them: of a T200's maps that at 20 V
+        # goes above the 16 V of the highest other one, not only above 12 V
+        below = (lows[0], lows[(len(peers) - 1) // 2])
+        above = (highs[-1], highs[len(peers) // 2])
+        for side, sign, ends in (("below", -1.0, below), ("above", 1.0, above)):
+            beyond = (end for end in ends if _is_long(sign * (values - end) > margin))
+            if (end := next(beyond, None)) is not None:
+                words.append(f"{humanize(name)} {side} {number(float(end), 2)} {unit}".rstrip())
     return tuple(words[:_NAMED])
+
+
+def _is_long(outside: np.ndarray) -> bool:
+    return bool(np.mean(outside) > SETTINGS.outlier_logs.least_time_beyond)

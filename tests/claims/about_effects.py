@@ -181,13 +181,16 @@ def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(r"Structure (?P<still>still )?remains that none of the effects tried explains: "
-       r"(?P<manner>it enters at|it scales what passes) (?P<place>.+?) and depends on "
-       r"(?P<on>.+?)\.")  # fmt: skip
+       r"from one (?:sample|row) to the next (?P<manner>it enters at|it scales what passes) "
+       r"(?P<place>.+?) and depends on (?P<on>.+?)(?P<only>; no law of it was found that makes "
+       r"whole runs surely better)?\.")  # fmt: skip
 def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     remaining = diag.remaining
     if remaining is None:
         yield "nothing remains"
         return
+    if bool(m["only"]) == bool(diag.laws):
+        yield f"laws: {diag.laws}"
     if (m["manner"] == "it enters at") != (remaining.manner == "adds"):
         yield f"it {remaining.manner}"
     if f"'{remaining.port}'" not in m["place"] or m["on"] != str(remaining.depends_on):
