@@ -113,26 +113,38 @@ def _drives(r: Record) -> Iterator[_Drive]:
         if force in r.inputs and r.has(force, "velocity"):
             powers = {"velocity": 1, force: -1}
             yield "velocity", (force,), f"the {force}", powers, v["velocity"], v[force]
+    turning = "heading" if r.has("heading") and "yaw_rate" not in v else "yaw_rate"
     if r.has("left_force", "right_force"):
         sides = ("left_force", "right_force")
         least = _INFORMED * sum(float(np.ptp(v[side])) for side in sides)
         for channel, words, drive in (
             ("surge", "the sum of both forces", v[sides[0]] + v[sides[1]]),
-            ("yaw_rate", "the left force less the right one", v[sides[0]] - v[sides[1]]),
+            (turning, "the left force less the right one", v[sides[0]] - v[sides[1]]),
         ):
             if r.has(channel) and np.ptp(drive) > least:
                 powers = {channel: 1, **dict.fromkeys(sides, -1)}
-                yield channel, sides, words, powers, v[channel], drive
+                yield channel, sides, words, powers, *_moving(r, channel, drive)
     if r.has("propeller_speed", "surge"):
         powers = {"surge": 1, "propeller_speed": -2}
         swept = v["propeller_speed"] * np.abs(v["propeller_speed"])
         drivers, words = ("propeller_speed",), "the square of the propeller's speed"
         yield "surge", drivers, words, powers, v["surge"], swept
-    if "propeller_speed" in v and r.has("rudder_angle", "yaw_rate"):
-        powers = {"yaw_rate": 1, "rudder_angle": -1}
-        turning = -v["rudder_angle"] * (v["propeller_speed"] > 0)
+    if "propeller_speed" in v and r.has("rudder_angle", turning):
+        powers = {turning: 1, "rudder_angle": -1}
+        drive = -v["rudder_angle"] * (v["propeller_speed"] > 0)
         drivers, words = ("rudder_angle",), "the rudder, which turns to port where positive"
-        yield "yaw_rate", drivers, words, powers, v["yaw_rate"], turning
+        yield turning, drivers, words, powers, *_moving(r, turning, drive)
+
+
+def _moving(r: Record, channel: str, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a drive moves, and the drive: of a heading its rate, which says what a yaw rate would.
+
+    Of a Kingfisher only the heading was logged, and its two sides were exchanged.
+    """
+    if channel != "heading":
+        return r.values[channel], drive
+    half = max(1, r.size // 100)
+    return rate_over(r.values[channel], half, r.step), mean_over(drive, half)
 
 
 def swept_speed(r: Record) -> np.ndarray | None:

@@ -99,6 +99,18 @@ def test_exchanged_channels_are_named(boat, one, two):
     assert kinds(swapped, BOAT) == {(one, "exchanged")}
 
 
+def test_exchanged_sides_are_seen_where_only_the_heading_tells_how_a_boat_turns(boat):
+    """A Kingfisher logs speed and heading; its inertia ran away, and no log was doubted."""
+    seen = {name: boat.measured[name] for name in ("surge", "heading")}
+    assert doubts(boat.replaced(measured=seen), BOAT) == ()
+    left, right = (boat.inputs[side] for side in ("left_force", "right_force"))
+    swapped = changed(boat, left_force=lambda _: right, right_force=lambda _: left)
+    (doubt,) = doubts(swapped.replaced(measured=seen), BOAT)
+    assert "the rate of the heading opposes the left force less the right one" in doubt.evidence
+    told = {reading.words for reading in doubt.readings}
+    assert any("left_force and right_force exchanged" in words for words in told)
+
+
 def test_speed_and_thrust_exchanged_are_told_by_the_law_between_them(log):
     speed, thrust = log.measured["speed"], log.measured["thrust"]
     (doubt,) = doubts(log.replaced(measured={"speed": thrust, "thrust": speed}))
