@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError, Place
+from diffthrust._support.names import listing, nearest, short_repr
 
 _OTHER_KINDS = {
     "U": ("of text", "convert it: numpy.asarray(values, dtype=float)."),
@@ -21,7 +22,13 @@ _OTHER_KINDS = {
 """Kinds of arrays that new users bring, in words, and how they become numbers."""
 
 
-def finite(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
+def finite(
+    where: str,
+    value: Any,
+    right: Callable[[float], bool],
+    expected: str,
+    mend: str = "Correct it.",
+) -> float:
     """A finite number that meets a condition, or `InputError`."""
     try:
         # float() takes True for 1 and "nan" for a number; both are mistakes in a place for numbers
@@ -29,21 +36,47 @@ def finite(where: str, value: Any, right: Callable[[float], bool], expected: str
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number) or not right(number):
-        raise InputError(f"{where}: expected {expected}, found {value!r}.", "Correct it.")
+        raise InputError(f"{where}: expected {expected}, found {value!r}.", mend)
     return number
 
 
-def whole_number(where: str, value: Any, least: int = 1) -> int:
-    """A whole number that is large enough, or `InputError`."""
+def whole_number(
+    where: str, value: Any, least: int = 1, most: int | None = None, mend: str = "Correct it."
+) -> int:
+    """A whole number that is neither too small nor too large, or `InputError`."""
     try:
         number = None if isinstance(value, bool) else operator.index(value)
     except TypeError:
         number = None
     if number is None or number < least:
         raise InputError(
-            f"{where}: expected a whole number of at least {least}, found {value!r}.", "Correct it."
+            f"{where}: expected a whole number of at least {least}, found {short_repr(value)}.",
+            mend,
         )
+    if most is not None and number > most:
+        raise InputError(f"{where}: expected at most {most}, found {short_repr(value)}.", mend)
     return number
+
+
+def check_known(
+    name: Any,
+    names: Collection[str],
+    lacking: str,
+    *,
+    present: str = "it has",
+    mend: str = "Correct the name.",
+) -> None:
+    """Raise `InputError` for a name that is not among these.
+
+    Example:
+        >>> check_known("ctt", {"ct": 1.0}, "The loop has no parameter")
+        Traceback (most recent call last):
+        InputError: The loop has no parameter 'ctt' (the nearest is 'ct'); it has 'ct'. ...
+    """
+    if name not in names:
+        near = nearest(str(name), names)
+        hint = f" ({near})" if near else ""
+        raise InputError(f"{lacking} {name!r}{hint}; {present} {listing(names)}.", mend)
 
 
 def numeric_vector(values: ArrayLike, where: Place | str) -> np.ndarray:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import check_known
 from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
@@ -53,13 +53,7 @@ class Block(Component):
         """
         named = self.parameters
         for name, new in more.items():
-            if name not in named:
-                near = nearest(name, named)
-                raise InputError(
-                    f"{type(self).__name__} has no gain '{name}'{f' ({near})' if near else ''}; "
-                    f"it has {listing(named)}.",
-                    "Correct the name.",
-                )
+            check_known(name, named, f"{type(self).__name__} has no gain")
             named[name] = changed(named[name], new, name)
             named[name].check(name)
         return self._copy(_parameters=named, **{k: p.value for k, p in named.items()})

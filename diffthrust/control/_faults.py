@@ -147,13 +147,13 @@ def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...
     return checked
 
 
-@jax.tree_util.register_pytree_node_class
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class FaultNumbers:
     """The faults of a loop as a pytree: their kinds are structure, their numbers are leaves."""
 
-    kinds: tuple[tuple[Any, ...], ...]
-    leaves: tuple[Mapping[str, Array], ...] = field(default=())
+    kinds: tuple[tuple[Any, ...], ...] = field(metadata={"static": True})
+    leaves: tuple[Mapping[str, Array], ...] = ()
 
     @classmethod
     def of(cls, faults: tuple[Fault, ...]) -> FaultNumbers:
@@ -175,15 +175,6 @@ class FaultNumbers:
                     numbers |= {"limit": float(fault.limit)}
             leaves.append(numbers)
         return cls(tuple(kinds), tuple(leaves))
-
-    def tree_flatten(self) -> tuple[Any, Any]:
-        """For JAX."""
-        return (self.leaves,), self.kinds
-
-    @classmethod
-    def tree_unflatten(cls, kinds: Any, children: Any) -> FaultNumbers:
-        """For JAX."""
-        return cls(kinds, children[0])
 
     @property
     def changes(self) -> bool:

@@ -49,10 +49,7 @@ def run_figure(run: RunSignals, loop: LoopAssembly, units: Mapping[str, str]) ->
     rows[-1].set_xlabel("time [s]", fontsize=9)
     parts = (loop.controller, loop.compensator)
     title = ", ".join(type(component).__name__ for component in parts if component is not None)
-    if run.diverged is not None:
-        title += f": ran away at {run.diverged:.3g} s"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
-    return figure
+    return _titled(figure, title, run)
 
 
 def _panel(
@@ -103,8 +100,11 @@ def track_figure(run: RunSignals, loop: VesselAssembly) -> Figure:
     for axes in (first, *rows)[:-1]:
         axes.tick_params(labelbottom=False)
     (first, *rows)[-1].set_xlabel("time [s]", fontsize=9)
-    title = f"{loop.vessel} under MPC"
-    if run.diverged is not None:
+    return _titled(figure, f"{loop.vessel} under MPC", run)
+
+
+def _titled(figure: Figure, title: str, run: RunSignals | None = None) -> Figure:
+    if run is not None and run.diverged is not None:
         title += f": ran away at {run.diverged:.3g} s"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
     return figure
@@ -183,5 +183,4 @@ def allocation_figure(
         panel.set_visible(False)
     panels[0].legend(fontsize=8, frameon=False)
     figure.supxlabel("acts as a command of", fontsize=9)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
-    return figure
+    return _titled(figure, title)

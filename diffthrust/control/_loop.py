@@ -13,10 +13,9 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
-from diffthrust._support.validation import finite
-from diffthrust.control._assembly import LoopAssembly
+from diffthrust._support.validation import finite, whole_number
+from diffthrust.control._assembly import LoopAssembly, mapping, seeded
 from diffthrust.control._faults import FaultNumbers
-from diffthrust.control._loop_check import mapping, seeded
 from diffthrust.control._loop_scan import compiled_loop
 from diffthrust.control._plant import driven
 from diffthrust.control._recorded import RunSignals, bounded
@@ -90,16 +89,8 @@ class LoopRun(RunSignals):
         if "velocity" in self.signals and "inflow" in thruster.optional_inputs:
             inputs["inflow"] = self["velocity"]
         units = {**thruster.inputs, **thruster.optional_inputs, **self.units}
-        measured = self._measured()
-        return Log(
-            time=self.time,
-            inputs=inputs,
-            measured=measured,
-            units={name: units[name] for name in (*inputs, *measured) if name in units},
-            hold={name: "linear" if name == "inflow" else "zero" for name in inputs},
-            name="loop",
-            notes=self.notes_of(type(self.loop.controller).__name__),
-        )
+        hold = {name: "linear" if name == "inflow" else "zero" for name in inputs}
+        return self.as_log(self.loop.controller, inputs, self._measured(), units, hold)
 
     @cached_property
     def vehicle_log(self) -> Log:
@@ -112,15 +103,8 @@ class LoopRun(RunSignals):
         if vehicle is None:
             raise InputError("The loop has no vehicle.", "Use run.log.")
         measured = {n: v for n, v in self._measured().items() if n in vehicle.outputs}
-        return Log(
-            time=self.time,
-            inputs={"thrust": self["thrust"]},
-            measured=measured,
-            units={name: self.units[name] for name in ("thrust", *measured)},
-            hold="linear",
-            name="loop",
-            notes=self.notes_of(type(self.loop.controller).__name__),
-        )
+        inputs = {"thrust": self["thrust"]}
+        return self.as_log(self.loop.controller, inputs, measured, self.units, "linear")
 
     def _measured(self) -> dict[str, np.ndarray]:
         kind = "measured."
@@ -240,10 +224,7 @@ class Loop(LoopAssembly):
         step = 1.0 / (self.rate * samples)
         if substeps is None:
             substeps = max(1, math.ceil(step / _STEP - 1e-9))
-        elif isinstance(substeps, bool) or not isinstance(substeps, int) or substeps < 1:
-            raise InputError(
-                f"substeps: expected a whole number, 1 or more, found {substeps!r}.", "Correct it."
-            )
+        substeps = whole_number("substeps", substeps)
         time = step * np.arange(max(1, round(duration * self.rate)) * samples + 1)
         rng = seeded(seed)
         noise = {

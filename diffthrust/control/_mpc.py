@@ -12,8 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import finite
+from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.control._mpc_step import Frame, Plan, Setting, compiled_replan
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._path import Wanted
@@ -103,7 +102,7 @@ class MPC:
         if self.horizon is None:
             object.__setattr__(self, "horizon", max(1, round(_AHEAD * self.rate)))
         for name in ("horizon", "iterations"):
-            object.__setattr__(self, name, count_of(f"MPC, {name}", getattr(self, name)))
+            object.__setattr__(self, name, whole_number(f"MPC, {name}", getattr(self, name)))
         finite("MPC, point", self.point, math.isfinite, "metres ahead of the centre of gravity")
         units, states = self.model.inputs, self.model.all_states
         check_names("limits", self.limits, (*units, *states), "(LOWEST, HIGHEST)")
@@ -280,15 +279,6 @@ def measured_number(where: str, value: Any) -> float:
         ) from None
 
 
-def count_of(where: str, value: Any) -> int:
-    """A whole number above zero."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(
-            f"{where}: expected a whole number, 1 or more, found {value!r}.", "Correct it."
-        )
-    return int(value)
-
-
 def check_names(what: str, by_name: Any, names: tuple[str, ...], example: str) -> None:
     """Raise `InputError` for what is no dictionary by these names."""
     if not isinstance(by_name, Mapping):
@@ -297,13 +287,7 @@ def check_names(what: str, by_name: Any, names: tuple[str, ...], example: str) -
             f'Write {{"{names[0]}": {example}, ...}}.',
         )
     for name in by_name:
-        if name not in names:
-            near = nearest(str(name), names)
-            raise InputError(
-                f"MPC, {what}: the model has no '{name}'{f' ({near})' if near else ''}; it has "
-                f"{listing(names)}.",
-                "Correct the name.",
-            )
+        check_known(name, names, f"MPC, {what}: the model has no")
 
 
 def limit_pair(name: str, pair: Any, unit: str, *, open_: bool = False) -> tuple[float, float]:

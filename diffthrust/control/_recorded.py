@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import finite
+from diffthrust._support.validation import check_known, finite
+from diffthrust.logs._log import Log
 
 RUN_AWAY = 1e9
 """A signal beyond this, in SI units, has run away."""
@@ -28,25 +29,34 @@ class RunSignals:
     diverged: float | None
 
     def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self.signals:
-            near = nearest(name, self.signals)
-            raise InputError(
-                f"The run has no signal '{name}'{f' ({near})' if near else ''}; it has "
-                f"{listing(self.signals)}.",
-                "Correct the name.",
-            )
+        check_known(name, self.signals, "The run has no signal")
         return self.signals[name]
 
     def __repr__(self) -> str:
         end = "" if self.diverged is None else f", ran away at {self.diverged:.3g} s"
         return f"{type(self).__name__}({self.time[-1]:g} s, {self.time.size} samples{end})"
 
-    def notes_of(self, controller: str) -> tuple[str, ...]:
-        """What a log of the run says of where it is from."""
-        origin = f"Simulated in a closed loop with {controller}."
-        if self.diverged is None:
-            return (origin,)
-        return origin, f"The loop ran away at {self.diverged:.3g} s."
+    def as_log(
+        self,
+        controller: Any,
+        inputs: Mapping[str, np.ndarray],
+        measured: Mapping[str, np.ndarray],
+        units: Mapping[str, str],
+        hold: str | Mapping[str, str],
+        name: str = "loop",
+    ) -> Log:
+        """Some of the signals as a recorded experiment, which says where it is from."""
+        origin = f"Simulated in a closed loop with {type(controller).__name__}."
+        away = () if self.diverged is None else (f"The loop ran away at {self.diverged:.3g} s.",)
+        return Log(
+            time=self.time,
+            inputs=inputs,
+            measured=measured,
+            units={name: units[name] for name in (*inputs, *measured) if name in units},
+            hold=hold,
+            name=name,
+            notes=(origin, *away),
+        )
 
     def within(self, what: str, start: float | None, stop: float | None) -> np.ndarray:
         """Which samples lie from one time to another; by default the last two thirds.
@@ -55,8 +65,10 @@ class RunSignals:
             InputError: none does, or a time that is no number.
         """
         end = float(self.time[-1])
-        first = end / 3.0 if start is None else finite(f"{what}, start", start, _any, "seconds")
-        last = end if stop is None else finite(f"{what}, stop", stop, _any, "seconds")
+        first, last = (
+            usual if time is None else finite(f"{what}, {name}", time, lambda x: True, "seconds")
+            for name, time, usual in (("start", start, end / 3.0), ("stop", stop, end))
+        )
         inside = (self.time >= first - 1e-9) & (self.time <= last + 1e-9)
         if not inside.any():
             raise InputError(
@@ -65,10 +77,6 @@ class RunSignals:
                 "Choose start and stop inside the run.",
             )
         return inside
-
-
-def _any(value: float) -> bool:
-    return True
 
 
 def bounded(

@@ -14,10 +14,9 @@ from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
-from diffthrust._support.validation import finite
+from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.control._faults import FaultNumbers
 from diffthrust.control._loop import Loop
 from diffthrust.control._loop_scan import Parts, loop_signals
@@ -28,7 +27,7 @@ Cost = Callable[[Mapping[str, Array]], Array]
 """From the signals of a run, ``(T,)`` each, to residuals whose mean square is to be small."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Effort:
     """The tracking error, and the command at a price: the residuals of `tune` by default.
 
@@ -51,12 +50,6 @@ class Effort:
     def __post_init__(self) -> None:
         for name in ("price", "start"):
             finite(f"Effort, {name}", getattr(self, name), lambda x: x >= 0, "zero or more")
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Effort) and (self.price, self.start) == (other.price, other.start)
-
-    def __hash__(self) -> int:
-        return hash((self.price, self.start))
 
     def __call__(self, signals: Mapping[str, Array]) -> Array:
         """The residuals, ``(2, T)``."""
@@ -169,7 +162,7 @@ def tune(
     names = (gains,) if isinstance(gains, str) else gains
     _check(names, declared)
     names = tuple(names)
-    finite("most", most, lambda n: n >= 1, "a whole number above zero")
+    whole_number("most", most)
     parts, values, signals, faults, rows, start = loop.prepared(
         reference, duration, seed, initial, substeps
     )
@@ -205,7 +198,7 @@ def tune(
         ftol=1e-6,
         xtol=1e-8,
         gtol=1e-10,
-        max_nfev=int(most),
+        max_nfev=most,
     )
     after = [float(p.from_coordinate(c)) for p, c in zip(described, end.x, strict=True)]
     inside = [float(np.clip(v, *p.limits)) for v, p in zip(after, described, strict=True)]
@@ -291,13 +284,7 @@ def _check(names: Any, described: Mapping[str, Parameter]) -> None:
     if not names:
         raise InputError("tune: expected at least one gain, found none.", "Name one.")
     for name in names:
-        if name not in described:
-            near = nearest(str(name), described)
-            raise InputError(
-                f"tune: the loop has no gain '{name}'{f' ({near})' if near else ''}; it has "
-                f"{listing(described)}.",
-                "Correct the name.",
-            )
+        check_known(name, described, "tune: the loop has no gain")
         if not math.isfinite(described[name].value):
             raise InputError(
                 f"tune: the gain '{name}' is infinite, so nothing can be learned about it.",

@@ -18,8 +18,7 @@ from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.validation import finite
-from diffthrust.control._assembly import VesselAssembly
-from diffthrust.control._loop_check import seeded
+from diffthrust.control._assembly import VesselAssembly, seeded
 from diffthrust.control._one_sample import State, begin, one_sample, readings
 from diffthrust.control._path import Path, wanted_at
 from diffthrust.control._recorded import RUN_AWAY, RunSignals, bounded
@@ -150,15 +149,7 @@ class TrackRun(RunSignals):
         inputs = {name: self[name] for name in (*vessel.inputs, *self.loop.given)}
         measured = {name: self[f"measured.{name}"] for name in vessel.outputs}
         units = {**vessel.inputs, **vessel.optional_inputs, **vessel.outputs}
-        return Log(
-            time=self.time,
-            inputs=inputs,
-            measured=measured,
-            units={name: units[name] for name in (*inputs, *measured)},
-            hold="zero",
-            name="tracking",
-            notes=self.notes_of("MPC"),
-        )
+        return self.as_log(self.loop.controller, inputs, measured, units, "zero", "tracking")
 
     @showing
     def plot(self) -> Figure:

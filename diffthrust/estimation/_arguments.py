@@ -7,7 +7,6 @@ and the reference read the words here.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -16,6 +15,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, short_repr
+from diffthrust._support.validation import check_known, whole_number
 from diffthrust.estimation._laws import Censored, Gaussian, Law, StudentT, are_censored
 from diffthrust.estimation._noise import AR1, NoiseModel, White
 from diffthrust.estimation._residuals import Innovations, Likelihood, SimulationError
@@ -166,7 +166,11 @@ def check_arguments(
             f"horizon: the innovations form goes through whole runs, found {options.horizon!r}.",
             "Leave the horizon out, or use likelihood='simulation'.",
         )
-    _check_whole_numbers(options)
+    whole_number("starts", options.starts, 1, STARTS_LIMIT, "Write starts=8, or leave it out.")
+    whole_number("seed", options.seed, 0, SEED_LIMIT, "Write seed=0, or leave it out.")
+    if options.substeps is not None:
+        mend = "Leave it out: the fit chooses it."
+        whole_number("substeps", options.substeps, 1, SUBSTEPS_LIMIT, mend)
     check_switch("doubts", options.doubts)
     if not logs:
         raise InputError("logs: expected at least one log to fit, found none.", "Give one.")
@@ -202,13 +206,12 @@ def differing_by_log(model: Any, names: Any) -> Any:
         return model
     named = model.parameters
     for name in names:
-        if name not in named:
-            near = nearest(str(name), named)
-            raise InputError(
-                f"per_log: '{model}' has no parameter {name!r}{f' ({near})' if near else ''}; it "
-                f"has {listing(named)}.",
-                "Correct the name, or add the effect that has it.",
-            )
+        check_known(
+            name,
+            named,
+            f"per_log: '{model}' has no parameter",
+            mend="Correct the name, or add the effect that has it.",
+        )
     return model.replace({name: {"per_log": True} for name in names})
 
 
@@ -218,27 +221,6 @@ def check_switch(what: str, value: Any) -> None:
         raise InputError(
             f"{what}: expected True or False, found {short_repr(value)}.", f"Write {what}=False."
         )
-
-
-def _check_whole_numbers(options: FitOptions) -> None:
-    for what, value, least, most, mend in (
-        ("starts", options.starts, 1, STARTS_LIMIT, "Write starts=8, or leave it out."),
-        ("seed", options.seed, 0, SEED_LIMIT, "Write seed=0, or leave it out."),
-        ("substeps", options.substeps, 1, SUBSTEPS_LIMIT, "Leave it out: the fit chooses it."),
-    ):
-        if what == "substeps" and value is None:
-            continue
-        try:
-            number = operator.index(value)  # pyright: ignore[reportArgumentType]
-        except TypeError:
-            number = -1
-        if number < least:
-            raise InputError(
-                f"{what}: expected a whole number of at least {least}, found {short_repr(value)}.",
-                mend,
-            )
-        if number > most:
-            raise InputError(f"{what}: expected at most {most}, found {short_repr(value)}.", mend)
 
 
 def check_guesses(model: Model, guesses: Any) -> None:
@@ -251,14 +233,8 @@ def check_guesses(model: Model, guesses: Any) -> None:
     named = model.parameters
     for values in guesses:
         for name in values:
-            if name not in named:
-                near = nearest(str(name), named)
-                raise InputError(
-                    f"guesses: '{model}' has no parameter {name!r}"
-                    f"{f' ({near})' if near else ''}; it has {listing(named)}.",
-                    "Correct the name.",
-                )
-        absent = [n for n, value in values.items() if n in named and value == named[n].null]
+            check_known(name, named, f"guesses: '{model}' has no parameter")
+        absent = [n for n, value in values.items() if value == named[n].null]
         model.replace({n: value for n, value in values.items() if n not in absent})
         held = [n for n, value in values.items() if named[n].fixed and value != named[n].value]
         if held:

@@ -55,7 +55,9 @@ def build(
     follow = following(model, records)
     starts = tuple(n for n in likelihood.starts(model, records) if n not in follow)
     if initial != "estimate":
-        starts = tuple(n for n in starts if n not in _measured_starts(records))
+        # a quaternion's start follows from the first angles
+        measured = {n for r in records for n in (*r.measured_states, *r.start)}
+        starts = tuple(n for n in starts if n not in measured)
     noise = _known_noise(records, channels)
     if likelihood.corrects or likelihood.noise.lasts:  # a given level is the sensor's alone
         noise = [None] * len(noise)
@@ -127,11 +129,6 @@ def varying(parameter: Parameter) -> Varying:
     return Varying(*(np.asarray(v, float) for v in (scale, width, *parameter.limits)))
 
 
-def _measured_starts(records: Sequence[Record]) -> set[str]:
-    """States whose start is measured, or follows from outputs: a quaternion from first angles."""
-    return {n for r in records for n in (*r.measured_states, *r.start)}
-
-
 def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> Problem:
     """The same problem with segments of another length; `None` simulates whole runs.
 
@@ -151,7 +148,8 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
             ours = [finite for finite in ours if finite.any()]
             finite = np.all(ours, axis=0) if ours else np.zeros(time.size, bool)
             chosen = np.zeros(batch.time.shape[1], bool)
-            for begin in _multiples(time, horizon):
+            begins = () if horizon is None else np.arange(time[0] + horizon, time[-1], horizon)
+            for begin in begins:
                 later = np.flatnonzero(finite & (time >= begin))
                 if later.size:
                     chosen[later[0]] = True
@@ -178,12 +176,6 @@ def _for_noise(problem: Problem) -> Problem:
     """The problem with what its noise needs to know of the samples."""
     step = min(record.step for record in problem.records)
     return replace(problem, numbers=problem.layout.likelihood.noise.arranged(problem.numbers, step))
-
-
-def _multiples(time: np.ndarray, horizon: float | None) -> np.ndarray:
-    if horizon is None:
-        return np.array([])
-    return np.arange(time[0] + horizon, time[-1], horizon)
 
 
 def trusted(model: Model) -> tuple[str, ...]:
@@ -287,12 +279,16 @@ def _restart_values(model: Model, record: Record, name: str) -> np.ndarray:
     return smoothed(unwrapped(values) if name in model.angles else values)
 
 
-def smoothed(values: np.ndarray, half: int = 3) -> np.ndarray:
+_HALF = 3
+"""Neighbours to either side over whose median a restart begins."""
+
+
+def smoothed(values: np.ndarray) -> np.ndarray:
     """Running median of the neighbours, so that a restart does not begin on a spike."""
     if sensor_noise(values) <= 2e-4 * np.nanstd(values):  # no noise to be rid of
         return values
-    wide = np.pad(values, half, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1)
+    wide = np.pad(values, _HALF, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * _HALF + 1)
     out = np.full(values.shape, np.nan)
     finite = np.isfinite(values)
     out[finite] = np.nanmedian(windows[finite], axis=1)

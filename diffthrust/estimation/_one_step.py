@@ -83,17 +83,14 @@ def with_own_values(problem: Problem) -> Problem:
     differing = {name for name, _ in problem.layout.per_log} - absent
     if not differing:
         return problem
-    batches = [replace(b, measured=_first_part(b)) for b in problem.numbers.batches]
+    batches = []
+    for batch in problem.numbers.batches:
+        begin, end = np.asarray(batch.time)[:, :1], np.asarray(batch.time)[:, -1:]
+        first = np.asarray(batch.time) <= begin + FIRST_PART * (end - begin)
+        batches.append(replace(batch, measured=np.where(first[:, None], batch.measured, np.nan)))
     early = replace(problem, numbers=replace(problem.numbers, batches=batches))
     z = _settled(early, differing).start()
     return problem.focus(problem.free, problem.values(z), z[problem.shared :])
-
-
-def _first_part(batch: Batch) -> np.ndarray:
-    """The measurements of a batch without those after the first part of each log."""
-    time = np.asarray(batch.time)
-    end = time[:, :1] + FIRST_PART * (time[:, -1:] - time[:, :1])
-    return np.where((time <= end)[:, None], batch.measured, np.nan)
 
 
 def _settled(problem: Problem, names: Collection[str]) -> Problem:

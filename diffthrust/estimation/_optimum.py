@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.progress import Progress, subtask
+from diffthrust.estimation._arguments import FitOptions
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._horizons import Ended, by_left_out, through
 from diffthrust.estimation._insensitive import alive, without_silent
@@ -35,11 +36,8 @@ class Task(NamedTuple):
         records: training records.
         likelihood: what is summed of them.
         horizons: of the segments, in turn.
-        automatic: whether logs that are left out choose among the horizons.
-        initial: "auto", "estimate" or "measured".
-        starts: their number.
-        guesses: values of parameters that are starts, too.
-        rng: draws the other starts.
+        options: of the fit.
+        rng: draws the starts.
         tell: is called with the progress.
         refit: one of many of a diagnosis, with good guesses.
         checked: whether it is looked at if the optimum needs finer steps.
@@ -48,10 +46,7 @@ class Task(NamedTuple):
     records: tuple[Record, ...]
     likelihood: Likelihood
     horizons: tuple[float | None, ...]
-    automatic: bool
-    initial: str
-    starts: int
-    guesses: tuple[Mapping[str, float], ...]
+    options: FitOptions
     rng: np.random.Generator
     tell: Progress
     refit: bool = False
@@ -194,13 +189,13 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
         notes = ("No state is measured as it is: whole runs are fitted, not segments.",)
     begin = horizons[0] is None
     problem, silent, first = without_silent(problem, arrange, task.rng, begin)
-    hold = task.initial == "auto"
-    guesses = [problem.at(values) for values in task.guesses]
-    search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
+    hold, starts = task.options.initial == "auto", task.options.starts
+    guesses = [problem.at(values) for values in task.options.guesses]
+    search, final = through(problem, horizons, hold, starts, task.rng, tell, first, guesses)
     length = horizons[-1]
-    if task.automatic and horizons != (None,):
+    if task.options.horizon == "auto" and horizons != (None,):
         # a refit's guesses were begun with at every horizon, and know more than what is drawn
-        drawn = 0 if task.refit else task.starts
+        drawn = 0 if task.refit else starts
         ended, notes = by_left_out(Ended(length, search, final), drawn, task.rng)
         length, search, final = ended
     if task.likelihood.corrects:
@@ -213,7 +208,7 @@ def _arranged(task: Task, substeps: int, model: Model) -> Problem:
         model,
         task.records,
         substeps=substeps,
-        initial="measured" if task.initial == "measured" else "estimate",
+        initial="measured" if task.options.initial == "measured" else "estimate",
         segmented=any(h is not None for h in task.horizons),
         likelihood=task.likelihood,
     )

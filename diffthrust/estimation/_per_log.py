@@ -147,7 +147,7 @@ def with_widths(search: Search, problem: Problem) -> tuple[Search, Problem]:
     for i in range(_ROUNDS if names else 0):
         if not np.isfinite(search.best.quadratic.cost):
             break
-        old = np.array([float(problem.numbers.varying[n].width) for n in names])
+        old = _widths(problem)
         new = _likeliest(_spread(problem, search.best.z, search.best.quadratic), old)
         settled = bool(np.all(np.abs(np.log(new / old)) < _SETTLED))
         if settled and ended:
@@ -169,6 +169,11 @@ def _with(problem: Problem, widths: Mapping[str, float]) -> Problem:
     return replace(problem, model=problem.model.replace(fields), numbers=numbers)
 
 
+def _widths(problem: Problem) -> np.ndarray:
+    """The widths of what differs by log, in coordinates."""
+    return np.array([float(problem.numbers.varying[n].width) for n, _ in problem.layout.per_log])
+
+
 def _coordinates(problem: Problem) -> np.ndarray:
     """The places of the coordinates of what differs by log, ``(logs, parameters)``."""
     count = len(problem.layout.per_log)
@@ -179,8 +184,7 @@ def _coordinates(problem: Problem) -> np.ndarray:
 def _spread(problem: Problem, z: np.ndarray, q: Quadratic) -> _Spread:
     places = _coordinates(problem)
     ours, groups = places.ravel(), np.tile(np.arange(places.shape[1]), places.shape[0])
-    names = [name for name, _ in problem.layout.per_log]
-    tight = np.array([float(problem.numbers.varying[n].width) ** -2.0 for n in names])[groups]
+    tight = _widths(problem)[groups] ** -2.0
     information, gradient = np.array(q.information), np.array(q.gradient)
     information[ours, ours] -= tight
     gradient[ours] -= tight * z[ours]
@@ -254,12 +258,9 @@ def per_log_of(
     out: dict[str, PerLog] = {}
     if not problem.layout.per_log or not np.isfinite(q.cost):
         return out
-    spread, numbers, places = (
-        _spread(problem, z, q),
-        problem.numbers_by_log(z),
-        _coordinates(problem),
-    )
-    widths = np.array([float(problem.numbers.varying[n].width) for n, _ in problem.layout.per_log])
+    spread, numbers = _spread(problem, z, q), problem.numbers_by_log(z)
+    places = _coordinates(problem)
+    widths = _widths(problem)
     held = np.zeros(z.size, bool) if problem.turn is None else problem.turn.at_bound(z)
     for i, (name, transform) in enumerate(problem.layout.per_log):
         kind = problem.numbers.varying[name]

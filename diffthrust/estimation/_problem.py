@@ -200,14 +200,9 @@ class Problem:
 
     def sign_free(self) -> list[int]:
         """Coordinates of initial states that only an unsigned sensor reads."""
-        at, out = self.shared, []
-        for indices in self.order:
-            for index in indices:
-                for state in self.layout.local:
-                    if state in self.records[index].unsigned:
-                        out.append(at)
-                    at += 1
-        return [] if self.held else out
+        if self.held:
+            return []
+        return [at for at, record, state in self._of_logs if state in record.unsigned]
 
     def start(self) -> np.ndarray:
         """Coordinates of the model's present values and of the measured initial states.
@@ -242,12 +237,10 @@ class Problem:
         pairs += self._starting_range
         low, high = np.array(pairs, float).reshape(-1, 2).T
         if self.held:
-            start, at = self.start(), self.shared
-            for record in self._in_order:
-                for state in self.layout.local:
-                    if state in record.measured_states:
-                        low[at] = high[at] = start[at]
-                    at += 1
+            start = self.start()
+            for at, record, state in self._of_logs:
+                if state in record.measured_states:
+                    low[at] = high[at] = start[at]
         return low, high
 
     @cached_property
@@ -258,17 +251,16 @@ class Problem:
         search would run off to values at which the simulation fails.
         """
         pairs = []
-        for record in self._in_order:
-            for state in self.layout.local:
-                measured = record.measured_states.get(state, np.array([]))
-                if state in self.model.angles or not np.isfinite(measured).any():
-                    pairs.append((-np.inf, np.inf))
-                    continue
-                low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
-                if state in record.unsigned:
-                    low = -high
-                room = 2.0 * (high - low)
-                pairs.append((low - room, high + room) if room > 0 else (-np.inf, np.inf))
+        for _, record, state in self._of_logs:
+            measured = record.measured_states.get(state, np.array([]))
+            if state in self.model.angles or not np.isfinite(measured).any():
+                pairs.append((-np.inf, np.inf))
+                continue
+            low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
+            if state in record.unsigned:
+                low = -high
+            room = 2.0 * (high - low)
+            pairs.append((low - room, high + room) if room > 0 else (-np.inf, np.inf))
         return pairs
 
     @cached_property
@@ -302,9 +294,13 @@ class Problem:
         return float(value / self.numbers.varying[name].scale)
 
     @property
-    def _in_order(self) -> list[Record]:
-        """The records in the order of their initial states among the coordinates."""
-        return [self.records[index] for indices in self.order for index in indices]
+    def _of_logs(self) -> list[tuple[int, Record, str]]:
+        """Place, log and name of each coordinate that is a log's own, in their order."""
+        return [
+            (at + i, self.records[index], name)
+            for index, at in self.places.items()
+            for i, name in enumerate(self.layout.local)
+        ]
 
     @property
     def shared(self) -> int:

@@ -31,8 +31,7 @@ from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._per_log import PerLog, per_log_section
 from diffthrust.estimation._status import Checks, Status
 from diffthrust.export._export import ExportTo, exported
-from diffthrust.export._exported import Exported
-from diffthrust.export._source import ExportSource
+from diffthrust.export._source import Exported, ExportSource
 from diffthrust.export._trace import read_inputs
 from diffthrust.logs._identity import LogIdentity
 from diffthrust.logs._log import Log

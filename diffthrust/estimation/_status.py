@@ -265,7 +265,7 @@ def judge(
         )
     if rivals:
         return Status.NOT_IDENTIFIABLE, (
-            f"Several sets of values fit equally well; they differ in {_names(rivals)}. "
+            f"Several sets of values fit equally well; they differ in {', '.join(rivals)}. "
             "Narrow the bounds, or use logs that separate them."
         )
     if not alone and agreeing < 2:
@@ -295,16 +295,12 @@ def failed_over(failures: Sequence[str], message: str, begun: bool) -> tuple[Sta
 
 def _of_bounds(local: Local) -> str:
     ends = [name for name in local.at_bound if name not in local.vanished]
-    at = [f"{_names(ends)} at a bound"] * bool(ends)
-    at += [f"{_names(local.vanished)} at zero"] * bool(local.vanished)
+    places = {"at a bound": ends, "at zero": local.vanished}
+    at = [f"{', '.join(names)} {where}" for where, names in places.items() if names]
     return (
         f"Converged with {' and '.join(at)}, held there by the data: a parameter at a bound has no "
         "standard error."
     )
-
-
-def _names(names: Sequence[str]) -> str:
-    return ", ".join(names)
 
 
 def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> tuple[str, ...]:

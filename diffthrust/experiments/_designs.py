@@ -66,15 +66,10 @@ class Design:
         if name not in self.moved:
             value = rest_value + self.bias * (high - rest_value)
             return value, value
-        bottom, top = (
-            rest_value + self.share * (low - rest_value),
-            rest_value + self.share * (high - rest_value),
-        )
+        bottom, top = (rest_value + self.share * (end - rest_value) for end in (low, high))
         if self.kind == "step up":
             return rest_value, top
-        if self.kind == "step down":
-            return bottom, rest_value
-        return bottom, top
+        return bottom, rest_value if self.kind == "step down" else top
 
     def changed(self, faster: float, larger: float, space: Space) -> Design:
         """A neighbour with another speed and size, within the constraints."""
@@ -131,14 +126,6 @@ def _within_rate(values: np.ndarray, rate: float, step: float, rest_value: float
 
 def _count(t: np.ndarray, hold: float) -> np.ndarray:
     return np.floor(t / hold + 1e-6).astype(int)
-
-
-def _up(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
-    return np.ones_like(t)
-
-
-def _down(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
-    return -np.ones_like(t)
 
 
 def _reversals(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
@@ -200,8 +187,8 @@ class Family:
 
 _SHORT, _MIDDLE, _LONG = 1 / 160, 1 / 40, 1 / 10
 KINDS: dict[str, Family] = {
-    "step up": Family(_up, "Step", (1.0,)),
-    "step down": Family(_down, "Step", (1.0,)),
+    "step up": Family(lambda t, hold, space: np.ones_like(t), "Step", (1.0,)),
+    "step down": Family(lambda t, hold, space: -np.ones_like(t), "Step", (1.0,)),
     "reversals": Family(_reversals, "Reversals", (_SHORT, _MIDDLE, _LONG)),
     "pulses": Family(_pulses, "Pulses", (_SHORT, _MIDDLE)),
     "staircase": Family(_staircase, "Staircase", (_MIDDLE, 1 / 16)),

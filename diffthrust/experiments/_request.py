@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,11 +11,11 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import finite, whole_number
 from diffthrust.estimation._arguments import by_input, listed
 from diffthrust.estimation._result import Fit
-from diffthrust.experiments._confront import Conditions
+from diffthrust.experiments._confront import Conditions, Rival, models_of, names_of, rival_of
 from diffthrust.experiments._designs import Design, Space, sequence
-from diffthrust.experiments._rivals import Rival, models_of, names_of, rival_of
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
@@ -94,11 +93,9 @@ def requested(
 def _check_numbers(
     duration: Any, step: Any, rest_duration: Any, correlation_time: Any, seed: Any
 ) -> None:
-    for what, value, least in (("duration", duration, 0.0), ("step", step, 0.0)):
-        if not (_number(value) and value > least):
-            raise InputError(
-                f"{what}: expected a positive number of seconds, found {value!r}.", "Correct it."
-            )
+    seconds = "a positive number of seconds"
+    for what, value in (("duration", duration), ("step", step)):
+        finite(what, value, lambda x: x > 0, seconds)
     if not (
         _number(rest_duration) and rest_duration >= 0 and duration - 2 * rest_duration >= 20 * step
     ):
@@ -107,17 +104,10 @@ def _check_numbers(
             f"a step of {step:g} s leaves fewer than 20 samples to move in.",
             "Lengthen the duration, or shorten the rest or the step.",
         )
-    if correlation_time is not None and not (_number(correlation_time) and correlation_time > 0):
-        raise InputError(
-            f"correlation_time: expected a positive number of seconds, found {correlation_time!r}.",
-            "Leave it out where the noise is white.",
-        )
-    try:
-        fine = operator.index(seed) >= 0
-    except TypeError:
-        fine = False
-    if not fine:
-        raise InputError(f"seed: expected a whole number from 0 on, found {seed!r}.", "Correct it.")
+    if correlation_time is not None:
+        mend = "Leave it out where the noise is white."
+        finite("correlation_time", correlation_time, lambda x: x > 0, seconds, mend)
+    whole_number("seed", seed, 0)
 
 
 def _number(value: Any) -> bool:
@@ -172,8 +162,7 @@ def _inputs(
     for name, pair in limits.items():
         limits[name] = checked_limits(name, pair)
     for name, value in held.items():
-        if not _number(value):
-            raise InputError(f"held: expected a number for '{name}', found {value!r}.", "Give one.")
+        finite("held", value, lambda x: True, f"a number for '{name}'", "Give one.")
     if not limits:
         raise InputError(
             "Every input is held: there is nothing to move.",
@@ -218,13 +207,13 @@ def checked_limits(name: str, pair: Any) -> tuple[float, float]:
 def _rates(wanted: Any, moved: Mapping[str, Any]) -> dict[str, float]:
     rates = dict(wanted or {})
     _check_names("rate_limits", rates, list(moved), "this input is not moved")
-    for name, rate in rates.items():
-        if not (_number(rate) and rate > 0):
-            raise InputError(
-                f"rate_limits: expected a positive change per second for '{name}', found {rate!r}.",
-                "Leave it out where the input may jump.",
-            )
-    return {name: float(rate) for name, rate in rates.items()}
+    mend = "Leave it out where the input may jump."
+    return {
+        name: finite(
+            "rate_limits", rate, lambda x: x > 0, f"a positive change per second for '{name}'", mend
+        )
+        for name, rate in rates.items()
+    }
 
 
 def _noise(rivals: Sequence[Any], models: Sequence[Model], wanted: Any) -> dict[str, float]:
@@ -243,13 +232,11 @@ def _noise(rivals: Sequence[Any], models: Sequence[Model], wanted: Any) -> dict[
             f"Give noise={{'{shared[0] if shared else 'channel'}': standard deviation}} for each "
             "channel that the test will measure.",
         )
+    mend = "Give it in the unit of the model's output."
     for name, sigma in noise.items():
-        if not (_number(sigma) and sigma > 0):
-            raise InputError(
-                f"noise: expected a positive standard deviation for '{name}', found {sigma!r}.",
-                "Give it in the unit of the model's output.",
-            )
-    return {name: float(noise[name]) for name in shared if name in noise}
+        expected = f"a positive standard deviation for '{name}'"
+        noise[name] = finite("noise", sigma, lambda x: x > 0, expected, mend)
+    return {name: noise[name] for name in shared if name in noise}
 
 
 def _units(models: Sequence[Model], logs: Sequence[Log]) -> dict[str, str]:

@@ -20,8 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from diffthrust.experiments._confront import CHUNK, Conditions, InputSeries, against, outputs_of
-from diffthrust.experiments._rivals import Rival
+from diffthrust.experiments._confront import (
+    CHUNK,
+    Conditions,
+    InputSeries,
+    Rival,
+    against,
+    outputs_of,
+)
 
 _SCREEN, _THOROUGH = 12, 30
 """Most steps of an imitation, in the search for designs and to verify one."""
