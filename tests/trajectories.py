@@ -26,7 +26,6 @@ from diffthrust.simulation._fixed_step import (  # private: no run returns its s
     checked_initial,
     starting_states,
 )
-from diffthrust.simulation._gaps import bridged  # private: the time base alone
 from diffthrust.simulation._integrate import (  # private: the integrator alone
     integrate,
     within,
@@ -45,6 +44,7 @@ from diffthrust.simulation._overflow import (  # private: the sentences alone
 from diffthrust.simulation._record import (  # private: what a model reads of a log
     are_tables,
     bind,
+    bridged,  # private: the time base alone
     input_ranges,
     measured_outputs,
 )

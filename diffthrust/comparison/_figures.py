@@ -56,13 +56,8 @@ def residual_figure(
                 draw(axes, tests[name])
             else:
                 axes.set_axis_off()
-    figure.suptitle(
-        textwrap.fill(f"{model}: residuals (measured - modelled)", 100),
-        x=0.01,
-        horizontalalignment="left",
-        fontsize=12,
-        fontweight="bold",
-    )
+    title = textwrap.fill(f"{model}: residuals (measured - modelled)", 100)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
     return figure
 
 

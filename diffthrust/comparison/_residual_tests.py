@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -53,12 +53,7 @@ class CrossCorrelation(Brief):
 
     def to_json(self) -> dict[str, Any]:
         """The peak with its band, as plain data."""
-        return {
-            "peak": self.peak,
-            "lag": self.lag,
-            "band": self.band,
-            "p_value": self.p_value,
-        }
+        return {name: getattr(self, name) for name in ("peak", "lag", "band", "p_value")}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,18 +131,8 @@ class ResidualTests(Brief):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "channel": self.channel,
-            "unit": self.unit,
-            "samples": self.samples,
-            "mean": self.mean,
-            "mean_error": self.mean_error,
-            "lag_one": self.lag_one,
-            "correlation_time": self.correlation_time,
-            "effective_samples": self.effective_samples,
-            "whiteness": self.whiteness,
-            "signals": {name: s.to_json() for name, s in self.signals.items()},
-        }
+        written = {n: v for n, v in vars(self).items() if n not in ("step", "autocorrelation")}
+        return {**written, "signals": {name: s.to_json() for name, s in self.signals.items()}}
 
 
 def residual_tests(
@@ -192,10 +177,7 @@ def residual_tests(
         if np.ptp(np.concatenate([s[name] for s in signals])) > 0
     }
     several = {
-        name: CrossCorrelation(
-            name, c.lags, c.values, c.band, min(1.0, c.p_value * max(1, len(crossed)))
-        )
-        for name, c in crossed.items()
+        name: replace(c, p_value=min(1.0, c.p_value * len(crossed))) for name, c in crossed.items()
     }
     return ResidualTests(
         channel=channel,

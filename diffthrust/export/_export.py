@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.files import ending
+from diffthrust._support.files import ending, write_whole
 from diffthrust._support.names import listing, nearest
 from diffthrust.export._crafts import of_craft
-from diffthrust.export._exported import ENDINGS, Exported, write_exported
 from diffthrust.export._program import C99, HISTORY, Program, Python
 from diffthrust.export._simulators import to_gz, to_stonefish, to_uuv
-from diffthrust.export._source import ExportSource
+from diffthrust.export._source import ENDINGS, Exported, ExportSource
 from diffthrust.export._table import to_table
 from diffthrust.export._trace import read_inputs
 from diffthrust.models._base.model import Model
@@ -98,7 +97,7 @@ def exported(
     name = f"m{words}" if words[:1].isdigit() or not words else words
     text, notes = _made(source, to, name, suffix, limits)
     if file is not None:
-        write_exported(file, to, text)
+        write_whole(file, text.encode())
     return Exported(to, text, (*notes, *means_note(source.model.per_log)), file)
 
 

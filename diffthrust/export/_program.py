@@ -9,10 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from textwrap import wrap
 
-from diffthrust.export._exported import filled_in
 from diffthrust.export._language import ATOM, LINE, Language, Term, exact, lines_of
 from diffthrust.export._operations import Operation, Operations
-from diffthrust.export._source import ExportSource
+from diffthrust.export._source import ExportSource, filled_in
 from diffthrust.export._trace import Traced, traced_model
 from diffthrust.simulation._runge_kutta import SERIES, TURN
 
@@ -173,6 +172,13 @@ class C99(Language):
         return f"{line} /* {remark} */" if remark else line
 
 
+_OWN = (
+    "self x u h dt math divided sign logistic rsqrt series step reset substeps held decay weights "
+    "time"
+)
+"""Words of the module itself."""
+
+
 class Python(Language):
     """Python 3 with nothing but ``math``.
 
@@ -191,21 +197,11 @@ class Python(Language):
     )
     reserved = frozenset(
         [
-            *(*guarded, *keyword.kwlist, *keyword.softkwlist, *dir(builtins)),
-            *(
-                "self",
-                "x",
-                "u",
-                "h",
-                "dt",
-                "math",
-                "divided",
-                "sign",
-                "logistic",
-                "rsqrt",
-                "series",
-            ),
-            *("step", "reset", "substeps", "held", "decay", "weights", "time"),
+            *guarded,
+            *keyword.kwlist,
+            *keyword.softkwlist,
+            *dir(builtins),
+            *_OWN.split(),
         ]
     )
 

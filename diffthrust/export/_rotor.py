@@ -84,9 +84,7 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
         )
     low, high = command_limits(source, channel, limits)
     left_out = _without_place(model)
-    plain = model
-    for effect in left_out:
-        plain = plain - effect.name
+    plain = model._copy(effects=tuple(e for e in model.effects if e not in left_out))
     values = {name: float(p.value) for name, p in plain.parameters.items()}
     taken_as_one: tuple[str, ...] = ()
     power, error = values.get("exponent", 1.0), source.errors.get("exponent", 0.0)
@@ -132,10 +130,9 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
 def _static(source: ExportSource, channel: str, limits: tuple[float, float]) -> Rotor:
     """A thruster without dynamics: its command stands for the speed, and the force is a table."""
     low, high = limits
-    left_out = tuple(e for e in source.model.effects if e.memory or e.states)
-    plain = source.model
-    for effect in left_out:
-        plain = plain - effect.name
+    effects = source.model.effects
+    left_out = tuple(e for e in effects if e.memory or e.states)
+    plain = source.model._copy(effects=tuple(e for e in effects if not (e.memory or e.states)))
     commands = np.unique([*np.linspace(low, high, _POINTS), 0.0])
     forces = source.strength * steady_output(plain, {channel: commands}, OUTPUT)
     unit = source.inputs[channel]
@@ -172,9 +169,8 @@ def _of_speed(effect: Effect) -> bool:
 
 def _force(model: Model, speeds: np.ndarray) -> np.ndarray:
     """The thrust at given speeds, without what sensors add."""
-    for effect in model.effects:
-        if effect.ports != ("propeller",):
-            model = model - effect.name
+    kept = (effect for effect in model.effects if effect.ports == ("propeller",))
+    model = model._copy(effects=tuple(kept))
     signals = {"speed": jnp.asarray(speeds), "time": jnp.zeros(speeds.shape)}
     zeros = {name: jnp.zeros(speeds.shape) for name in (*model.states, *model.inputs)}
     return np.asarray(read_out(model, Signals({**zeros, **signals}))[OUTPUT])

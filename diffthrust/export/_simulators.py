@@ -19,9 +19,8 @@ from textwrap import wrap
 from typing import Any
 
 from diffthrust._support.words import humanize, number
-from diffthrust.export._exported import filled_in
 from diffthrust.export._rotor import Rotor, rotor_of
-from diffthrust.export._source import ExportSource
+from diffthrust.export._source import ExportSource, filled_in
 
 DENSITY, DIAMETER = 1000.0, 0.1
 """[kg/m^3] and [m] by which gz-sim's coefficient is made; only their product with it counts."""

@@ -1,9 +1,13 @@
-"""What is exported: a model at its values, and what is known of the logs it was fitted to."""
+"""What is exported, a model at its values with what is known of its logs, and what that gives."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -87,3 +91,57 @@ class ExportSource:
     def head(self) -> list[str]:
         """What stands at the head of a file, sentence by sentence."""
         return [*self.provenance, *self.conversions]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A fit in the language of another program.
+
+    Args:
+        target: for which it was made.
+        text: what goes into the file; ``str(exported)`` gives it too.
+        notes: what the target cannot express, and what to mind.
+        path: the file that was written, or ``None``.
+
+    Example:
+        >>> exported = dft.export.export_model(dft.Thruster(), "python")
+        >>> exported.target, exported.notes, "def step" in exported.text
+        ('python', (), True)
+    """
+
+    target: str
+    text: str = field(repr=False)
+    notes: tuple[str, ...] = ()
+    path: Path | None = None
+
+    def __str__(self) -> str:
+        return self.text
+
+
+ENDINGS = {
+    "python": (".py",),
+    "c": (".h",),
+    "lut": (".csv", ".h"),
+    "gz": (".sdf", ".xml"),
+    "uuv": (".xacro", ".urdf", ".xml"),
+    "stonefish": (".scn", ".xml"),
+}
+"""How the files of each target may end, the usual one first."""
+
+
+def filled_in(template: str, **parts: Any) -> str:
+    """The template of that name, filled in."""
+    import jinja2
+
+    def named(name: str) -> str:
+        folder = files("diffthrust.export").joinpath("templates")
+        return folder.joinpath(f"{name}.jinja").read_text(encoding="utf-8")
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(named),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = environment.get_template(template).render(**parts)
+    return re.sub(r"\n{4,}", "\n\n\n", text).rstrip() + "\n"

@@ -12,8 +12,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.words import number
-from diffthrust.export._exported import filled_in
-from diffthrust.export._source import ExportSource
+from diffthrust.export._source import ExportSource, filled_in
 from diffthrust.export._steady import steady_output
 from diffthrust.models._base.model import Model
 

@@ -7,7 +7,5 @@ from diffthrust.models._base.model import Model
 
 def bare(model: Model) -> Model:
     """The model without the effects that act on what its sensors report."""
-    for effect in model.effects:
-        if all(port in model.outputs for port in effect.ports):
-            model = model - effect.name
-    return model
+    kept = (e for e in model.effects if not all(port in model.outputs for port in e.ports))
+    return model._copy(effects=tuple(kept))

@@ -23,10 +23,9 @@ from diffthrust.comparison._regimes import Regime
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.simulation._runs import Run, shown_of
-from diffthrust.workbench._browser import once_ready
 from diffthrust.workbench._controls import Controls
 from diffthrust.workbench._lane import Lane, Stopped
-from diffthrust.workbench._look import LEFT, button, heading, paragraphs, text, words_of
+from diffthrust.workbench._look import LEFT, button, heading, once_ready, paragraphs, text, words_of
 from diffthrust.workbench._plots import Plots
 from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task

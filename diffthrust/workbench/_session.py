@@ -99,9 +99,7 @@ class Task:
     def model(self) -> Model:
         """The model with the effects and values of the setup, commanded as the logs are."""
         model, effects = adopted(self.source.model, self.source.train), self.setup.effects
-        for effect in model.effects:
-            if effect.name not in effects:
-                model = model - effect.name
+        model = model._copy(effects=tuple(e for e in model.effects if e.name in effects))
         present = [effect.name for effect in model.effects]
         for name in effects:
             if name in model.parameters:
@@ -217,9 +215,8 @@ class Session:
         Of the logs as they were opened: it takes a second.
         """
         source = self.source
-        bare = model = adopted(source.model, source.train)
-        for effect in model.effects:
-            bare = bare - effect.name
+        model = adopted(source.model, source.train)
+        bare = model._copy(effects=())
         tried, untestable = candidates_of(bare, bind(bare, (*source.train, *source.unseen)))
         catalogued = {effect.name for effect in tried}
         own = tuple(effect for effect in model.effects if effect.name not in catalogued)

@@ -55,8 +55,7 @@ def signal_path(model: Model) -> SignalPath:
         >>> ("target", "loop") in path.edges, ("speed", "loop") in path.edges
         (True, True)
     """
-    for effect in model.effects:
-        model = model - effect.name
+    model = model._copy(effects=())
     edges = _edges(model)
     linked = {name for edge in edges for name in edge}
     kinds = dict.fromkeys(model.inputs, "input") | dict.fromkeys(model.ports, "port")

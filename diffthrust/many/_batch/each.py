@@ -24,7 +24,7 @@ from diffthrust._support.progress import Progress
 from diffthrust._support.validation import whole_number
 from diffthrust.logs._log import Log
 from diffthrust.many._batch.result import Many, Outcome, gathered
-from diffthrust.simulation._gaps import bridged
+from diffthrust.simulation._record import bridged
 
 WIDTH = 8
 """Rows per run on a processor: enough to fill its vector units, few enough for its cache."""
