@@ -5,14 +5,14 @@ from diffthrust._support.correlation import (  # private: against closed forms
     covariance,
     ljung_box,
 )
+from diffthrust.comparison._agreement import (  # private: of errors made by hand
+    outstanding,
+)
 from diffthrust.comparison._derived_signals import (  # private: of made signals
     derived_signals,
 )
 from diffthrust.comparison._noise_advice import (  # private: made residuals alone
     noise_advice,
-)
-from diffthrust.comparison._outstanding import (  # private: of errors made by hand
-    outstanding,
 )
 from diffthrust.comparison._regime_search import (  # private: the search on made series alone
     Samples,

@@ -9,9 +9,6 @@ from diffthrust.simulation import (  # private: a part alone
 from diffthrust.simulation import _starts as starts_module
 from diffthrust.simulation import _step_size as step_size_module
 from diffthrust.simulation import _trajectory as trajectory_module
-from diffthrust.simulation._bare import (  # private: told by no result
-    bare,
-)
 from diffthrust.simulation._commands import (  # private: as a fit calls them
     adopted,
     command_kind,
@@ -73,9 +70,10 @@ from diffthrust.simulation._step_size import (  # private: each alone
     fewest_steps,
     sensor_noise,
 )
-from diffthrust.simulation._trajectory import (  # private: the traced part alone
+from diffthrust.simulation._trajectory import (  # private: told by no result
     Grid,
     Key,
+    bare,
     equations_of,
     starting_point,
     trajectory,

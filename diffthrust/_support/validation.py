@@ -66,13 +66,7 @@ def check_known(
     present: str = "it has",
     mend: str = "Correct the name.",
 ) -> None:
-    """Raise `InputError` for a name that is not among these.
-
-    Example:
-        >>> check_known("ctt", {"ct": 1.0}, "The loop has no parameter")
-        Traceback (most recent call last):
-        InputError: The loop has no parameter 'ctt' (the nearest is 'ct'); it has 'ct'. ...
-    """
+    """Raise `InputError` for a name that is not among these: "LACKING 'ctt'; it has 'ct'."."""
     if name not in names:
         near = nearest(str(name), names)
         hint = f" ({near})" if near else ""

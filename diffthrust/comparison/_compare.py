@@ -15,10 +15,9 @@ from diffthrust._support.files import plain
 from diffthrust._support.names import listing
 from diffthrust._support.report import Bullets, Report, Section, Styled, closing_section
 from diffthrust._support.results import Result
-from diffthrust.comparison._agreement import Agreement, agreement, hints
+from diffthrust.comparison._agreement import Agreement, agreement, hints, outstanding
 from diffthrust.comparison._derived_signals import signals_of, units_of
 from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
-from diffthrust.comparison._outstanding import outstanding
 from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
 from diffthrust.estimation._arguments import LIKELIHOODS

@@ -137,23 +137,18 @@ def _drive_words(names: Sequence[str]) -> tuple[str, list[str]]:
 
 def _pair(top: Axes, below: Axes, run: Run, name: str, static: bool) -> None:
     trace = run.shown_channels[name]
-    measured: dict[str, Any] = {"color": GREY, "linewidth": 2.4}
     few = static or np.isfinite(trace.measured).sum() <= 150 or is_sparse(trace.measured)
-    if few:
-        measured |= {"marker": "o", "markersize": 5, "linestyle": "none"}
-    t, y = thinned(run.time, trace.measured)
-    top.plot(t, y, label="measured", **measured)
-    t, y = thinned(run.time, trace.modelled)
-    modelled: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.1}
-    if static:
-        modelled |= {"marker": "x", "markersize": 5, "linestyle": "none"}
-    top.plot(t, y, label="modelled", **modelled)
-    t, y = thinned(run.time, trace.residual)
-    residual: dict[str, Any] = {"color": BLUE, "linewidth": 0.8, "label": "measured - modelled"}
-    if few:
-        residual |= {"marker": "o", "markersize": 3, "linestyle": "none"}
+    grey = {"color": GREY, "linewidth": 2.4, "markersize": 5, "label": "measured"}
+    red = {"color": VERMILLION, "linewidth": 1.1, "markersize": 5, "label": "modelled"}
+    blue = {"color": BLUE, "linewidth": 0.8, "markersize": 3, "label": "measured - modelled"}
     below.axhline(0.0, color="0.4", linewidth=0.8)
-    below.plot(t, y, **residual)
+    for axes, values, style, dots in (
+        (top, trace.measured, grey, "o" if few else ""),
+        (top, trace.modelled, red, "x" if static else ""),
+        (below, trace.residual, blue, "o" if few else ""),
+    ):
+        marks = {"marker": dots, "linestyle": "none"} if dots else {}
+        axes.plot(*thinned(run.time, values), **style, **marks)
 
 
 def _label(

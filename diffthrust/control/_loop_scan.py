@@ -20,7 +20,7 @@ from diffthrust.control._base import Block, Controller, Kept
 from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator
 from diffthrust.control._faults import FaultNumbers
-from diffthrust.control._plant import Plant
+from diffthrust.control._plant import Plant, named
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._runge_kutta import advance, exponential_weights
 
@@ -92,7 +92,7 @@ def loop_signals(
     """
     sound = Plant(parts.plant.thruster, parts.plant.vehicle, signals).bind(values)
     blocks = {
-        name: block._bound(_named(values, f"{name}."))
+        name: block._bound(named(values, f"{name}."))
         for name, block in (("controller", parts.controller), ("compensator", parts.compensator))
         if block is not None
     }
@@ -238,10 +238,6 @@ def _when(flag: Array, every: int, new: _Tree, old: _Tree) -> _Tree:
 def _memory(block: Block) -> dict[str, Array]:
     start = block.start()
     return {name: jnp.asarray(start.get(name, 0.0), float) for name in block.states}
-
-
-def _named(values: Mapping[str, Array], prefix: str) -> dict[str, Array]:
-    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
 compiled_loop = program(1)(loop_signals)

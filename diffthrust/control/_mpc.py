@@ -15,7 +15,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.control._mpc_step import Frame, Plan, Setting, compiled_replan
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
-from diffthrust.control._path import Wanted
+from diffthrust.control._reference import Wanted
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._trajectory import Key
 

@@ -22,6 +22,11 @@ def driven(thruster: Model) -> str:
     return commands[0] if len(commands) == 1 else ""
 
 
+def named(values: Mapping[str, Array], prefix: str) -> dict[str, Array]:
+    """The values of one part of a loop, without its name before theirs."""
+    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+
+
 @dataclass(frozen=True)
 class Plant:
     """A thruster with its vehicle, or alone.
@@ -112,8 +117,8 @@ class Plant:
         """The plant reading (possibly traced) values by full name."""
 
         def part(model: Model, prefix: str) -> Model:
-            named = {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
-            return model.bind(named) if named else model
+            numbers = named(values, prefix)
+            return model.bind(numbers) if numbers else model
 
         vehicle = part(self.vehicle, "vehicle.") if self.vehicle else None
         return Plant(part(self.thruster, "thruster."), vehicle, self.given)

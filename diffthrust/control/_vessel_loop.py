@@ -20,9 +20,8 @@ from diffthrust._support.figures import showing
 from diffthrust._support.validation import finite
 from diffthrust.control._assembly import VesselAssembly, seeded
 from diffthrust.control._one_sample import State, begin, one_sample, readings
-from diffthrust.control._path import Path, wanted_at
 from diffthrust.control._recorded import RUN_AWAY, RunSignals, bounded
-from diffthrust.control._reference import Reference
+from diffthrust.control._reference import Path, Reference, wanted_at
 from diffthrust.logs._log import Log
 from diffthrust.simulation._fixed_step import checked_initial
 from diffthrust.simulation._trajectory import Key

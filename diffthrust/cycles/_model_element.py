@@ -26,8 +26,7 @@ from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.quadratic_load import SQUARED_SINE
 from diffthrust.models._base.signals import Relaxing, Signals
-from diffthrust.simulation._bare import bare
-from diffthrust.simulation._trajectory import equations_of
+from diffthrust.simulation._trajectory import bare, equations_of
 
 _STEPS = (256, 3072)
 """Steps per period while a describing function is mapped, then those for a model that is too fast

@@ -15,7 +15,7 @@ from diffthrust.describing._formulas import FORMULAS, check_plain
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._bare import bare
+from diffthrust.simulation._trajectory import bare
 
 _METHODS = ("simulation", "harmonic_balance", *FORMULAS)
 _WHERE = "describing_function"

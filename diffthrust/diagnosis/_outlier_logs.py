@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.words import humanize, joined, number, percent
-from diffthrust.comparison._outstanding import beside_others, outstanding
+from diffthrust.comparison._agreement import beside_others, outstanding
 from diffthrust.diagnosis._beyond_others import beyond_others
 from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit

@@ -10,9 +10,8 @@ from typing import Literal, get_args
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.names import listing, nearest
-from diffthrust.export._crafts import of_craft
 from diffthrust.export._program import C99, HISTORY, Program, Python
-from diffthrust.export._simulators import to_gz, to_stonefish, to_uuv
+from diffthrust.export._simulators import of_craft, to_gz, to_stonefish, to_uuv
 from diffthrust.export._source import ENDINGS, Exported, ExportSource
 from diffthrust.export._table import to_table
 from diffthrust.export._trace import read_inputs

@@ -12,8 +12,7 @@ import numpy as np
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._bare import bare
-from diffthrust.simulation._trajectory import Grid, Key, trajectory
+from diffthrust.simulation._trajectory import Grid, Key, bare, trajectory
 
 _STEPS = 1000
 """Operations of integration between two looks at whether the model has settled."""

@@ -17,6 +17,7 @@ from diffthrust.export._operations import Operations, traced
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Relaxing, Signal, Signals
+from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import arriving, equations_of, read_out, starting_point
 
 _SAMPLES = 3
@@ -119,7 +120,7 @@ def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
         return {name: {**own_rates, **port.rates}[name] for name in states}
 
     def rates(signals_in: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {n: k.rate if isinstance(k, Relaxing) else k for n, k in slopes(signals_in).items()}
+        return {name: plain_rate(k) for name, k in slopes(signals_in).items()}
 
     def decays(signals_in: Mapping[str, Any]) -> Mapping[str, Any]:
         return {n: k.decay for n, k in slopes(signals_in).items() if isinstance(k, Relaxing)}

@@ -222,3 +222,9 @@ class Key:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "structure", self.model.structure)
+
+
+def bare(model: Model) -> Model:
+    """The model without the effects that act on what its sensors report."""
+    kept = (e for e in model.effects if not all(port in model.outputs for port in e.ports))
+    return model._copy(effects=tuple(kept))

@@ -19,8 +19,7 @@ from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._bare import bare
-from diffthrust.simulation._trajectory import Grid, Key, trajectory
+from diffthrust.simulation._trajectory import Grid, Key, bare, trajectory
 from diffthrust.uncertainty._prediction.draws import Draws
 
 _SAMPLES = 800
