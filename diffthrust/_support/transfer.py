@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.validation import finite
 
 _PADE = 6
 """Order of the rational function that replaces a dead time where poles are needed."""
@@ -152,15 +153,11 @@ def transfer_of(linear: Any) -> Transfer:
             "differentiates its input.",
             "Multiply the plant into it, or add the lag that limits the derivative.",
         )
-    try:
-        wait = math.nan if isinstance(delay, bool | str) else float(delay)
-    except (TypeError, ValueError):
-        wait = math.nan
-    if not (math.isfinite(wait) and wait >= 0):
-        raise InputError(
-            f"The dead time: expected a number of seconds, not negative; found {delay!r}.",
-            "Correct the third entry of the linear part.",
-        )
+    expected, mend = (
+        "a number of seconds, zero or more",
+        "Correct the third entry of the linear part.",
+    )
+    wait = finite("The dead time", delay, lambda x: x >= 0, expected, mend)
     return Transfer(num / den[0], den / den[0], wait)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -14,6 +13,7 @@ from diffthrust._support._running.batching import is_unbatched, padded_length, r
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.validation import finite
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._trajectory import (
@@ -130,16 +130,10 @@ def checked_initial(model: Model, initial: Any) -> dict[str, float]:
         )
     start = {}
     for name, value in initial.items():
-        try:
-            start[name] = math.nan if isinstance(value, bool | str) else float(value)
-        except (TypeError, ValueError):
-            start[name] = math.nan
-        if not math.isfinite(start[name]):
-            kind = "state" if name in model.all_states else "parameter"
-            raise InputError(
-                f"initial: expected a finite number for the {kind} '{name}', found {value!r}.",
-                f"Give a number in {units[name] or 'no unit'}.",
-            )
+        kind = "state" if name in model.all_states else "parameter"
+        expected = f"a finite number for the {kind} '{name}'"
+        mend = f"Give a number in {units[name] or 'no unit'}."
+        start[name] = finite("initial", value, lambda x: True, expected, mend)
     return start
 
 
