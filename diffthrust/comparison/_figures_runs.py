@@ -138,16 +138,26 @@ def _drive_words(names: Sequence[str]) -> tuple[str, list[str]]:
 def _pair(top: Axes, below: Axes, run: Run, name: str, static: bool) -> None:
     trace = run.shown_channels[name]
     few = static or np.isfinite(trace.measured).sum() <= 150 or is_sparse(trace.measured)
-    grey = {"color": GREY, "linewidth": 2.4, "markersize": 5, "label": "measured"}
-    red = {"color": VERMILLION, "linewidth": 1.1, "markersize": 5, "label": "modelled"}
-    blue = {"color": BLUE, "linewidth": 0.8, "markersize": 3, "label": "measured - modelled"}
+    grey: dict[str, Any] = {"color": GREY, "linewidth": 2.4, "markersize": 5, "label": "measured"}
+    red: dict[str, Any] = {
+        "color": VERMILLION,
+        "linewidth": 1.1,
+        "markersize": 5,
+        "label": "modelled",
+    }
+    blue: dict[str, Any] = {
+        "color": BLUE,
+        "linewidth": 0.8,
+        "markersize": 3,
+        "label": "measured - modelled",
+    }
     below.axhline(0.0, color="0.4", linewidth=0.8)
     for axes, values, style, dots in (
         (top, trace.measured, grey, "o" if few else ""),
         (top, trace.modelled, red, "x" if static else ""),
         (below, trace.residual, blue, "o" if few else ""),
     ):
-        marks = {"marker": dots, "linestyle": "none"} if dots else {}
+        marks: dict[str, Any] = {"marker": dots, "linestyle": "none"} if dots else {}
         axes.plot(*thinned(run.time, values), **style, **marks)
 
 
