@@ -153,6 +153,7 @@ class SearchContext:
         guess: values from which the first fit started.
         say: is called with the progress.
         clock: measures the time of each kind of work.
+        mend_first: whether a sign or an exchange of channels is doubted in the logs.
     """
 
     given: Model
@@ -162,6 +163,7 @@ class SearchContext:
     guess: Mapping[str, float]
     say: Progress
     clock: Clock
+    mend_first: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +315,10 @@ def start_search(
     with clock("compile"):
         constants = constants_of(first.model, wanted)
         fitter, trial = compiled_fitter(first, effects, constants, train, unseen)
-    context = SearchContext(first.model, fitter, tuple(unseen), refit, guess, say, clock)
+    mend_first = any(doubt.kind in ("sign", "exchanged") for doubt in first.doubts)
+    context = SearchContext(
+        first.model, fitter, tuple(unseen), refit, guess, say, clock, mend_first
+    )
     stage = FittedStage((), *fitted)
     return context, SearchState(CurrentModel(fitter, trial), (stage,), untestable)
 

@@ -65,6 +65,7 @@ class Runs:
 @dataclass(frozen=True)
 class Context:
     unseen: tuple[str, ...]
+    mend_first: bool = False
     fitter: Fitter = field(default_factory=Fitter)
     clock: Clock = field(default_factory=Clock)
     ended: list[float] = field(default_factory=list)
@@ -83,7 +84,7 @@ class Context:
 def searched(monkeypatch):
     """The search after pairs, where whole runs err by so much with each set of effects."""
 
-    def after(sizes, unseen=("C",), lowering=(), possible=(), astray=(), ahead=None):
+    def after(sizes, unseen=("C",), lowering=(), possible=(), astray=(), ahead=None, doubted=False):
         fitted = []
 
         def refitted(context, state, starts, substeps=0):
@@ -112,7 +113,7 @@ def searched(monkeypatch):
             possible=dict(possible),
         )
         singles = {name: Trial((name,)) for name in lowering}
-        context = Context(unseen)
+        context = Context(unseen, doubted)
         asked = context, given, Runs(), Trial(()), singles, lowering, ahead
         state = pairs_module.with_proven(*asked)
         if not ahead:
@@ -179,8 +180,9 @@ def test_where_no_pair_is_proven_the_best_single_is_added_if_it_is(searched):
     assert fitted == [("a",)]
 
 
-def test_without_unseen_logs_no_pair_is_fitted(searched):
-    state, fitted = searched({("a", "b"): 0.3, ("a",): 1.0, ("b",): 1.0}, unseen=())
+@pytest.mark.parametrize("why", [{"unseen": ()}, {"doubted": True}])
+def test_without_unseen_logs_or_with_a_doubted_sign_no_pair_is_fitted(searched, why):
+    state, fitted = searched({("a", "b"): 0.3, ("a",): 1.0, ("b",): 1.0}, **why)
     assert [stage.effects for stage in state.stages] == [()]
     assert fitted == []
 
