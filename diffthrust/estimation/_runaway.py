@@ -160,14 +160,16 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def hopeless_values(fit: Fit, guess: Mapping[str, float]) -> dict[str, float]:
-    """The parameters of a fit that ran away by so much that nothing it says is to be believed.
+def farthest_runaway(fit: Fit, guess: Mapping[str, float]) -> tuple[str, float] | None:
+    """The parameter that ran away by so much that nothing a fit says is to be believed; its value.
 
     Args:
         fit: the fit.
-        guess: where they began, at first: other fits may have gone before this one.
+        guess: where the parameters in question began, at first: other fits may have gone before.
     """
-    return dict(_suspects(replace(fit, guess={**fit.guess, **guess}), HOPELESS))
+    began = replace(fit, guess={**fit.guess, **guess})
+    far = [each for each in _suspects(began, HOPELESS) if each[0] in guess]
+    return max(far, key=lambda each: abs(each[1]) / max(abs(guess[each[0]]), 1e-300), default=None)
 
 
 def _suspects(fit: Fit, times: float) -> Iterator[tuple[str, float]]:

@@ -36,8 +36,7 @@ SURE = 5e-4
        rf"whole runs of (?P<logs>unseen logs|the training logs|training and unseen logs) "
        rf"(?:each removes: )?(?P<list>.+? {WORTH})\.")  # fmt: skip
 def _each_removes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    channel = (m["channel"] or "").replace(" ", "_")
-    everywhere = m["logs"] == "training and unseen logs"
+    channel, everywhere = _whole(m)
     shares = re.findall(rf"(?:^|, |and )([^,()]+?)(?: removes?)? ({WORTH})", m["list"])
     if sum(shares_in(text)[0] for _, text in shares) > 1.0 + 0.005 * len(shares):
         yield "more is removed than there is"
@@ -47,6 +46,11 @@ def _each_removes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield from _removes(words, text, names, whole)
         if page and names:
             yield from _plainly(names, text, channel, everywhere, diag, page)
+
+
+def _whole(m: re.Match) -> tuple[str, bool]:
+    """Of which error shares are told: the channel, and whether of training logs, too."""
+    return (m["channel"] or "").replace(" ", "_"), m["logs"] == "training and unseen logs"
 
 
 def _shared(name: str, diag: Any) -> str:
@@ -81,8 +85,7 @@ def _removes(words: str, text: str, names: Sequence[str], worths: Any) -> Iterat
        rf"channels )?that is left without it over whole runs of (?P<logs>unseen logs|the training "
        rf"logs|training and unseen logs) (?:each removes: )?(?P<list>.+? {WORTH})\.")  # fmt: skip
 def _beside_others(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    channel = (m["channel"] or "").replace(" ", "_")
-    everywhere = m["logs"] == "training and unseen logs"
+    channel, everywhere = _whole(m)
     beside = {n: diag.worth[n].beside_others for n in diag.added if n in diag.worth}
     whole = {n: w for n in beside if (w := _of(beside[n], channel, everywhere))}
     for words, text in re.findall(rf"(?:^|, |and )([^,()]+?)(?: removes)? ({WORTH})", m["list"]):

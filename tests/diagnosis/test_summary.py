@@ -397,4 +397,8 @@ def test_a_fit_that_ran_away_is_told_first_and_nothing_is_found_by_it():
         "Next: check signs, units and the sense of angles, or hold a mass that you know.",
     ]
     assert claims.contradictions(away, text=away.summary) == []
+    ends = last.fit.parameters["command_deadband.half_width"]
+    wide = {**last.fit.parameters, "command_deadband.half_width": replace(ends, value=1e9)}
+    of_an_effect = replace(last, fit=replace(last.fit, parameters=wide))
+    assert "ran away" not in replace(diag, stages=(first, of_an_effect)).summary
     assert claims.contradictions(diag, text=lines[0])  # not said of values that are near

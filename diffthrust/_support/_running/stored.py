@@ -84,11 +84,12 @@ class ProgramStore:
         jitted.trace(*arguments)  # errors of a model come from here, as without a store
         try:
             exported = export.export(jitted)(*arguments)
-        # a user's model may call back into Python, which JAX does not tell beforehand,
         except NotImplementedError:
+            # the trace above went through, so this is JAX, which does not export what calls back
+            # into Python, and has no way to ask beforehand: a user's model with a pure_callback
             return jitted
-        # nor that it calls foreign code; any other mistake would leave all programs unstored unseen
         except ValueError as error:
+            # nor what calls foreign code; any other mistake would leave all programs unstored
             if _FOREIGN not in str(error):
                 raise
             return jitted

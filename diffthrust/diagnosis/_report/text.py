@@ -11,7 +11,7 @@ from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
-from diffthrust.estimation._runaway import hopeless_values
+from diffthrust.estimation._runaway import farthest_runaway
 from diffthrust.models._base.effect import EFFECTS, Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
@@ -199,10 +199,11 @@ def _constant_words(diag: Findings, name: str) -> str:
 
 
 def ran_away(diag: Findings) -> tuple[str, float] | None:
-    """The parameter of the model, and its value, that ran away farthest beyond all belief."""
-    guess = diag.stages[0].fit.guess
-    values = hopeless_values(diag.fit, guess)
-    return max(values.items(), key=lambda each: abs(each[1] / guess[each[0]]), default=None)
+    """The parameter of the model as given that ran away beyond all belief, and its value.
+
+    None of an effect: the water in a duct may have any mass where no sensor reads its speed.
+    """
+    return farthest_runaway(diag.fit, diag.stages[0].fit.guess)
 
 
 def stopped_words(diag: Findings) -> list[str]:
