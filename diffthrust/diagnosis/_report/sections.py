@@ -84,9 +84,10 @@ def diagnosis_report(diag: Findings) -> Report:
             "What each effect removes of the squared error over whole runs",
             *_explained(
                 tables.worth_rows(diag),
-                "As given: of the model without any of them. Where channels stand together, each "
-                "is in units of its own spread. The interval comes from resampled logs and blocks "
-                "of time.",
+                "As given: of the model without any of them, in the order in which they were "
+                "added. Beside the others: of the model without this one, the others fitted again. "
+                "Where channels stand together, each is in units of its own spread. The interval "
+                "comes from resampled logs and blocks of time.",
             ),
         ),
         _headroom(diag),
