@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from diffthrust.diagnosis._admission import record_stage, refitted_stage, worths_between
 from diffthrust.diagnosis._candidates import with_candidates
-from diffthrust.diagnosis._criteria import no_better
-from diffthrust.diagnosis._explained_share import Worth, adds_little, matters
+from diffthrust.diagnosis._criteria import missed, no_better
+from diffthrust.diagnosis._explained_share import Worth, adds_little, matters, negligible
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 
 
@@ -23,11 +23,22 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
     Of an effect of the last stage it is the share that it removes of the squared error which is
     left without it, the others fitted again; of a detectable one the share that it would remove of
     what is left. A detectable one that matters by now is added, if it removes a tenth: on the maps
-    of a T200 a dead band removed 3 % beside five others, and could not be told from alpha.
+    of a T200 a dead band removed 3 % beside five others, and could not be told from alpha. One of
+    the last stage that does next to nothing beside the others is only detectable: a boat's two
+    drags made a propeller's inflow superfluous that had stood in for them.
     """
     candidates, last = context.fitter.candidates, state.stages[-1]
     added = [name for name in last.effects if name in candidates] * (len(last.effects) > 1)
-    beside = {name: _between(context, _without(context, state, name), last) for name in added}
+    beside = {}
+    for name in added:
+        fewer = _without(context, state, name)
+        beside[name] = _between(context, fewer, last)
+        if negligible(*worths_between(fewer, last)):
+            tried = replace(state, detectable=(*state.detectable, name))
+            fitted = refitted_stage(context, tried)
+            if not missed(last, fitted):
+                stages = tuple(s for s in state.stages if {*s.effects} < {*fitted.effects})
+                return with_shares_beside_others(context, replace(tried, stages=(*stages, fitted)))
     for name in state.detectable:
         tried = replace(state, detectable=tuple(n for n in state.detectable if n != name))
         fitted = refitted_stage(context, tried, starts=1, substeps=last.fit.substeps)

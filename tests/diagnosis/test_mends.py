@@ -61,16 +61,20 @@ def test_each_reading_is_fitted_from_where_the_others_ended(measured):
 
 def test_what_more_starts_do_to_the_logs_as_they_are_is_no_merit_of_a_mend(measured):
     """A BlueBoat's own fit had ended in 0.95, where several starts reach 0.85."""
-    mends, asked = measured(ended(1.0, 1, 1), ended(0.6, 2), ended(0.5, 2), ended(0.5, 2))
+    mends, asked = measured(ended(1.0, 1, 1), ended(0.5, 2), ended(0.5, 2), ended(0.6, 2))
     assert [mend.before.nrmse for mend in mends] == pytest.approx([0.6 * ERROR.std()] * 2)
-    assert [mended for _, mended in asked] == [False, True, True]
+    assert [mended for _, mended in asked] == [True, True, False]
+    # they begin where the fits to mended logs ended, too
+    assert asked[-1][0] == [{"ct": 1.0}, {"ct": 0.5}, {"ct": 0.5}]
 
 
-def test_where_more_starts_end_in_the_same_optimum_they_tell_how_many_reach_it(measured):
-    mends, _ = measured(ended(1.0, 1, 1), ended(1.0 + 1e-9, 3), ended(0.5, 2), ended(0.4, 2))
+def test_logs_that_no_two_starts_fit_alike_have_mends_that_are_told(measured):
+    """With a Kingfisher's sides exchanged all but one of nine starts ran away, at 1.16."""
+    mends, _ = measured(ended(1.0, 1), ended(0.5, 2), ended(0.4, 2), ended(1.0, 1))
     assert [mend.worth.share for mend in mends] == pytest.approx([0.75, 0.84])
 
 
 def test_nothing_is_told_of_a_doubt_whose_fits_do_not_agree(measured):
-    assert measured(ended(1.0, 3), ended(0.5, 2), ended(0.4, 1))[0] == ()
-    assert measured(ended(1.0, 1), ended(0.9, 1)) == ((), [([{"ct": 1.0}], False)])
+    mends, asked = measured(ended(1.0, 3), ended(0.5, 2), ended(0.4, 1))
+    assert mends == ()
+    assert len(asked) == 2  # the logs as they are are not fitted for nothing

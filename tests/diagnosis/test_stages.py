@@ -399,6 +399,19 @@ def test_what_was_left_out_is_added_at_the_end_if_it_removes_a_tenth(monkeypatch
     )
 
 
+@pytest.mark.parametrize(("without", "kept"), [(0.501, False), (0.6, True)])
+def test_what_a_later_effect_made_superfluous_is_only_detectable(monkeypatch, without, kept):
+    """Of a boat: the inflow of a propeller, which had stood in for two drags before they came."""
+    sizes = {(): 2.0, ("lag",): 1.0, ("lag", "wind"): 0.5, ("wind",): without}
+    ended = Sizes(monkeypatch, sizes).ended(("lag", "wind"))
+    assert ended.stages[-1].effects == (("lag", "wind") if kept else ("wind",))
+    assert ended.detectable == (() if kept else ("lag",))
+    assert [s.effects for s in ended.stages[:-1]] == ([(), ("lag",)] if kept else [()])
+    removed = 1.0 - (0.5 / without) ** 2
+    if kept:
+        assert ended.beside["lag"].share == pytest.approx(removed)
+
+
 def test_what_does_harm_without_another_has_one_share_with_it():
     """113 % and -13 % were said of a pair of which the first alone did harm."""
     worth = shares_by_effect(stages_of(((), 1.0), (("lag",), 1.1), (("lag", "sag"), 0.1)))
