@@ -22,10 +22,11 @@ from diffthrust._support._running.stored import Jit, program_store
 KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""
 
-_OPTIONS = {"xla_cpu_parallel_codegen_split_count": 1}
+_OPTIONS = {"xla_cpu_parallel_codegen_split_count": 1, "xla_backend_optimization_level": 1}
 """Options for XLA: by default it shares out some seventy kernels among 32 modules, each of which
 passes the compiler at a price. A trial's program compiled in 12.2 s of processor time with them,
-in 10.4 with one; the kernel that takes half of it is a module of its own in any case."""
+in 10.4 with one; the kernel that takes half of it is a module of its own in any case. The highest
+level of optimisation took 8.6 s for what the first does in 5.1, and a pass 14 ms for 13."""
 
 _QUICK_OPTIONS = {**_OPTIONS, "xla_backend_optimization_level": 0}
 """For programs that run a few times: the slopes of a trial compile in 2.8 s for 5.5, and run in
