@@ -8,6 +8,7 @@ nothing when it was tried may matter beside what came later.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from diffthrust.diagnosis._admission import record_stage, refitted_stage, worths_between
@@ -15,6 +16,7 @@ from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import missed, no_better
 from diffthrust.diagnosis._explained_share import Worth, adds_little, matters, negligible
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
+from diffthrust.models._base.model import Model
 
 
 def with_shares_beside_others(context: SearchContext, state: SearchState) -> SearchState:
@@ -58,12 +60,29 @@ def _without(context: SearchContext, state: SearchState, name: str) -> FittedSta
     for stage in state.stages:
         if {*stage.effects} == {*others}:
             return stage
-    model = with_candidates(context.given, others, context.fitter.candidates, last.fit.model)
+    model = _held_at_null(last.fit.model, name)
+    if model is None:
+        model = with_candidates(context.given, others, context.fitter.candidates, last.fit.model)
     values = {n: p.value for n, p in last.fit.model.parameters.items()}
     start = {n: values[n] for n, p in model.parameters.items() if not p.fixed}
     context.say(f"fitting without {name}", state.share(1.0))
     fitted = context.refit(model, [start], starts=1, substeps=last.fit.substeps)
     return FittedStage(others, *fitted)
+
+
+def _held_at_null(model: Model, name: str) -> Model | None:
+    """The model with one of its effects held where it does nothing: nothing is compiled for it.
+
+    None where a search has no such place: of a logarithm, of a limit without end, or of numbers
+    that only matter while another is not at its null, which a fit would leave out.
+    """
+    effect = next(effect for effect in model.effects if effect.name == name)
+    free = {n: p for n, p in effect._parameters.items() if not p.fixed}
+    nulls = {n: p.null for n, p in free.items() if p.null is not None and math.isfinite(p.null)}
+    if effect.differs or len(nulls) < len(free) or any(p.transform == "log" for p in free.values()):
+        return None
+    held = {n: {"value": v, "bounds": (v, math.nextafter(v, math.inf))} for n, v in nulls.items()}
+    return model.replace({f"{name}.{n}": place for n, place in held.items()})
 
 
 def _between(context: SearchContext, before: FittedStage, after: FittedStage) -> Worth:

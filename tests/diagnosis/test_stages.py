@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from compilations import compilations
 from steps import (
     SCREENS,
     SETTINGS,
@@ -410,6 +411,28 @@ def test_what_a_later_effect_made_superfluous_is_only_detectable(monkeypatch, wi
     removed = 1.0 - (0.5 / without) ** 2
     if kept:
         assert ended.beside["lag"].share == pytest.approx(removed)
+
+
+def test_an_effect_held_at_its_null_is_left_out_and_nothing_is_compiled_for_it():
+    """Each share beside others took 5 s of processor time to compile before."""
+    held_at_null = beside_others_module._held_at_null
+    base = dft.Thruster() + dft.effects.CommandDeadband(half_width=0.4)
+    model = base + dft.effects.ReverseThrustAsymmetry(change=-0.2)
+    time, rng = 0.05 * np.arange(400), np.random.default_rng(3)
+    command = np.repeat(rng.uniform(-4.0, 4.0, 20), 20)
+    made = dft.simulate(model, dft.Log(time, {"command": command}, {}))
+    measured = {n: made[n] + rng.normal(0.0, 0.2, 400) for n in ("speed", "thrust")}
+    log = dft.Log(time, {"command": command}, measured)
+    with_both = dft.fit(model, log, starts=1)
+    before = compilations("solved_by_passes")
+    held = held_at_null(with_both.model, "reverse_thrust_asymmetry")
+    without = dft.fit(held, log, starts=1)
+    assert compilations("solved_by_passes") == before
+    plain = dft.fit(base, log, starts=1)
+    assert without.train.nrmse == pytest.approx(plain.train.nrmse, rel=1e-9)
+    assert without.train.nrmse > 1.2 * with_both.train.nrmse
+    limited = model + dft.effects.CommandSaturation()
+    assert held_at_null(limited, "command_saturation") is None  # its null has no end
 
 
 def test_what_does_harm_without_another_has_one_share_with_it():
