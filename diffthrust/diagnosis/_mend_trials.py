@@ -32,8 +32,8 @@ def measured_mends(context: SearchContext, first: FittedStage) -> tuple[Measured
     None of a doubt where a fit by one of its readings has not reached what several starts reach.
     The logs as they are are fitted from where those ended, too: on the BlueBoat, whose own fit had
     ended in 0.95, an exchange of the thrusters that ended in 0.76 was credited with what more
-    starts do to the logs as they are. They may have no optimum that two starts share: all but one
-    of nine ran away with a Kingfisher whose sides are exchanged, at 1.16, for 0.43 when mended.
+    starts do to the logs as they are. No two of their starts need to agree: with a mistake in them
+    a model may have no optimum that is worth the name.
 
     Args:
         context: what the search works with.

@@ -69,7 +69,6 @@ def test_what_more_starts_do_to_the_logs_as_they_are_is_no_merit_of_a_mend(measu
 
 
 def test_logs_that_no_two_starts_fit_alike_have_mends_that_are_told(measured):
-    """With a Kingfisher's sides exchanged all but one of nine starts ran away, at 1.16."""
     mends, _ = measured(ended(1.0, 1), ended(0.5, 2), ended(0.4, 2), ended(1.0, 1))
     assert [mend.worth.share for mend in mends] == pytest.approx([0.75, 0.84])
 
