@@ -69,3 +69,11 @@ def test_the_processor_computes_unless_a_device_was_chosen(order, chosen, device
         check=True,
     )
     assert done.stdout.strip() == device
+
+
+@pytest.mark.thorough
+def test_the_types_of_all_public_names_are_told():
+    command = [sys.executable, "-m", "pyright", "--verifytypes", "diffthrust", "--ignoreexternal"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "Type completeness score: 100%" in done.stdout

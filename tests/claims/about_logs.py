@@ -100,6 +100,16 @@ def _beyond(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"it goes {odd.beyond}"
 
 
+@claim(r"Left: most of the (?P<channel>[^.]+?) error, in log (?P<log>[^()\n]+?)"
+       r"(?: \((?P<what>[^()]+)\))?\.(?=\n|$)")  # fmt: skip
+def _left_in(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    odd = next((o for o in diag.odd_logs if o.log == m["log"]), None)
+    if odd is None or not (odd.share > 0.5 and odd.beyond):
+        yield f"odd logs: {diag.odd_logs}"
+    elif m["what"] and not all(way in m["what"] for way in odd.beyond):
+        yield f"it goes {odd.beyond}"
+
+
 @claim(r"The verdict rests on the other logs alone, with the model fitted to them: .+?\. So "
        r"fitted, (?P<levels>the .+?\(NRMSE [^()]+\)(?:(?:, | and )the .+?"
        r"\(NRMSE [^()]+\))*)\.")  # fmt: skip

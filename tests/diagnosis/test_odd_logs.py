@@ -143,6 +143,16 @@ def test_the_summary_names_what_carries_much_of_the_error_and_the_cautions_all()
     assert sum("deviates from the others" in words for words in caution_words(much)) == 2
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.98, True), (0.4, False)])
+def test_the_answer_names_the_log_in_which_most_is_left_for_want_of_others_like_it(share, said):
+    found = made.found()
+    odd = OddLog("20V", "thrust", "its thrust error is 13 times that of the median log", share)
+    beyond = replace(found, odd_logs=(replace(odd, beyond=("supply voltage above 16 V",)),))
+    line = "Left: most of the thrust error, in log 20V (supply voltage above 16 V)."
+    assert (line in beyond.summary.splitlines()) is said
+    assert "Left:" not in replace(found, odd_logs=(odd,)).summary
+
+
 def diagnosed(ct, unseen, seed):
     """Of thrusters, the last of them unseen, without an effect to find."""
     logs = list(thrusters(np.random.default_rng(seed), ct))

@@ -38,6 +38,9 @@ _KEPT_OUT = "logs kept out of the fit"
 _LEAST_TOLD = 0.1
 """Display: of a missing signal's variance, or of one-step errors. What depends on the rate of a
 tanker's heading by 3 % stood in its answer as if that were the cause."""
+_MOST = 0.5
+"""Display: of a squared error. A T200's was 98 % that of a supply voltage that no other log had,
+and its answer spoke of a drive that depends on speed."""
 
 
 def summary(diag: Findings) -> str:
@@ -213,6 +216,10 @@ def _left(diag: Findings) -> Part:
     """What is left besides what was found: structure, or errors that grow over whole runs."""
     if diag.verdict == "undecided" or not (diag.best or diag.held or diag.laws):
         return ()
+    far = [odd for odd in diag.odd_logs if odd.beyond and odd.share > _MOST]
+    for odd in far[:1]:
+        words = f"Left: most of the {humanize(odd.channel)} error, in log {odd.log}"
+        return as_part((6, f"{words} ({joined(odd.beyond)})"), (7, words))
     if changed := diag.changed:
         words, unit = f"Unexplained: {changed_parameter(changed)}", changed.after.shown[2]
         start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
