@@ -216,10 +216,9 @@ def _left(diag: Findings) -> Part:
     """What is left besides what was found: structure, or errors that grow over whole runs."""
     if diag.verdict == "undecided" or not (diag.best or diag.held or diag.laws):
         return ()
-    far = [odd for odd in diag.odd_logs if odd.beyond and odd.share > _MOST]
-    for odd in far[:1]:
-        words = f"Left: most of the {humanize(odd.channel)} error, in log {odd.log}"
-        return as_part((6, f"{words} ({joined(odd.beyond)})"), (7, words))
+    if far := next((odd for odd in diag.odd_logs if odd.beyond and odd.share > _MOST), None):
+        words = f"Left: most of the {humanize(far.channel)} error, in log {far.log}"
+        return as_part((6, f"{words} ({joined(far.beyond)})"), (7, words))
     if changed := diag.changed:
         words, unit = f"Unexplained: {changed_parameter(changed)}", changed.after.shown[2]
         start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
