@@ -349,6 +349,31 @@ def test_a_late_sensor_tells_of_the_start(train):
     assert comp.runs[0].start["lower"] == pytest.approx(2.0, abs=0.3)
 
 
+class Sled(dft.Model):
+    """Its position is measured, its speed is not."""
+
+    name = "sled"
+    inputs: ClassVar = {"force": "N"}
+    states: ClassVar = {"speed": "m/s", "place": "m"}
+    outputs: ClassVar = {"place": "m"}
+    ports: ClassVar = {}
+    mass: float = dft.parameter(10.0, "kg", bounds=(0.1, None))
+
+    def equations(self, s, port):
+        return {"speed": s.force / self.mass, "place": s.speed}, {"place": s.place}
+
+
+def test_a_start_may_lie_far_beyond_what_the_inputs_move():
+    """With masses of 1e10 kg a Kingfisher's hidden starts of 0.1 rad/s were held at nought."""
+    time = 0.1 * np.arange(300)
+    noise = 0.01 * np.random.default_rng(5).standard_normal(300)
+    log = dft.Log(time, {"force": np.sin(time)}, {"place": 0.4 * time + noise})
+    run = dft.compare(Sled(mass=1e10), log).runs[0]
+    straight = np.polyfit(time, log.measured["place"] - log.measured["place"][0], 1)[0]
+    assert run.start["speed"] == pytest.approx(straight, abs=0.002)
+    assert run.errors.channels["place"].rmse < 0.03
+
+
 def test_measured_states_cost_nothing_more():
     time = 0.05 * np.arange(200)
     speed = 40 * np.tanh(time)
