@@ -149,7 +149,8 @@ def merged(
                 first = replace(first, mend=_alone(first.mend, alone), logs=tuple(alone))
             else:
                 calm = "one does" if len(silent) == 1 else f"{len(silent)} do"
-                first = replace(first, evidence=f"{first.evidence} The other {calm} not show it.")
+                evidence = f"{first.evidence} The other {calm} not contradict it."
+                first = replace(first, evidence=evidence)
         doubts.append(first)
     return tuple(sorted(doubts, key=lambda doubt: DOUBT_KINDS.index(doubt.kind)))
 
