@@ -98,7 +98,7 @@ class SupplyVoltageSag(Effect):
     """
 
     name = "supply_voltage_sag"
-    in_words = "the drive falls with the supply voltage"
+    in_words = "the drive weakens as the supply voltage falls"
     port = "drive"
     needs: ClassVar[tuple[str, ...]] = ("supply_voltage",)
     share: float = parameter(0.5, bounds=(0, 1), null=0.0, size=0.5, probes=(0.3, 0.9))

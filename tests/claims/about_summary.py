@@ -220,13 +220,13 @@ def _either(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- errors ----------------------------------------------------------------------------------------
 
 
-@claim(rf"The (?P<kept>unseen )?(?P<channel>[a-zA-Z ]+?) error(?: on (?P<logs>{LOGS}))? "
+@claim(rf"The (?P<channel>[a-zA-Z ]+?) error(?: on (?P<logs>{LOGS}|unseen logs))? "
        rf"(?:(?P<verb>falls|rises) from (?P<first>{NUMBER}|inf|nan) to (?P<last>{NUMBER}|inf|nan)"
        rf"|stays at (?P<same>{NUMBER}))"
        rf"(?: (?P<unit>[^\n]+?))?\.")  # fmt: skip
 def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     unseen = diag.stages[0].holdout is not None
-    if unseen != bool(m["kept"] or m["logs"] == KEPT_OUT):
+    if unseen != (m["logs"] in (KEPT_OUT, "unseen logs")):
         yield f"unseen logs: {unseen}"
     fits = diag.stages[0].fit, diag.laws[-1].reported if diag.laws else diag.fit
     errors = [f.holdout if unseen else f.train for f in fits]
@@ -354,7 +354,7 @@ def _check(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "its fit is one to be believed"
 
 
-@claim(r"Measure the (?P<channel>[a-z ]+?), which could look like "
+@claim(r"The (?P<channel>[a-z ]+?) was not measured: it could look like "
        r"(?P<effect>[^\n.]+?)\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
@@ -438,7 +438,7 @@ def _more(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 # -- what is wrong with the logs, and with what was given ------------------------------------------
 
 
-@claim(r"Below: what the logs as they are seem to lack, perhaps by this mistake\.")
+@claim(r"What is told below may come from this mistake\.")
 def _as_they_are(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if not (diag.helpful_mends or "No fit is to be believed" in diag.summary):
         yield "nothing mends them"

@@ -154,7 +154,7 @@ def test_the_mend_of_a_log_leads_and_is_what_is_copied():
         "First mend the logs, then diagnose again: with thrust and speed exchanged the unseen "
         "error falls by 60 %."
     )
-    assert lines[1] == "Below: what the logs as they are seem to lack, perhaps by this mistake."
+    assert lines[1] == "What is told below may come from this mistake."
     assert lines[2:] == ['Copy under [channels.thrust]: column = "speed"']
 
 
@@ -303,7 +303,7 @@ def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like(
         stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
         untestable={"inflow_thrust_loss": reason, "inflow_load_relief": reason},
     )  # fmt: skip
-    words = "Measure the inflow, which could look like a reverse thrust asymmetry."
+    words = "The inflow was not measured: it could look like a reverse thrust asymmetry."
     assert words in told.summary.splitlines()[2:4]  # beside what was found
     still = replace(told, one_step={n: e.rmse for n, e in told.after.errors.channels.items()})
     assert words not in still.summary  # nothing is left that an inflow would leave
@@ -393,7 +393,7 @@ def test_a_fit_that_ran_away_is_told_first_and_nothing_is_found_by_it():
     lines = away.summary.splitlines()
     assert lines[0].startswith("No fit is to be believed: beta ran away to ")
     assert lines[1:] == [
-        "Below: what the logs as they are seem to lack, perhaps by this mistake.",
+        "What is told below may come from this mistake.",
         "Next: check signs, units and the sense of angles, or hold a mass that you know.",
     ]
     assert claims.contradictions(away, text=away.summary) == []

@@ -175,8 +175,8 @@ def _error(diag: Findings) -> Part:
     verb = "rises" if after.value > before.value else "falls"
     change = f"{verb} from {start} to {end}" if start != end else f"stays at {start}"
     error, change = f"{humanize(name)} error", f"{change} {before.unit}".rstrip()
-    unseen = "unseen " * (logs == _KEPT_OUT)
-    return as_part((4, f"The {error} on {logs} {change}"), (9, f"The {unseen}{error} {change}"))
+    short = " on unseen logs" * (logs == _KEPT_OUT)
+    return as_part((4, f"The {error} on {logs} {change}"), (9, f"The {error}{short} {change}"))
 
 
 def channel_that_counts(first: Errors, last: Errors) -> str:
@@ -192,7 +192,7 @@ def _unmeasured(diag: Findings) -> Part:
     """Channels that no log has, and that could be what was found and adds more than a little."""
     small = adding_little(diag)
     sentences = [
-        f"Measure the {channel}, which could look like {an_effect(name)}"
+        f"The {channel} was not measured: it could look like {an_effect(name)}"
         for name, channel in unmeasured_rivals(diag).items()
         if name not in small
     ]

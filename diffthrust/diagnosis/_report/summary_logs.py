@@ -105,7 +105,7 @@ def _as_they_are(diag: Findings) -> Part:
     found = diag.best or diag.held or diag.laws
     if not ((diag.helpful_mends or ran_away(diag)) and found):
         return ()
-    return as_part((10, "Below: what the logs as they are seem to lack, perhaps by this mistake"))
+    return as_part((10, "What is told below may come from this mistake"))
 
 
 def _odd_logs(diag: Findings) -> Part:
