@@ -100,7 +100,7 @@ def _beyond(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"it goes {odd.beyond}"
 
 
-@claim(r"Left: most of the (?P<channel>[^.]+?) error, in log (?P<log>[^()\n]+?)"
+@claim(r"Left: most(?:ly| of the (?P<channel>[^.]+?) error,) in log (?P<log>[^()\n]+?)"
        r"(?: \((?P<what>[^()]+)\))?\.(?=\n|$)")  # fmt: skip
 def _left_in(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     odd = next((o for o in diag.odd_logs if o.log == m["log"]), None)

@@ -150,6 +150,8 @@ def test_the_answer_names_the_log_in_which_most_is_left_for_want_of_others_like_
     beyond = replace(found, odd_logs=(replace(odd, beyond=("supply voltage above 16 V",)),))
     line = "Left: most of the thrust error, in log 20V (supply voltage above 16 V)."
     assert (line in beyond.summary.splitlines()) is said
+    many = replace(beyond, odd_logs=(replace(beyond.odd_logs[0], log="a " * 27),))
+    assert ("Left: mostly in log" in many.summary) is said  # where words run out
     assert "Left:" not in replace(found, odd_logs=(odd,)).summary
 
 

@@ -218,7 +218,8 @@ def _left(diag: Findings) -> Part:
         return ()
     if far := next((odd for odd in diag.odd_logs if odd.beyond and odd.share > _MOST), None):
         words = f"Left: most of the {humanize(far.channel)} error, in log {far.log}"
-        return as_part((6, f"{words} ({joined(far.beyond)})"), (8, words))
+        short = f"Left: mostly in log {far.log}"
+        return as_part((6, f"{words} ({joined(far.beyond)})"), (7, words), (8, short))
     if changed := diag.changed:
         words, unit = f"Unexplained: {changed_parameter(changed)}", changed.after.shown[2]
         start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
