@@ -435,6 +435,36 @@ def test_an_effect_held_at_its_null_is_left_out_and_nothing_is_compiled_for_it()
     assert held_at_null(limited, "command_saturation") is None  # its null has no end
 
 
+def test_a_fit_without_an_effect_begins_at_the_last_stage_and_at_the_given_model():
+    """Without its dry friction a bench of the NGS overflowed at the values of the last stage."""
+    given, asked = dft.Thruster(), []
+    effects = {"coulomb_friction": dft.effects.CoulombFriction(level=5.0),
+               "load_exponent": dft.effects.LoadExponent()}  # fmt: skip
+    model = (given + list(effects.values())).replace(alpha=0.5)
+    fit = SimpleNamespace(model=model, substeps=2)
+    last = FittedStage(("coulomb_friction", "load_exponent"), fit, (), ())
+
+    def refit(model, guesses, starts, substeps):
+        asked.append((model, guesses, substeps))
+        return fit, (), ()
+
+    context = SimpleNamespace(fitter=SimpleNamespace(candidates=effects), given=given,
+                              refit=refit, say=lambda *_: None)  # fmt: skip
+    state = SearchState(SimpleNamespace(), (last,), {})
+    fewer = beside_others_module._without(context, state, "coulomb_friction")
+    assert fewer.effects == ("load_exponent",)
+    ((held, guesses, substeps),) = asked
+    assert held.parameters["coulomb_friction.level"].value == 0.0
+    assert [guess["alpha"] for guess in guesses] == [0.5, given.alpha]
+    assert substeps == 2
+
+
+@pytest.mark.parametrize("size", [float("inf"), float("nan")])
+def test_a_fit_without_an_effect_that_cannot_be_simulated_gives_no_share(monkeypatch, size):
+    sizes = {(): 2.0, ("lag",): 1.0, ("lag", "wind"): 0.5, ("wind",): size}
+    assert {*Sizes(monkeypatch, sizes).ended(("lag", "wind")).beside} == {"wind"}
+
+
 def test_what_does_harm_without_another_has_one_share_with_it():
     """113 % and -13 % were said of a pair of which the first alone did harm."""
     worth = shares_by_effect(stages_of(((), 1.0), (("lag",), 1.1), (("lag", "sag"), 0.1)))
