@@ -36,8 +36,9 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
         fewer = _without(context, state, name)
         if not math.isfinite(fewer.train.nrmse):
             continue
-        beside[name] = _between(context, fewer, last)
-        if negligible(*worths_between(fewer, last)):
+        shares = worths_between(fewer, last)
+        beside[name] = _with_everywhere(context, *shares)
+        if negligible(*shares):
             tried = replace(state, detectable=(*state.detectable, name))
             fitted = refitted_stage(context, tried)
             if not missed(last, fitted):
@@ -46,8 +47,9 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
     for name in state.detectable:
         tried = replace(state, detectable=tuple(n for n in state.detectable if n != name))
         fitted = refitted_stage(context, tried, starts=1, substeps=last.fit.substeps)
-        beside[name] = _between(context, last, fitted)
-        if not adds_little(beside[name]) and matters(*worths_between(last, fitted)):
+        shares = worths_between(last, fitted)
+        beside[name] = _with_everywhere(context, *shares)
+        if not adds_little(beside[name]) and matters(*shares):
             fitted = refitted_stage(context, tried)
             recorded = record_stage(context, tried, fitted, name)
             if no_better(last, fitted) is None and recorded.number > state.number:
@@ -89,6 +91,5 @@ def _held_at_null(model: Model, name: str) -> Model | None:
     return model.replace({f"{name}.{n}": place for n, place in held.items()})
 
 
-def _between(context: SearchContext, before: FittedStage, after: FittedStage) -> Worth:
-    worth, everywhere = worths_between(before, after)
+def _with_everywhere(context: SearchContext, worth: Worth, everywhere: Worth) -> Worth:
     return replace(worth, everywhere=everywhere if context.unseen else None)

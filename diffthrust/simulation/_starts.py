@@ -148,6 +148,9 @@ def estimated_start(
         path = simulated_from(key, values, record, {**fixed, **named(x)}, substeps)
         return _errors(model, record, path)
 
+    def stacked(x: np.ndarray) -> np.ndarray:
+        return _stacked(errors(x))
+
     begin = starting_states(model, record)
     means = [p.to_coordinate(p.value) for p in described]
     x = np.array([*(begin[n] for n in names[:first]), *means], float)
@@ -157,12 +160,12 @@ def estimated_start(
     size = np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
     ends = np.array([*((-np.inf, np.inf) for _ in names[:first]),
                      *(p.coordinate_limits() for p in described)]).T  # fmt: skip
-    x = _least_squares(lambda x: _stacked(errors(x)), x, size, _FAR * size, ends)
+    x = _least_squares(stacked, x, size, _FAR * size, ends)
     # sizes of no less than one of its unit: a model that has run away moves nothing
     wide = np.where(np.arange(x.size) < first, np.maximum(size, 1.0), size)
     if np.any(wide > size):
-        far = _least_squares(lambda x: _stacked(errors(x)), x, wide, _FAR * wide, ends)
-        near, less = (np.sum(_stacked(errors(z)) ** 2) for z in (x, far))
+        far = _least_squares(stacked, x, wide, _FAR * wide, ends)
+        near, less = (np.sum(stacked(z) ** 2) for z in (x, far))
         x, size = (far, wide) if less < _CLEARLY * near else (x, size)
     widths = [_width(p) for p in described]
     known = {**(noise or {}), **{n: level for n, level in record.noise.items() if level}}

@@ -89,7 +89,8 @@ class ProgramStore:
                 exported = export.export(jitted)(*arguments)
         except NotImplementedError:
             # the trace above went through, so this is JAX, which does not export what calls back
-            # into Python, and has no way to ask beforehand: a user's model with a pure_callback
+            # into Python (a user's model with a pure_callback) and cannot be asked beforehand; the
+            # program runs unstored, and what else may be wrong comes up there
             return jitted
         except ValueError as error:
             # nor what calls foreign code; any other mistake would leave all programs unstored
