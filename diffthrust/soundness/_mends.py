@@ -63,7 +63,7 @@ def signs(r: Record) -> Iterator[Mend]:
     for channel in SIGNED:
         if r.has(channel) and channel not in r.unsigned:
             line = sign_line(channel, r.scales.get(channel, 1.0))
-            words = f"the sign of {channel} turned"
+            words = f"the sign of {channel} reversed"
             yield "sign", Reading(words, line, {channel: (channel, -1.0)})
 
 

@@ -134,6 +134,9 @@ def _caution(diag: Findings) -> Part:
 
 
 def _bounds(diag: Findings) -> Part:
+    """Parameters at their bounds, but where a mend of the logs leads: these may be its doing."""
+    if diag.helpful_mends:
+        return ()
     stopped = [
         (name, amount)
         for full, (name, amount, _) in stopped_parameters(diag.fit).items()
