@@ -47,7 +47,9 @@ _RANGE_EXCEEDED, _RANGE_UNUSED = 0.05, 0.4
 % of it, or leaves 40 % of it unused: beyond its grid a curve goes back to zero, and unused pieces
 cost evidence."""
 _GRID_POINTS = 241
-"""Numerics: values of the signal at which a curve is transferred to another range."""
+"""Numerics: values of the signal at which a curve is transferred to another grid."""
+_MOST_PIECES = 32
+"""Numerics: a curve is not made finer than this; 16 pieces serve the friction of a linear drive."""
 _SEGMENTS = (64, 16, 4)
 """Numerics: the longest log is divided into so many segments in turn. An arm out of balance, fitted
 to whole runs at once, ended a turn off, at 30 times the error of its true structure."""
@@ -149,7 +151,7 @@ def fit_curve(
     if curve.given:  # with another time constant its signal has another range
         term = term_of(context, trial, curve)
         if (ends := _moved_range(term, curve)) and not _is_hopeless(fit, rival):
-            fit, curve = _with_curve(context, baseline, _on_range(curve, *ends))
+            fit, curve = _with_curve(context, baseline, _on_grid(curve, low=ends[0], high=ends[1]))
             term = term_of(context, trial, curve)
     if not fit.train.nrmse < baseline.train.nrmse:
         return None
@@ -172,6 +174,22 @@ def term_of(context: SearchContext, trial: TrialFit, curve: Curve) -> Term:
     """The term of a curve along a trial, at the values of the curve's parameters."""
     regressors = regressors_of(context.fitter, trial)
     return term_along(regressors, curve.port, curve.signal, curve.times, _parameters(curve))
+
+
+def refine_pieces(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
+    """A law without a name by a curve of twice the pieces, while that surely removes a tenth.
+
+    The friction of a linear drive turns within 0.03 m/s about rest, one piece of eight: by sixteen
+    the error of its unseen run falls by more than half (EMPS).
+    """
+    while law.form is None and 2 * law.curve.pieces <= _MOST_PIECES:
+        curve = _on_grid(law.curve, pieces=2 * law.curve.pieces)
+        fit, curve = _with_curve(context, baseline, curve)
+        worth = worth_between_fits(context, law.fit, fit)
+        if not (worth.sure and worth.share > SETTINGS.whole_runs.one_channel_share):
+            break
+        law = replace(law, curve=curve, fit=fit, worth=worth_between_fits(context, baseline, fit))
+    return law
 
 
 def refine_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
@@ -220,10 +238,10 @@ def _moved_range(term: Term, curve: Curve) -> tuple[float, float] | None:
     return (low, high) if moved and low < high else None
 
 
-def _on_range(curve: Curve, low: float, high: float) -> Curve:
-    """The same curve on another range, by least squares."""
-    target = Curve(**{**curve.arguments, "low": low, "high": high, **_parameters(curve)})
-    x = np.linspace(low, high, _GRID_POINTS)
+def _on_grid(curve: Curve, **grid: float) -> Curve:
+    """The same curve on another range or with other pieces, by least squares."""
+    target = Curve(**{**curve.arguments, **grid, **_parameters(curve)})
+    x = np.linspace(target.low, target.high, _GRID_POINTS)
     shape = np.linalg.lstsq(target.basis(x).T, np.asarray(curve.at_signal(x)), rcond=None)[0]
     return Curve(**{**target.arguments, "shape": tuple(map(float, shape))})
 
