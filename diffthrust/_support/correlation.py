@@ -56,8 +56,9 @@ def lag_one(runs: Sequence[np.ndarray]) -> float:
         return 0.0
     later -= later.mean()
     earlier -= earlier.mean()
-    power = (later @ later) * (earlier @ earlier)
-    correlation = float(later @ earlier / np.sqrt(power)) if power > 0 else 0.0
+    # by each one's size: the product of the squares overflows where a run does nearly
+    size = float(np.linalg.norm(later)) * float(np.linalg.norm(earlier))
+    correlation = float(later @ earlier) / size if size > 0 else 0.0
     return correlation if correlation > 3 / np.sqrt(later.size) else 0.0
 
 

@@ -55,8 +55,11 @@ def _living(picture: Picture) -> Live | None:
 
 def image(draw: Callable[[], Figure]) -> str:
     """A figure as a PNG in base64, so that the page needs no other file."""
-    out = BytesIO()
-    unseen(draw).savefig(out, format="png", dpi=90)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    out, figure = BytesIO(), unseen(draw)
+    figure.set_dpi(90)
+    FigureCanvasAgg(figure).print_png(out)  # savefig works the layout out twice
     return base64.b64encode(out.getvalue()).decode("ascii")
 
 
