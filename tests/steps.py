@@ -231,6 +231,7 @@ from diffthrust.diagnosis._trial_programs import (  # private: as a diagnosis ma
 from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
     evidence,
 )
+from diffthrust.diagnosis._unknown_term import fit as curve_fits
 from diffthrust.diagnosis._unknown_term import form_fits as fitting
 from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms without a diagnosis
     FORMS,
@@ -334,6 +335,7 @@ __all__ = [
     "constants_in",
     "constants_of",
     "criterion",
+    "curve_fits",
     "dependence_of",
     "deviations",
     "diagnosis_page",

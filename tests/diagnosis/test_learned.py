@@ -25,6 +25,7 @@ from steps import (
     bind,
     channel_of,
     compiled_fitter,
+    curve_fits,
     evidence,
     fitting,
     form_values,
@@ -338,6 +339,26 @@ def friction_as_told(name, values, curve, speeds):
         signal_unit="rad/s", channel="speed", port_unit="rad/s^2",
     )  # fmt: skip
     return replace(made.unexplained(), laws=(law,))
+
+
+@pytest.mark.parametrize(
+    ("share", "named", "pieces"), [(0.5, False, 16), (0.05, False, 8), (0.5, True, 8)]
+)
+def test_a_curve_without_a_name_is_made_finer_where_that_surely_pays(
+    share, named, pieces, monkeypatch
+):
+    """The friction of the EMPS axis turns within one piece of eight."""
+    fit, speeds = made.found().fit, np.linspace(-60.0, 60.0, 241)
+    curve = Curve("load", "speed", -60.0, 60.0, shape=tuple(np.sin(np.arange(11.0))))
+    told = friction_as_told("rise and fall", {"a": 2.8, "c": 25.0, "d": -0.3}, curve, speeds)
+    law = replace(told.laws[0], named=named)
+    monkeypatch.setattr(curve_fits, "_with_curve", lambda context, baseline, curve: (fit, curve))
+    worth = Worth(share, share - 0.04, share + 0.04)
+    monkeypatch.setattr(curve_fits, "worth_between_fits", lambda *_: worth)
+    refined = curve_fits.refine_pieces(None, fit, law)
+    assert refined.curve.pieces == pieces
+    x = np.linspace(law.curve.low, law.curve.high, 50)
+    np.testing.assert_allclose(refined.curve.at_signal(x), law.curve.at_signal(x), atol=1e-9)
 
 
 def test_the_size_of_a_law_is_that_of_the_form_that_is_told():
