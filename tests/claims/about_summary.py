@@ -34,7 +34,7 @@ FAR = 3.0
 # -- what is missing -------------------------------------------------------------------------------
 
 
-@claim(r"(?P<label>Missing|Unexplained): something unknown"
+@claim(r"(?P<label>Missing|Unexplained): something(?: unknown)?"
        r"(?P<place> (?:in|at) [^\n]+?(?: that depends on (?P<on>[^\n]+?))?)?"
        r"(?P<repeats>; the error of (?P<channels>.+?) repeats from run to run)?\.")  # fmt: skip
 def _unknown(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
@@ -354,7 +354,7 @@ def _check(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "its fit is one to be believed"
 
 
-@claim(r"The (?P<channel>[a-z ]+?) was not measured: it could look like "
+@claim(r"(?:The|Unmeasured) (?P<channel>[a-z ]+?) (?:was not measured: it )?could look like "
        r"(?P<effect>[^\n.]+?)\.")  # fmt: skip
 def _unmeasured(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")

@@ -314,6 +314,26 @@ def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like(
     assert words not in replace(told, worth=little).summary
 
 
+def test_what_is_left_is_named_rather_than_said_of_the_inflow_at_length():
+    """Of the answer for a thruster of a glider nobody could retell what was left."""
+    remaining = made.unexplained().remaining
+    effects = ("coulomb_friction", "load_exponent", "axial_flow", "command_offset")
+    diag = made.found()
+    model = diag.stages[0].fit.model
+    for name in effects:
+        model += name
+    sizes = {n: diag.fit.parameters["command_deadband.half_width"] for n in model.parameters}
+    fit = replace(diag.fit, model=model, parameters=sizes, free=())
+    told = replace(
+        diag, best=model.effects, groups=tuple((n,) for n in effects), remaining=remaining,
+        stages=(diag.stages[0], replace(diag.stages[1], fit=fit)), verdict="unexplained",
+        untestable={"inflow_load_relief": "needs the channel 'inflow', which no log has"},
+    )  # fmt: skip
+    assert "Unmeasured inflow could look like a load exponent." in told.summary
+    assert "Unexplained: something in the drive." in told.summary
+    assert claims.contradictions(told, text=told.summary) == []
+
+
 # -- effects in words ------------------------------------------------------------------------------
 
 

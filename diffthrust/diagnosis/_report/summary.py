@@ -191,14 +191,22 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
 def _unmeasured(diag: Findings) -> Part:
     """Channels that no log has, and that could be what was found and adds more than a little."""
     small = adding_little(diag)
-    sentences = [
-        f"The {channel} was not measured: it could look like {an_effect(name)}"
+    rivals = [
+        (channel, an_effect(name))
         for name, channel in unmeasured_rivals(diag).items()
         if name not in small
     ]
-    if not sentences:
+    if not rivals:
         return ()
-    return as_part((4, ". ".join(sentences)), (8, sentences[0]))
+    sentences = [
+        f"The {channel} was not measured: it could look like {it}" for channel, it in rivals
+    ]
+    channel, it = rivals[0]
+    return as_part(
+        (4, ". ".join(sentences)),
+        (5, sentences[0]),
+        (8, f"The unmeasured {channel} could look like {it}"),
+    )
 
 
 def _possible(diag: Findings) -> Part:
@@ -225,10 +233,11 @@ def _left(diag: Findings) -> Part:
         start, end = distinct_numbers(changed.before.shown[0], changed.after.shown[0])
         return as_part((5, f"{words}, {start} -> {end} {unit}".rstrip()), (6, words))
     if diag.verdict == "unexplained" and not diag.laws:
-        words = "Unexplained: something unknown"
+        words = ["Unexplained: something unknown", "Unexplained: something"]
         if remaining := diag.remaining:
-            words = f"{words} {place_of(diag.model, remaining.port)}"
-        return as_part((5, _unknown_words(diag, "Unexplained")), (6, words))
+            words = [f"{each} {place_of(diag.model, remaining.port)}" for each in words]
+        long, short = words
+        return as_part((5, _unknown_words(diag, "Unexplained")), (7, long), (8, short))
     name = _grown(diag)
     if not name:
         return ()
