@@ -198,15 +198,9 @@ def _unmeasured(diag: Findings) -> Part:
     ]
     if not rivals:
         return ()
-    sentences = [
-        f"The {channel} was not measured: it could look like {it}" for channel, it in rivals
-    ]
-    channel, it = rivals[0]
-    return as_part(
-        (4, ". ".join(sentences)),
-        (5, sentences[0]),
-        (8, f"The unmeasured {channel} could look like {it}"),
-    )
+    said = [f"The {name} was not measured: it could look like {effect}" for name, effect in rivals]
+    short = "Unmeasured {} could look like {}".format(*rivals[0])
+    return as_part((4, ". ".join(said)), (5, said[0]), (8, short))
 
 
 def _possible(diag: Findings) -> Part:
