@@ -34,8 +34,8 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
     beside = {}
     for name in added:
         fewer = _without(context, state, name)
-        if not math.isfinite(fewer.train.nrmse):
-            continue
+        if not all(math.isfinite(e.nrmse) for e in (fewer.train, fewer.holdout) if e):
+            continue  # runs that overflow without it are no measure of what it removes
         shares = worths_between(fewer, last)
         beside[name] = _with_everywhere(context, *shares)
         if negligible(*shares):

@@ -385,6 +385,13 @@ def test_each_effect_is_left_out_of_the_last_model_whatever_came_first(monkeypat
     assert Sizes(monkeypatch, sizes).ended(("lag",)).beside == {}  # its share as given says it
 
 
+def test_runs_that_overflow_without_an_effect_give_it_no_share(monkeypatch):
+    """Of a thruster's bench dry friction was told to remove 100 % for want of it alone."""
+    sizes = {(): 2.0, ("lag",): 1.0, ("wind",): np.inf, ("lag", "wind"): 0.5}
+    beside = Sizes(monkeypatch, sizes).ended(("lag", "wind")).beside
+    assert {n: w.share for n, w in beside.items()} == pytest.approx({"wind": 0.75})
+
+
 @pytest.mark.parametrize(("size", "added"), [(0.9, True), (0.97, False)])
 def test_what_was_left_out_is_added_at_the_end_if_it_removes_a_tenth(monkeypatch, size, added):
     sizes = {(): 2.0, ("lag",): 1.0, ("lag", "wind"): size, ("wind",): 1.5}
