@@ -16,6 +16,7 @@ from diffthrust.estimation import _likelihood as likelihood_module
 from diffthrust.estimation import _multistart as multistart_module
 from diffthrust.estimation import _optimum as optimum_module  # private: how often it searches
 from diffthrust.estimation import _refine as refine_module
+from diffthrust.estimation import _solver as solver_module  # private: its budgets
 from diffthrust.estimation import _status as status_module
 from diffthrust.estimation import _unexplained as unexplained_module
 from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
@@ -134,6 +135,7 @@ __all__ = [
     "restarts",
     "rounding_of",
     "solve",
+    "solver_module",
     "status_module",
     "unexplained_module",
     "unstable_advice",

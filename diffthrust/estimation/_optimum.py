@@ -212,7 +212,7 @@ def _arranged(task: Task, substeps: int, model: Model) -> Problem:
         segmented=any(h is not None for h in task.horizons),
         likelihood=task.likelihood,
     )
-    return replace(problem, quick_compile=task.refit)
+    return replace(problem, quick_compile=task.refit, compared=not task.checked)
 
 
 def _run_on(task: Task, optimum: Optimum) -> Optimum:

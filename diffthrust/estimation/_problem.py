@@ -109,6 +109,7 @@ class Problem:
         chosen: the coordinates that are moved, where the layout has a width.
         quick_compile: it is solved for one model among many, each of which is compiled anew: as
             long as little was run, to compile counts more.
+        compared: its fit is only compared with others', and need not creep to its end.
     """
 
     model: Model
@@ -120,6 +121,7 @@ class Problem:
     nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
     chosen: tuple[str, ...] | None = None
     quick_compile: bool = False
+    compared: bool = False
 
     @property
     def work(self) -> int:

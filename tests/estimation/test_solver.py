@@ -26,6 +26,7 @@ from problems import (
     polished,
     rounding_of,
     solve,
+    solver_module,
 )
 from reference import inputs
 from scipy.optimize import least_squares, lsq_linear
@@ -242,6 +243,14 @@ def test_the_budget_is_kept():
     assert steps == 5
     assert not done
     assert np.isfinite(float(q.cost))
+
+
+def test_a_fit_that_is_only_compared_need_not_creep_to_its_end(monkeypatch):
+    """A curve of a BlueBoat crept through 300 steps, and was then refused."""
+    monkeypatch.setattr(solver_module, "_COMPARED_STEPS", 3)
+    problem = build(dft.Thruster(alpha=0.2, beta=5.0), [log_of(record())])
+    steps = {c: solve(replace(problem, compared=c), problem.start()).steps for c in (True, False)}
+    assert steps[True] <= 3 < steps[False]
 
 
 def test_the_quadratic_that_comes_back_belongs_to_the_point_that_comes_back():
