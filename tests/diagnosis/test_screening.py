@@ -68,6 +68,21 @@ def test_over_short_logs_one_program_has_all_candidates(trials, monkeypatch, lon
     assert len({id(program) for program in ready}) == len({*programs})
 
 
+def test_effects_that_were_tried_together_are_admitted_by_one_program(monkeypatch):
+    """Each effect of the bench's logs had its own program of whole runs."""
+    monkeypatch.setattr(trial_programs_module, "_SHORT", 0)
+    model, time = dft.Thruster(), 0.05 * np.arange(200)
+    log = dft.Log(time, {"command": np.sin(time)}, {"speed": np.sin(time), "thrust": np.sin(time)})
+    names = ("coulomb_friction", "thrust_sensor_offset")
+    candidates = [dft.effects.EFFECTS[n]() for n in (*names, "command_saturation")]
+    programs = Programs(model, candidates, bind(model, [log]), [])
+    programs.ready((), names)
+    simulating = programs.simulating()
+    first, second = (simulating.ready((name,)) for name in names)
+    assert first is second is simulating.ready(())
+    assert first.effects == {*names}
+
+
 @pytest.mark.thorough
 def test_an_effect_whose_null_is_infinite_begins_at_the_value_that_is_given(trials):
     made, base = trials
