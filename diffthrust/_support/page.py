@@ -5,10 +5,9 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping
 from importlib.resources import files
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from diffthrust._support.figures import unseen
+from diffthrust._support.figures import png, unseen
 from diffthrust._support.literals import ToCopy
 from diffthrust._support.live import Live, script
 from diffthrust._support.report import OnPage, Picture, Report, Rows, Section, Styled
@@ -55,12 +54,7 @@ def _living(picture: Picture) -> Live | None:
 
 def image(draw: Callable[[], Figure]) -> str:
     """A figure as a PNG in base64, so that the page needs no other file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    out, figure = BytesIO(), unseen(draw)
-    figure.set_dpi(90)
-    FigureCanvasAgg(figure).print_png(out)  # savefig works the layout out twice
-    return base64.b64encode(out.getvalue()).decode("ascii")
+    return base64.b64encode(png(unseen(draw))).decode("ascii")
 
 
 def glossary(terms: Mapping[str, str]) -> Section:
