@@ -166,7 +166,7 @@ def test_a_third_law_of_errors_is_one_class_and_one_line(patched):
         except dft.InputError as error:
             print(str(error).splitlines()[0])
         import subprocess, sys
-        subprocess.run([sys.executable, "-m", "diffthrust.cli", "new", "made"], check=True,
+        subprocess.run([sys.executable, "-m", "diffthrust", "new", "made"], check=True,
                        capture_output=True)
         text = Path("fits/made/fit.toml").read_text()
         print([line for line in text.splitlines() if "loss" in line][0])

@@ -34,7 +34,7 @@ def ended(program: str, *words: object, interrupt: bool = False) -> tuple[int, s
 
 AT_AN_IMPORT = """
     import os, signal, sys
-    from diffthrust.cli.__main__ import entry
+    from diffthrust.__main__ import entry
 
     module = sys.argv.pop()
 

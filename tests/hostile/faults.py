@@ -157,7 +157,7 @@ class Bench:
 
     def _begin(self, name: str, place: Path, mark: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [sys.executable, "-m", "diffthrust.cli", *COMMANDS[name].call(self.specs, place)],
+            [sys.executable, "-m", "diffthrust", *COMMANDS[name].call(self.specs, place)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -193,7 +193,7 @@ def test_whatever_ends_the_writing_nothing_is_left(error, tmp_path, monkeypatch)
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
 def test_standard_output_without_room():
-    command = [sys.executable, "-m", "diffthrust.cli", "compare", FITS / "depth_sensor", "--no-fit"]
+    command = [sys.executable, "-m", "diffthrust", "compare", FITS / "depth_sensor", "--no-fit"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2

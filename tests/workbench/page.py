@@ -40,7 +40,7 @@ def explored(what: Any, *logs: dft.Log) -> Iterator[str]:
 @contextmanager
 def served(folder: Path, *words: str) -> Iterator[tuple[str, subprocess.Popen]]:
     """``diffthrust explore FOLDER`` in a process of its own: its address, and the process."""
-    command = [sys.executable, "-m", "diffthrust.cli", "explore", str(folder), "--no-browser"]
+    command = [sys.executable, "-m", "diffthrust", "explore", str(folder), "--no-browser"]
     with subprocess.Popen([*command, *words], stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""Entry point of ``diffthrust`` and ``python -m diffthrust.cli``."""
+"""Entry point of ``diffthrust`` and ``python -m diffthrust``."""
 
 import atexit
 import os
