@@ -1,8 +1,11 @@
 """Programs: traced once for their code and shapes, and let go when others were used since."""
 
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
+from threading import Barrier
 
 import jax
 import jax.numpy as jnp
@@ -32,6 +35,32 @@ def test_a_program_is_traced_once_for_its_code_and_shapes():
     assert _power.traces == before + 2
     assert float(_power(3, {"x": np.arange(3.0)})) == 9.0
     assert _power.traces == before + 3
+
+
+def test_threads_that_begin_together_trace_it_once(monkeypatch):
+    """Two runs of a fleet, on a busy machine, compiled their program twice."""
+    began, before = Barrier(4), _power.traces
+    monkeypatch.setattr(programs, "_stored", lambda *_: time.sleep(0.2))  # all threads come there
+
+    def run(_):
+        began.wait()
+        return float(_power(2, {"x": np.arange(6.0)}))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(run, range(4))) == [55.0] * 4
+    assert _power.traces == before + 1
+
+
+def test_a_program_that_failed_is_made_again():
+    @program(1)
+    def broken(exponent, numbers):
+        if broken.traces == 1:
+            raise ValueError("not yet")
+        return numbers["x"] * exponent
+
+    with pytest.raises(ValueError, match="not yet"):
+        broken(2, {"x": np.arange(2.0)})
+    assert broken(2, {"x": np.arange(2.0)}).tolist() == [0.0, 2.0]
 
 
 def test_what_was_not_used_for_long_is_let_go():

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Sequence
 from functools import cache, lru_cache, partial, wraps
+from threading import Lock, RLock
 from typing import Any, NamedTuple
 
 import jax
@@ -64,7 +65,9 @@ class Programs:
         leaves, tree = jax.tree.flatten(numbers)
         if any(isinstance(leaf, Tracer) for leaf in leaves):  # part of another program
             return self.function(*arguments)
-        return _kept(self, static, tree, tuple(map(_shape, leaves)))(*leaves)
+        with _choosing:
+            code = _kept(self, static, tree, tuple(map(_shape, leaves)))
+        return code(*leaves)
 
 
 def program(
@@ -102,7 +105,31 @@ def _kept(
     quick = program.quick_compile and size <= _QUICK
     compiled = partial(jax.jit, compiler_options=_understood(quick))
     code = program.function, static, tree
-    return _stored(traced, code, shapes, compiled) or compiled(traced)
+    return _MadeOnce(lambda: _stored(traced, code, shapes, compiled) or compiled(traced))
+
+
+class _MadeOnce:
+    """Code that is traced and compiled by the first of the threads that run it.
+
+    Two that began together did both twice: a fleet's runs on a busy machine.
+    """
+
+    def __init__(self, make: Callable[[], Callable[..., Any]]) -> None:
+        self._make, self._first = make, RLock()
+        self._code: Callable[..., Any] | None = None
+
+    def __call__(self, *leaves: Any) -> Any:
+        if self._code is None:
+            with self._first:
+                if self._code is None:
+                    code = self._make()
+                    result = code(*leaves)
+                    self._code = code
+                    return result
+        return self._code(*leaves)
+
+
+_choosing = Lock()
 
 
 def _stored(
