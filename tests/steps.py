@@ -156,6 +156,7 @@ from diffthrust.diagnosis._report.own_effect import (  # private: a class withou
 )
 from diffthrust.diagnosis._report.remaining_text import (  # private: one sentence alone
     missing_words,
+    odd_words,
 )
 from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
     beginnings,
@@ -382,6 +383,7 @@ __all__ = [
     "no_longer_odd",
     "noises",
     "odd_logs",
+    "odd_words",
     "of_effect",
     "other_values",
     "own_effect",
