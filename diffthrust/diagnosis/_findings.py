@@ -39,7 +39,9 @@ if TYPE_CHECKING:
 class Refusal(StrEnum):
     """Why an effect was not added although it fits the training logs better; "it ..."."""
 
-    SMALL_PART = "explains a small part of what a signal of unknown form explains"
+    SMALL_PART = (
+        "explains, from one sample to the next, a small part of what a signal of unknown form does"
+    )
     TAKES_UP = "takes up what is missing elsewhere: with it structure remains"
     UNSEEN_LOGS = "costs the unseen logs what it gains on the training logs"
     FAILS = "predicts the next sample better, and cannot be carried over whole runs"

@@ -185,7 +185,7 @@ def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"Structure (?P<still>still )?remains that none of the effects tried explains: "
        r"from one (?:sample|row) to the next (?P<manner>it enters at|it scales what passes) "
-       r"(?P<place>.+?) and depends on (?P<on>.+?)(?P<only>; no law of it was found that makes "
+       r"(?P<place>.+?) and depends on (?P<on>.+?)(?P<only>; no curve of that makes "
        r"whole runs surely better)?\.")  # fmt: skip
 def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     remaining = diag.remaining
