@@ -163,6 +163,9 @@ from diffthrust.diagnosis._report.sections import (  # private: sentences alone,
     caution_words,
     diagnosis_page,
 )
+from diffthrust.diagnosis._report.summary import (  # private: which error it tells
+    channel_that_counts,
+)
 from diffthrust.diagnosis._report.tables import (  # private: its cells
     log_rows,
     worth_rows,
@@ -331,6 +334,7 @@ __all__ = [
     "change_between",
     "changed_size",
     "channel_of",
+    "channel_that_counts",
     "chosen",
     "compiled_fitter",
     "constants_in",

@@ -248,7 +248,11 @@ def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{channel}: {number} is {value:.4g}"
     falls = {c: errors[0].channels[c].nrmse ** 2 - errors[1].channels[c].nrmse ** 2
              for c in errors[0].channels}  # fmt: skip
-    if falls[channel] < max(falls.values()):
+    followed = {c: fall for c, fall in falls.items() if errors[1].channels[c].nrmse < 1.0}
+    falls = followed or falls
+    if channel not in falls:
+        yield f"{channel} is followed no better than by a constant"
+    elif falls[channel] < max(falls.values()):
         yield f"the error of another channel falls more: {falls}"
     if page and unseen:
         spread = rmse[0] / errors[0].channels[channel].nrmse

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import claims
 import hypothesis.strategies as st
@@ -17,6 +18,7 @@ from steps import (
     SignalForm,
     Wording,
     Worth,
+    channel_that_counts,
     effect_words,
     figures_in,
     within_budget,
@@ -244,6 +246,18 @@ def test_logs_that_nobody_looked_at_are_not_called_sound():
     assert not dft.fit(dft.Thruster(), train, starts=1, doubts=False).doubts_sought
     for change in (with_a_mend, with_odd_logs):
         assert "sound" not in change(diag).summary
+
+
+def test_a_channel_that_nothing_explains_is_not_the_one_that_is_told():
+    """Of a BlueBoat the sway was, which a constant follows better."""
+
+    def errors(**sizes):
+        return SimpleNamespace(channels={n: SimpleNamespace(nrmse=s) for n, s in sizes.items()})
+
+    before, after = errors(sway=1.8, yaw_rate=0.64), errors(sway=1.2, yaw_rate=0.42)
+    assert channel_that_counts(before, after) == "yaw_rate"
+    assert channel_that_counts(errors(sway=1.8), errors(sway=1.2)) == "sway"
+    assert channel_that_counts(before, errors(sway=0.9, yaw_rate=0.42)) == "sway"
 
 
 def test_what_is_left_of_an_error_that_is_told_has_its_size_there():

@@ -180,12 +180,17 @@ def _error(diag: Findings) -> Part:
 
 
 def channel_that_counts(first: Errors, last: Errors) -> str:
-    """The channel whose squared error falls most, each in units of its own spread."""
+    """The channel whose squared error falls most, each in units of its own spread.
+
+    Of those that are followed better than by a constant, if there are any: of a BlueBoat the sway
+    led, from 1.8 to 1.2 of its spread, and not the yaw rate, from 0.64 to 0.42.
+    """
 
     def fall(name: str) -> float:
         return _finite(first.channels[name].nrmse) ** 2 - _finite(last.channels[name].nrmse) ** 2
 
-    return max((n for n in first.channels if n in last.channels), key=fall)
+    names = [n for n in first.channels if n in last.channels]
+    return max([n for n in names if last.channels[n].nrmse < 1.0] or names, key=fall)
 
 
 def _unmeasured(diag: Findings) -> Part:
