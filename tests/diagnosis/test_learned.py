@@ -355,7 +355,7 @@ def test_a_curve_without_a_name_is_made_finer_where_that_surely_pays(
     monkeypatch.setattr(curve_fits, "_with_curve", lambda context, baseline, curve: (fit, curve))
     worth = Worth(share, share - 0.04, share + 0.04)
     monkeypatch.setattr(curve_fits, "worth_between_fits", lambda *_: worth)
-    refined = curve_fits.refine_pieces(None, fit, law)
+    refined = curve_fits._with_pieces(None, fit, law)
     assert refined.curve.pieces == pieces
     x = np.linspace(law.curve.low, law.curve.high, 50)
     np.testing.assert_allclose(refined.curve.at_signal(x), law.curve.at_signal(x), atol=1e-9)

@@ -174,7 +174,12 @@ def term_of(context: SearchContext, trial: TrialFit, curve: Curve) -> Term:
     return term_along(regressors, curve.port, curve.signal, curve.times, _parameters(curve))
 
 
-def refine_pieces(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
+def refined(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
+    """A law as it is reported: of more pieces and finer steps, where these are needed."""
+    return _with_steps(context, baseline, _with_pieces(context, baseline, law))
+
+
+def _with_pieces(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
     """A law without a name by a curve of twice the pieces, if that surely removes a tenth.
 
     The friction of a linear drive turns within 0.03 m/s about rest, one piece of eight: of its
@@ -191,7 +196,7 @@ def refine_pieces(context: SearchContext, baseline: Fit, law: LearnedLaw) -> Lea
     return replace(law, curve=curve, fit=fit, worth=worth_between_fits(context, baseline, fit))
 
 
-def refine_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
+def _with_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
     """A law fitted again if the model that is reported needs more integrator steps."""
     fit, records = law.reported, context.fitter.records
     k = max(range(len(records)), key=lambda k: (records[k].log.step, len(records[k].log)))

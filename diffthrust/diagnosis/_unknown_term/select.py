@@ -39,8 +39,7 @@ from diffthrust.diagnosis._unknown_term.fit import (
     error_within,
     fit_curve,
     reaches_noise_floor,
-    refine_pieces,
-    refine_steps,
+    refined,
     term_of,
 )
 from diffthrust.diagnosis._unknown_term.form_fits import try_closed_forms
@@ -145,7 +144,7 @@ def _learned_beside(
     plain = None if explained else memoryless_variant(likely, law.curve)
     if plain and plain is not rival and (memoryless := fit_curve(context, baseline, trial, plain)):
         law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
-    law = refine_steps(context, baseline, refine_pieces(context, baseline, law))
+    law = refined(context, baseline, law)
     return law if law.worth.sure else None
 
 
@@ -167,8 +166,7 @@ def _relearned_beside(
     if relearned is None:
         return None
     relearned = replace(relearned, superfluous=law.superfluous)
-    law = try_closed_forms(context, baseline, trial, relearned)
-    return refine_steps(context, baseline, refine_pieces(context, baseline, law))
+    return refined(context, baseline, try_closed_forms(context, baseline, trial, relearned))
 
 
 def _doubt(law: LearnedLaw) -> tuple[bool, float]:
