@@ -42,9 +42,9 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
 )
 from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and on given trials
     alike_by_shares,
-    alike_when_refitted,
     errs_as_little,
     near_over_whole_runs,
+    refitted_rivals,
     refuted,
     unrefuted,
 )
@@ -321,7 +321,6 @@ __all__ = [
     "admission_module",
     "adopted",
     "alike_by_shares",
-    "alike_when_refitted",
     "an_effect",
     "as_estimated",
     "as_formula",
@@ -404,6 +403,7 @@ __all__ = [
     "ranked_matches",
     "ranking_figure",
     "recurring_shares",
+    "refitted_rivals",
     "refusing",
     "refuted",
     "regression",

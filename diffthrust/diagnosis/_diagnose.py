@@ -11,7 +11,12 @@ from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.diagnosis._beside_others import with_shares_beside_others
 from diffthrust.diagnosis._candidates import Candidates, asks_for_all
 from diffthrust.diagnosis._channel_use import unused_channels, unused_notes
-from diffthrust.diagnosis._equivalence import proposal, with_equivalents
+from diffthrust.diagnosis._equivalence import (
+    SearchResult,
+    proposal,
+    with_equivalents,
+    with_exchange,
+)
 from diffthrust.diagnosis._findings import (
     verdict_evidence,
 )
@@ -125,10 +130,9 @@ def diagnose(
     context, state = start_search(given, records, unseen_records, candidates, seed, say)
     baseline = state.current.trial
     mends = measured_mends(context, state.stages[0])
-    context, state = searched(context, state)
+    context, search = searched(context, state)
     # what the first model lacks is judged with errors clipped as they are at the end
-    baseline = replace(baseline, clip=state.current.trial.clip)
-    search = with_equivalents(context, state, baseline)
+    baseline = replace(baseline, clip=search.state.current.trial.clip)
     say("what none of the effects tried explains", SOUGHT)
     outcome = add_law(context, assessed(context, search), baseline)
     outcome = add_change(context, add_state_terms(context, outcome))
@@ -166,18 +170,24 @@ def diagnose(
     )
 
 
-def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext, SearchState]:
+def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext, SearchResult]:
     """The search to its end: effects by their trials, periodic forces by their lines.
 
     A line is looked for first, for others would be fitted to it, and where nothing else is left to
-    add.
+    add. Where a rival then proves better than what was added, the search goes on from it.
     """
+    first = state.current.trial
     context, state = add_periodic_force(context, state)
-    while not done(state):
-        state = step(context, state)
-        if state.exhausted:
-            context, state = add_periodic_force(context, state)
-    return context, with_shares_beside_others(context, state)
+    while True:
+        while not done(state):
+            state = step(context, state)
+            if state.exhausted:
+                context, state = add_periodic_force(context, state)
+        state = with_shares_beside_others(context, state)
+        search = with_equivalents(context, state, first)
+        if search.better is None:
+            return context, search
+        state = with_exchange(context, state, search.better)
 
 
 def provenance(

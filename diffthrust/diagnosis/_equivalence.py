@@ -1,19 +1,32 @@
-"""Effects that logs cannot tell apart, and the test that would."""
+"""Effects that logs cannot tell apart, the test that would, and rivals that prove the better ones.
+
+A search adds the effect that helps most where it stands. What came later may make a rival of it the
+better one: of a BlueBoat with exchanged sides a force exponent predicted the next sample much
+better than a quadratic surge drag, and beside it the drag promised nothing; in its place the drag
+halves the surge error over whole runs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import worths_between
 from diffthrust.diagnosis._candidates import with_candidates
-from diffthrust.diagnosis._criteria import price_of, unseen_gain
+from diffthrust.diagnosis._criteria import no_better, price_of, unseen_gain
 from diffthrust.diagnosis._explained_share import Worth, matters
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
 from diffthrust.diagnosis._screening import levels_of, screened
-from diffthrust.diagnosis._search_state import SOUGHT, FittedStage, SearchContext, SearchState
+from diffthrust.diagnosis._search_state import (
+    SOUGHT,
+    CurrentModel,
+    FittedStage,
+    SearchContext,
+    SearchState,
+)
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import (
     SimulationChange,
@@ -34,45 +47,74 @@ class SearchResult(NamedTuple):
         state: where it ended.
         groups: for each effect of its last stage those that explain as much in its place.
         detectable_groups: the same for each that is only detectable.
+        better: the last stage with a rival in the place of one of its effects, if whole runs then
+            surely err less.
     """
 
     state: SearchState
     groups: tuple[tuple[str, ...], ...]
     detectable_groups: tuple[tuple[str, ...], ...]
+    better: FittedStage | None = None
 
 
 def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit) -> SearchResult:
-    """What a search has found with what the logs cannot tell apart; see `_groups_of`."""
-    added = _groups_of(context, state, first, state.stages[-1].effects)
-    return SearchResult(state, added, _groups_of(context, state, first, state.detectable))
+    """What a search has found with what the logs cannot tell apart, or a better rival.
 
-
-def _groups_of(
-    context: SearchContext, state: SearchState, first: TrialFit, names: Sequence[str]
-) -> tuple[tuple[str, ...], ...]:
-    """For each of some effects of the present model those that, in its place, explain as much.
-
-    Those that one-step errors name, unless whole runs speak against them beside the effect, and
-    those that whole runs name in its place. The signals' levels are those of ``first``, the trial
-    of the model as given.
+    For each effect of the present model those that, in its place, explain as much: those that
+    one-step errors name, unless whole runs speak against them beside the effect, and those that
+    whole runs name in its place. The signals' levels are those of ``first``, the trial of the model
+    as given.
     """
-    fitter, present = context.fitter, state.current.trial
+    fitter, present, last = context.fitter, state.current.trial, state.stages[-1]
     barred = {name for name, why in state.refused.items() if why.by_whole_runs}
     rivals = {
         c.effect for c in state.ranking if c.delta_bic < -SETTINGS.admission.least_bic_gain
     } - barred
     outside, levels = sorted(rivals - {*present.effects}), levels_of(fitter, first)
+
+    def near(name: str) -> dict[str, TrialFit]:
+        return _alike_by_one_step(fitter, state, name, outside, levels)
+
     groups = []
-    for name in (n for n in names if n in fitter.candidates):
-        near = _alike_by_one_step(fitter, state, name, outside, levels)
-        if name in state.detectable:  # it does next to nothing to whole runs
-            groups.append((name, *near))
-            continue
-        alike = unrefuted(context, state.stages[-1], name, near)
+    for name in (n for n in last.effects if n in fitter.candidates):
+        alike = unrefuted(context, last, name, near(name))
         early = near_over_whole_runs(context, state, name, alike)
-        alike += alike_when_refitted(context, state.stages[-1], name, early)
+        refitted = refitted_rivals(context, last, name, early)
+        if better := _surely_better(last, refitted.values()):
+            return SearchResult(state, (), (), better)
+        alike += [r for r, s in refitted.items() if errs_as_little(*worths_between(s, last))]
         groups.append((name, *alike))
-    return tuple(groups)
+    # what is only detectable does next to nothing to whole runs
+    detectable = [(name, *near(name)) for name in state.detectable if name in fitter.candidates]
+    return SearchResult(state, tuple(groups), tuple(detectable))
+
+
+def _surely_better(last: FittedStage, stages: Iterable[FittedStage]) -> FittedStage | None:
+    """The best of some stages, if whole runs surely err less than at the last one."""
+    better = [s for s in stages if no_better(last, s) is None and matters(*worths_between(last, s))]
+    return min(better, key=lambda stage: stage.train.nrmse, default=None)
+
+
+def with_exchange(context: SearchContext, state: SearchState, better: FittedStage) -> SearchState:
+    """The search with a stage that has a rival in the place of an effect; it is not ended."""
+    fitter, trial = context.fitter, state.current.trial
+    gone = [name for name in state.stages[-1].effects if name not in better.effects]
+    new = [name for name in better.effects if name not in state.stages[-1].effects]
+    values = {**trial.values, **{n: p.value for n, p in better.fit.model.parameters.items()}}
+    for name in gone:
+        values = fitter.absent(name, values)
+    effects = (*(n for n in trial.effects if n not in (*gone, *new)), *new)
+    settled = fitter.settled(effects, values, None, trial.clip)
+    return replace(
+        state,
+        current=CurrentModel(fitter, settled),
+        stages=(*state.stages, better),
+        dropped=(*state.dropped, *gone),
+        detectable=tuple(name for name in state.detectable if name not in new),
+        refused={},
+        possible={},
+        exhausted=False,
+    )
 
 
 def _alike_by_one_step(
@@ -160,17 +202,17 @@ def unrefuted(
     return alike
 
 
-def alike_when_refitted(
+def refitted_rivals(
     context: SearchContext, stage: FittedStage, name: str, rivals: Mapping[str, TrialFit]
-) -> list[str]:
-    """The rivals of an effect that err about as little in its place in the last stage.
+) -> dict[str, FittedStage]:
+    """The last stage with each rival in the place of an effect.
 
     Fitted from several starts: where a rival was as good when the effect was added, what came later
     is fitted beside the effect, and a fit that starts there may end far from where the rival does
     best. On the maps of a T200 a linear damping wants five times the drive that a load exponent
     does.
     """
-    alike = []
+    stages = {}
     for rival, trial in rivals.items():
         names = tuple(rival if n == name else n for n in stage.effects)
         model = with_candidates(context.given, names, context.fitter.candidates, stage.fit.model)
@@ -180,10 +222,9 @@ def alike_when_refitted(
         later = {n: value for n, value in last.items() if n.rpartition(".")[0]}
         model = with_values(model, {**trial.values, **later})
         context.say(f"fitting with {rival} in place of {name}", SOUGHT)
-        instead = FittedStage(names, *context.refit(model, [last], substeps=stage.fit.substeps))
-        if errs_as_little(*worths_between(instead, stage)):
-            alike.append(rival)
-    return alike
+        refitted = context.refit(model, [last], substeps=stage.fit.substeps)
+        stages[rival] = FittedStage(names, *refitted)
+    return stages
 
 
 def errs_as_little(worth: Worth, everywhere: Worth) -> bool:

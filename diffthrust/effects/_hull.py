@@ -148,8 +148,9 @@ class SwayYawCoupling(Effect):
         m22 v' + mass r' = sway force - damping r
         mass v' + i33 r' = yaw moment - damping v - mass u r
 
-    The last two are solved for v' and r', so the effect acts on forces and accelerations. It needs
-    mass^2 < m22 i33, as any body has. Null: mass = 0, damping = 0.
+    The last two are solved for v' and r', so the effect acts on forces and accelerations. Every
+    body has mass^2 < m22 i33: beyond, a simulation ends in NaN, and a fit keeps away. Null:
+    mass = 0, damping = 0.
     Source: Fossen 2011, section 7.1 (mass, Coriolis and damping matrices in three degrees of
     freedom).
 
@@ -183,6 +184,10 @@ class SwayYawCoupling(Effect):
             return value - self.damping * v - self.mass * u * r
         sway, yaw = self.mass / s.m22, self.mass / s.i33
         v_alone, r_alone = s.sway_alone, s.yaw_alone
+        determinant = 1.0 - sway * yaw
+        # a fit of a boat on a lake, with a learned curve beside it, had stepped over the pole here
+        # and ended with a mass that no body has
+        determinant = jnp.where(determinant > 0.0, determinant, jnp.nan)
         if port == "sway_acceleration":
-            return value + sway * (yaw * v_alone - r_alone) / (1.0 - sway * yaw)
-        return value + yaw * (sway * r_alone - v_alone) / (1.0 - sway * yaw)
+            return value + sway * (yaw * v_alone - r_alone) / determinant
+        return value + yaw * (sway * r_alone - v_alone) / determinant

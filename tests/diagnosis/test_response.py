@@ -14,7 +14,6 @@ from steps import (
     FittedStage,
     Programs,
     Refit,
-    alike_when_refitted,
     bind,
     change_between,
     error_changes,
@@ -22,6 +21,7 @@ from steps import (
     fitted_to_runs,
     near_over_whole_runs,
     predicted_gains,
+    refitted_rivals,
     shift_of,
     simulation_fitter,
     trial_programs_module,
@@ -249,7 +249,7 @@ def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkey
         later = SimpleNamespace(stages=[*stages, both], ranking=ranking)
         assert near_over_whole_runs(context, later, effect, ()) == {}
         rivals = {other: start_search(trials, other)}
-        assert alike_when_refitted(context, stages[1], effect, rivals) == alike
+        assert refitted_rivals(context, stages[1], effect, rivals) == alike
 
 
 @pytest.mark.thorough
