@@ -14,6 +14,7 @@ from diffthrust.diagnosis import _residual_structure as residual_structure_modul
 from diffthrust.diagnosis import _rival_models as rival_models_module
 from diffthrust.diagnosis import _search_state as search_state_module
 from diffthrust.diagnosis import _trial_programs as trial_programs_module
+from diffthrust.diagnosis._admission import worths_between  # private: of two stages
 from diffthrust.diagnosis._candidates import (  # private: without a search
     candidates_of,
     constants_in,
@@ -47,6 +48,8 @@ from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and 
     refitted_rivals,
     refuted,
     unrefuted,
+    with_equivalents,
+    with_exchange,
 )
 from diffthrust.diagnosis._explainable import (  # private: the regressions alone
     ErrorRecord,
@@ -444,8 +447,11 @@ __all__ = [
     "wald",
     "with_candidates",
     "with_companion",
+    "with_equivalents",
+    "with_exchange",
     "with_jump",
     "within_budget",
     "words_in",
     "worth_rows",
+    "worths_between",
 ]

@@ -83,7 +83,7 @@ def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit
         if better := _surely_better(last, refitted.values()):
             return SearchResult(state, (), (), better)
         alike += [r for r, s in refitted.items() if errs_as_little(*worths_between(s, last))]
-        groups.append((name, *alike))
+        groups.append((name, *dict.fromkeys(alike)))
     # what is only detectable does next to nothing to whole runs
     detectable = [(name, *near(name)) for name in state.detectable if name in fitter.candidates]
     return SearchResult(state, tuple(groups), tuple(detectable))
@@ -141,13 +141,13 @@ def _alike_by_one_step(
 
 
 def near_over_whole_runs(
-    context: SearchContext, state: SearchState, name: str, excluded: Collection[str]
+    context: SearchContext, state: SearchState, name: str, alike: Collection[str]
 ) -> dict[str, TrialFit]:
-    """The rivals of an effect, when it was added, with which whole runs erred little more.
+    """The rivals of an effect, when it was added, with which whole runs erred little more, or less.
 
     Where these stay poor the model is wrong in more than this, and the likelihood of the next
-    sample, in which random forces take up what is wrong, does not tell them apart. Not those in
-    ``excluded``, which are known already, nor what the last stage has.
+    sample, in which random forces take up what is wrong, does not tell them apart. Of those that
+    are known to be ``alike`` only what errs less; nothing that the last stage has.
     """
     fitter = context.fitter
     at, stage = next((k, s) for k, s in enumerate(state.stages) if name in s.effects)
@@ -157,7 +157,7 @@ def near_over_whole_runs(
         if c.stage == at - 1 and c.delta_bic < -SETTINGS.admission.least_bic_gain
     ]
     present = {*stage.effects, *state.stages[-1].effects}  # what was added later is told apart
-    rivals = [rival for rival in tried if rival not in {*excluded, *present}]
+    rivals = [rival for rival in tried if rival not in present]
     if not rivals or not simulation_is_poor(context, state, state.stages[-1]):
         return {}
     simulation = simulation_fitter(fitter)
@@ -168,7 +168,7 @@ def near_over_whole_runs(
     ahead = {r: change_between(fitter, t, fitted).everywhere.share for r, t in ended.items()}
     most = 1.0 - 1.0 / SETTINGS.equivalence.near_error**2
     order = sorted(ended, key=lambda rival: ahead[rival])
-    near = [rival for rival in order if ahead[rival] <= most]
+    near = [rival for rival in order if ahead[rival] <= (0.0 if rival in alike else most)]
     return {rival: ended[rival] for rival in near[: SETTINGS.equivalence.most_named]}
 
 

@@ -11,21 +11,27 @@ from reference import inputs, noise, thruster
 from steps import (
     CandidateFitter,
     Clock,
+    CurrentModel,
     FittedStage,
     Programs,
     Refit,
     bind,
     change_between,
     error_changes,
+    errs_as_little,
     fitted_beside,
     fitted_to_runs,
     near_over_whole_runs,
     predicted_gains,
     refitted_rivals,
+    search_state_module,
     shift_of,
     simulation_fitter,
     trial_programs_module,
     unrefuted,
+    with_equivalents,
+    with_exchange,
+    worths_between,
 )
 from trajectories import runs_over
 
@@ -186,7 +192,7 @@ def known():
     )
 
 
-def start_search(trials, name):
+def settled_trial(trials, name):
     base = trials.base()
     return trials.settled((name,), base.values, base.initial_states, base.clip)
 
@@ -195,7 +201,7 @@ def start_search(trials, name):
 def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
     trials, stage, name = known.trials, known.stage, "coulomb_friction"
     before = fitted_to_runs(trials, stage)
-    after = fitted_beside(trials, stage, start_search(trials, name), (name,))
+    after = fitted_beside(trials, stage, settled_trial(trials, name), (name,))
     change = change_between(trials, before, after)
     with_it = dft.fit(dft.Thruster() + name, known.train, holdout=known.unseen, starts=2)
     for trial, fit in ((change.before, stage.fit), (change.after, with_it)):
@@ -210,7 +216,7 @@ def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
 def test_what_is_not_there_is_worth_nothing(known):
     trials, name = known.trials, "actuator_lag"
     before = fitted_to_runs(trials, known.stage)
-    after = fitted_beside(trials, known.stage, start_search(trials, name), (name,))
+    after = fitted_beside(trials, known.stage, settled_trial(trials, name), (name,))
     assert abs(change_between(trials, before, after).worth.share) < 0.05
 
 
@@ -220,11 +226,11 @@ def test_a_rival_that_lowers_nothing_over_whole_runs_is_told_from_an_effect(know
     trials, name, rival = known.trials, "coulomb_friction", "actuator_lag"
     fit = dft.fit(dft.Thruster() + name, known.train, holdout=known.unseen, starts=2)
     stage = SimpleNamespace(effects=(name,), fit=fit)
-    context, lag = SimpleNamespace(fitter=trials), {rival: start_search(trials, rival)}
+    context, lag = SimpleNamespace(fitter=trials), {rival: settled_trial(trials, rival)}
     assert unrefuted(context, stage, name, lag) == []
     without = SimpleNamespace(effects=(rival,), fit=known.stage.fit)
     # a lag of zero does nothing to whole runs: they have no say in what else it may be
-    friction = {name: start_search(trials, name)}
+    friction = {name: settled_trial(trials, name)}
     assert unrefuted(context, without, rival, friction) == [name]
 
 
@@ -248,14 +254,46 @@ def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkey
         both = SimpleNamespace(effects=(name, rival))  # the rival was added later
         later = SimpleNamespace(stages=[*stages, both], ranking=ranking)
         assert near_over_whole_runs(context, later, effect, ()) == {}
-        rivals = {other: start_search(trials, other)}
-        assert refitted_rivals(context, stages[1], effect, rivals) == alike
+        rivals = {other: settled_trial(trials, other)}
+        refitted = refitted_rivals(context, stages[1], effect, rivals)
+        little = [r for r, s in refitted.items() if errs_as_little(*worths_between(s, stages[1]))]
+        assert little == alike
+
+
+@pytest.mark.thorough
+def test_a_rival_that_whole_runs_prove_better_takes_the_place_of_an_effect(known, monkeypatch):
+    """Of a BlueBoat a surge drag for a force exponent, which predicts the next sample better."""
+    monkeypatch.setattr("diffthrust.diagnosis._equivalence.simulation_is_poor", lambda *_: True)
+    given, names = dft.Thruster(), ("coulomb_friction", "actuator_lag")
+    logs = tuple(bind(given, each) for each in (known.train, known.unseen))
+    context, state = search_state_module.start_search(given, *logs, names, 0, lambda *_: None)
+    first = state.current.trial
+    rated = [SimpleNamespace(effect=name, stage=0, delta_bic=-50.0) for name in names]
+    friction, lag = names
+
+    def with_(name):
+        trial = settled_trial(context.fitter, name)
+        stage = FittedStage((name,), *context.refit(given + name))
+        current = CurrentModel(context.fitter, trial)
+        stages = (*state.stages, stage)
+        return replace(state, stages=stages, current=current, ranking=rated, exhausted=True)
+
+    found = with_equivalents(context, with_(lag), first)
+    assert found.better is not None
+    assert found.better.effects == (friction,)
+    exchanged = with_exchange(context, found.state, found.better)
+    assert exchanged.current.trial.effects == exchanged.stages[-1].effects == (friction,)
+    assert exchanged.dropped == (lag,)
+    assert not exchanged.exhausted
+    right = with_equivalents(context, with_(friction), first)
+    assert right.better is None
+    assert right.groups == ((friction,),)
 
 
 @pytest.mark.thorough
 def test_a_value_that_one_step_errors_want_is_kept_where_whole_runs_are_asked(known):
     trials, stage, name = known.trials, known.stage, "coulomb_friction"
-    trial = start_search(trials, name)
+    trial = settled_trial(trials, name)
     own = f"{name}.level"
     trial = replace(trial, values={**trial.values, own: 5.0, "beta": 444.0})
     ended = fitted_beside(trials, stage, trial, (name,), still=[own, "beta"])

@@ -168,6 +168,23 @@ def test_values_and_derivatives_are_finite(name, drive):
     assert felt >= {f"{name}.{k}" for k, p in EFFECTS[name].declared.items() if not p.fixed}
 
 
+def test_a_mass_matrix_that_no_body_has_ends_a_simulation():
+    """A fit of a boat had stepped over the pole between, to mass^2 above m22 i33."""
+    model = dft.Vessel() + "sway_yaw_coupling"
+    limit = (model.parameters["m22"].value * model.parameters["i33"].value) ** 0.5
+    time = 0.1 * np.arange(50)
+    log = dft.Log(time, {"propeller_speed": np.full(50, 20.0), "rudder_angle": np.full(50, 0.1)})
+    for share in (0.9, -0.9):
+        there = model.replace({"sway_yaw_coupling.mass": share * limit})
+        assert np.isfinite(dft.simulate(there, log)["sway"]).all()
+    for share in (1.1, -1.1):
+        there = model.replace({"sway_yaw_coupling.mass": share * limit})
+        with pytest.warns(
+            dft.simulation.SimulationFailedWarning, match="leaves the finite numbers"
+        ):
+            dft.simulate(there, log)
+
+
 # Recovery from the reference.
 
 FOUND = {
