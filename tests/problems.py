@@ -68,6 +68,7 @@ from diffthrust.estimation._residuals import (  # private: with any law and nois
     Innovations,
     SimulationError,
 )
+from diffthrust.estimation._runaway import farthest_runaway  # private: of a fit
 from diffthrust.estimation._solver import (  # private: from any point, for any budget
     BoundedLevenbergMarquardt,
     Solved,
@@ -113,6 +114,7 @@ __all__ = [
     "evaluate",
     "examine",
     "failed_over",
+    "farthest_runaway",
     "folds",
     "gram",
     "horizons_module",

@@ -29,7 +29,7 @@ _AGREEING = 2
 def measured_mends(context: SearchContext, first: FittedStage) -> tuple[MeasuredMend, ...]:
     """The model as given, fitted to the logs without each mistake that is doubted.
 
-    None of a doubt where a fit by one of its readings has not reached what several starts reach.
+    None of a reading whose fit has not reached what several starts reach.
     The logs as they are are fitted from where those ended, too: on the BlueBoat, whose own fit had
     ended in 0.95, an exchange of the thrusters that ended in 0.76 was credited with what more
     starts do to the logs as they are. No two of their starts need to agree: with a mistake in them
@@ -46,15 +46,13 @@ def measured_mends(context: SearchContext, first: FittedStage) -> tuple[Measured
         for k, reading in enumerate(doubt.readings)
         if set(reading.sources) <= {*used, "time"}
     )
-    fits, undecided, guesses = [], [], [context.guess]
+    fits, guesses = [], [context.guess]
     for doubt, k in islice(tried, SETTINGS.whole_runs.most_mends):
         fitted = _fitted_to_mended(context, first, doubt, k, guesses)
         if not _is_reached(fitted.fit):
-            undecided.append(doubt)
             continue
         guesses.append({n: e.value for n, e in fitted.fit.parameters.items() if not e.fixed})
         fits.append((doubt, doubt.readings[k], fitted))
-    fits = [each for each in fits if each[0] not in undecided]
     if not fits:
         return ()
     baseline = _as_they_are(context, first, guesses)

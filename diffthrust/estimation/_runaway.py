@@ -180,7 +180,10 @@ def _suspects(fit: Fit, times: float) -> Iterator[tuple[str, float]]:
     for name in (name for name in fit.free if name not in fit.per_log):
         estimate, parameter = fit.parameters[name], fit.model.parameters[name]
         size = max(abs(fit.guess[name]), abs(parameter.null or 0.0))
-        if size > 0 and not estimate.at_bound and abs(estimate.value) >= times * size:
+        # a logarithm without an upper bound is stopped fifteen decades up: the inertia of a
+        # BlueBoat whose sides are exchanged ended there, at 2e15 kg m^2
+        bounded = estimate.at_bound and math.isfinite(parameter.limits[int(estimate.value > 0)])
+        if size > 0 and not bounded and abs(estimate.value) >= times * size:
             yield name, estimate.value
 
 

@@ -73,7 +73,13 @@ def test_logs_that_no_two_starts_fit_alike_have_mends_that_are_told(measured):
     assert [mend.worth.share for mend in mends] == pytest.approx([0.75, 0.84])
 
 
-def test_nothing_is_told_of_a_doubt_whose_fits_do_not_agree(measured):
-    mends, asked = measured(ended(1.0, 3), ended(0.5, 2), ended(0.4, 1))
+def test_nothing_is_told_of_a_reading_whose_fits_do_not_agree(measured):
+    mends, asked = measured(ended(1.0, 3), ended(0.5, 1), ended(0.4, 1))
     assert mends == ()
     assert len(asked) == 2  # the logs as they are are not fitted for nothing
+
+
+def test_the_other_reading_of_its_doubt_is_told(measured):
+    """Of a BlueBoat with free masses an exchange ended apart; a turned yaw rate removed 60 %."""
+    mends, _ = measured(ended(1.0, 3), ended(0.5, 2), ended(0.4, 1))
+    assert [mend.reading.words for mend in mends] == ["turned"]

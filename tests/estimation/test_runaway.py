@@ -1,7 +1,10 @@
 """Parameters that run away are named, with a mend; those that were merely guessed badly are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from problems import farthest_runaway
 
 import diffthrust as dft
 
@@ -50,6 +53,16 @@ def test_a_parameter_that_the_logs_bound_is_not(guess):
     fit = dft.fit(Follower(rate=guess), followed(rate=0.8), starts=1, doubts=False)
     assert fit.parameters["rate"].value == pytest.approx(0.8, rel=0.1)
     assert not any("runs away" in note for note in fit.notes)
+
+
+def test_a_logarithm_that_ended_where_numbers_do_has_run_away():
+    """The inertia of a BlueBoat ended at 2e15 kg m^2: no bound of its own, and yet "at bound"."""
+    fit = dft.fit(Follower(rate=1.0), followed(rate=0.8), starts=1, doubts=False)
+    far = replace(fit.parameters["rate"], value=1.0 * np.exp(35.0), at_bound=True)
+    for bounds, ran in (((0, None), True), ((0, far.value), False)):
+        model = Follower(rate={"value": 1.0, "bounds": bounds})
+        ended = replace(fit, model=model, parameters={"rate": far})
+        assert (farthest_runaway(ended, {"rate": 1.0}) is not None) == ran
 
 
 @pytest.mark.thorough
