@@ -15,6 +15,7 @@ from diffthrust.diagnosis import _rival_models as rival_models_module
 from diffthrust.diagnosis import _search_state as search_state_module
 from diffthrust.diagnosis import _trial_programs as trial_programs_module
 from diffthrust.diagnosis._admission import worths_between  # private: of two stages
+from diffthrust.diagnosis._bounds import idle_bounds  # private: of one stage
 from diffthrust.diagnosis._candidates import (  # private: without a search
     candidates_of,
     constants_in,
@@ -370,6 +371,7 @@ __all__ = [
     "headroom_between",
     "height_at",
     "height_over_turns",
+    "idle_bounds",
     "is_at_null",
     "knots_of",
     "learners_for",

@@ -223,6 +223,8 @@ class Assessment(Brief):
             why.
         recurring: worked out where ``room`` may be, of runs that repeat their inputs: by channel
             the share of the squared error that recurs.
+        idle_bounds: parameters of the model as given that a bound has stopped, beyond which whole
+            runs err no less.
     """
 
     before: Comparison
@@ -235,6 +237,7 @@ class Assessment(Brief):
     changed: ChangedSize | None = None
     room: Headroom | None = field(default=None, repr=False)
     recurring: Mapping[str, Worth] = field(default_factory=dict)
+    idle_bounds: tuple[str, ...] = ()
 
     @property
     def judged(self) -> Comparison:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from diffthrust.diagnosis._admission import remaining_share
+from diffthrust.diagnosis._bounds import idle_bounds
 from diffthrust.diagnosis._changed_size import changed_size
 from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._equivalence import SearchResult
@@ -83,6 +84,7 @@ def assessed(
         one_step=one_step_sizes(fitter, trial),
         remaining=remaining,
         odd_logs=odd,
+        idle_bounds=idle_bounds(context, last),
     )
     is_open = (
         remaining is not None

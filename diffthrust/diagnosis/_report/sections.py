@@ -22,6 +22,7 @@ from diffthrust._support.report import (
 )
 from diffthrust._support.words import capitalised, humanize, joined
 from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.diagnosis._bounds import is_whole
 from diffthrust.diagnosis._findings import (
     Findings,
 )
@@ -35,7 +36,6 @@ from diffthrust.diagnosis._report.summary import TO_COPY, summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
     beyond_bound,
-    is_whole,
     measured,
     model_words,
     parameter_words,

@@ -134,13 +134,16 @@ def _caution(diag: Findings) -> Part:
 
 
 def _bounds(diag: Findings) -> Part:
-    """Parameters at their bounds, but where a mend of the logs leads: these may be its doing."""
+    """Parameters at bounds that cost something.
+
+    Not where a mend of the logs leads: these may be its doing.
+    """
     if diag.helpful_mends:
         return ()
     stopped = [
         (name, amount)
         for full, (name, amount, _) in stopped_parameters(diag.fit).items()
-        if full in diag.model.parameters
+        if full in diag.model.parameters and full not in diag.idle_bounds
     ]
     if not stopped:
         return ()

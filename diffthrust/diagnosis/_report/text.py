@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from diffthrust._support.words import an, capitalised, humanize, joined, number, with_error
+from diffthrust.diagnosis._bounds import stopped_by_bound, vanished_parameters
 from diffthrust.diagnosis._explained_share import adds_little, surely_removes
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._settings import SETTINGS
@@ -14,7 +15,6 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._runaway import farthest_runaway
 from diffthrust.models._base.effect import EFFECTS, Effect
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import Errors
 
 
@@ -219,7 +219,11 @@ def stopped_words(diag: Findings) -> list[str]:
     added = joined(map(an_effect, diag.added))
     sentences = []
     for full, (name, amount, way) in {**first, **last}.items():
-        if full in diag.model.parameters and full in last:
+        if full in diag.idle_bounds:
+            sentences.append(
+                f"{name} stopped at its bound of {amount}: beyond it whole runs err no less."
+            )
+        elif full in diag.model.parameters and full in last:
             sentences.append(
                 f"{name} stopped at its bound of {amount}: these logs favour a {way} value. What "
                 "follows holds under that bound: widen it, if physically possible, and diagnose "
@@ -251,21 +255,14 @@ def beyond_bound(amount: str) -> str:
 
 
 def stopped_parameters(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
-    """Of each parameter that a bound stopped its name in words, the bound, and which way it went.
-
-    Without those at the null of their effect, or at the zero of a logarithm: there the effect has
-    vanished, which the notes say. And without shares that are whole, of which there is no more.
-    """
+    """Of parameters that a bound stopped their name, the bound, and which way they went, in words."""
     stopped = {}
-    for full, p in fit.model.parameters.items():
-        e, (low, high) = fit.parameters[full], p.limits
-        above = abs(e.value - high) < abs(e.value - low)
-        vanished = e.value == p.null or _is_zero(e, p)
+    for full in stopped_by_bound(fit):
         effect, _, name = full.rpartition(".")
-        if e.at_bound and not vanished and not is_whole(effect, name, e.value):
-            words = parameter_words(name, effect)
-            value = amount(f"{e.shown[0]:.4g}", e.shown[2])
-            stopped[full] = words, value, "higher" if above else "lower"
+        e, (low, high) = fit.parameters[full], fit.model.parameters[full].limits
+        above = abs(e.value - high) < abs(e.value - low)
+        value = amount(f"{e.shown[0]:.4g}", e.shown[2])
+        stopped[full] = parameter_words(name, effect), value, "higher" if above else "lower"
     return stopped
 
 
@@ -289,31 +286,6 @@ def vanished_words(diag: Findings) -> list[str]:
         f"Beside {joined(map(an_effect, diag.added))} {joined(names)} {go} to zero: the model does "
         f"as well without {terms}."
     ]
-
-
-def vanished_parameters(fit: Fit) -> tuple[str, ...]:
-    """The parameters at the zero of a logarithm, where their terms are absent."""
-    described = fit.model.parameters
-    return tuple(n for n, e in fit.parameters.items() if e.at_bound and _is_zero(e, described[n]))
-
-
-def _is_zero(estimate: Estimate, parameter: Parameter) -> bool:
-    """Whether a parameter at a bound is at the zero of a logarithm."""
-    low, high = parameter.limits
-    above = abs(estimate.value - high) < abs(estimate.value - low)
-    return parameter.transform == "log" and low <= 0 and not above
-
-
-def is_whole(effect: str, name: str, value: float) -> bool:
-    """Whether a number of a known effect is a share at its natural end: a full sag, a swap.
-
-    Example:
-        >>> is_whole("supply_voltage_sag", "share", 1.0), is_whole("load_exponent", "exponent", 4.0)
-        (True, False)
-    """
-    declared = EFFECTS[effect].declared.get(name) if effect in EFFECTS else None
-    ends = declared.bounds if declared and not declared.unit else ()
-    return value in ends and value in (-1.0, 0.0, 1.0)
 
 
 def amount(size: str, unit: str) -> str:

@@ -1,0 +1,42 @@
+"""A bound that has stopped a parameter is to be widened only where that gains something."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from reference import inputs, noise, thruster
+from steps import Clock, FittedStage, Refit, bind, idle_bounds
+
+import diffthrust as dft
+
+TIME = 0.05 * np.arange(600)
+
+
+@pytest.fixture(scope="module")
+def logs():
+    rng, made = np.random.default_rng(7), []
+    for _ in range(3):
+        command = inputs.low_passed_random(TIME, 2.0, rng)
+        record = thruster.simulate(TIME, command, method="rk4")
+        record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+        made.append(dft.Log(record.time, record.inputs, record.measured))
+    return made[:2], made[2:]
+
+
+@pytest.mark.parametrize(("share", "idle"), [(0.999, ("beta",)), (0.5, ())])
+def test_a_bound_is_idle_where_whole_runs_err_no_less_beyond_it(logs, share, idle):
+    """Half of the drive costs a third of the speed; a thousandth of it less than the noise."""
+    free = dft.fit(dft.Thruster(), logs[0], starts=1).parameters["beta"].value
+    given = dft.Thruster().replace(beta={"value": 0.4 * free, "bounds": (0, share * free)})
+    records = [bind(given, each) for each in logs]
+    refit = Refit(*records, {"seed": 0}, Clock())
+    last = FittedStage((), *refit(given, starts=1))
+    assert last.fit.parameters["beta"].at_bound
+    context = SimpleNamespace(given=given, refit=refit, say=lambda *_: None)
+    assert idle_bounds(context, last) == idle
+
+
+def test_no_fit_is_made_where_nothing_is_at_a_bound(logs):
+    refit = Refit(*[bind(dft.Thruster(), each) for each in logs], {"seed": 0}, Clock())
+    last = FittedStage((), *refit(dft.Thruster(), starts=1))
+    assert idle_bounds(SimpleNamespace(given=dft.Thruster()), last) == ()
