@@ -255,7 +255,7 @@ def beyond_bound(amount: str) -> str:
 
 
 def stopped_parameters(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
-    """Of parameters that a bound stopped their name, the bound, and which way they went, in words."""
+    """Of parameters that a bound stopped name, bound, and which way they went, in words."""
     stopped = {}
     for full in stopped_by_bound(fit):
         effect, _, name = full.rpartition(".")
