@@ -150,6 +150,7 @@ class Comparison(Result):
                 [signals_of(self.model, run) for run in runs],
                 units_of(runs[0]),
                 plain=self.model.angles,
+                inputs=runs[0].record.inputs,
                 channels=len(self.errors.channels),
             )
         return tuple(regimes)

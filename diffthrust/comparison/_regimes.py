@@ -31,6 +31,7 @@ class Regime:
         p_value: how often chance gives as much, with the search and the correlation of the
             residual in time accounted for.
         outside: whether it leaves out the samples of a regime that was named before.
+        modelled: whether its signals are the model's, and not inputs of the logs.
     """
 
     channel: str
@@ -39,6 +40,7 @@ class Regime:
     share_of_samples: float
     p_value: float
     outside: bool = False
+    modelled: bool = False
 
     @property
     def signal(self) -> str:
@@ -69,6 +71,7 @@ class Regime:
     def sentence(self) -> str:
         """The regime in plain words, with units."""
         place = " and ".join(interval.phrase for interval in self.where)
+        place += " by the model" * self.modelled
         outside = "Outside that, " if self.outside else ""
         return (
             f"{outside}{percent(self.share_of_error)} of the squared {self.channel} error lies "
@@ -99,6 +102,7 @@ def worst_regimes(
     units: Mapping[str, str],
     *,
     plain: Collection[str] = (),
+    inputs: Collection[str] = (),
     most: int = 2,
     channels: int = 1,
 ) -> tuple[Regime, ...]:
@@ -116,6 +120,7 @@ def worst_regimes(
         signals: the signals of each run by name, ``(n,)`` each.
         units: unit of each signal.
         plain: signals of which only the value is searched, such as an angle that jumps by a turn.
+        inputs: signals that come from the logs; all others are the model's.
         most: how many regimes to name; each further one lies outside those before it.
         channels: how many channels are searched in all; p-values are multiplied by it.
 
@@ -123,13 +128,17 @@ def worst_regimes(
         The regimes, the one with the largest excess first; none where none is significant.
 
     Example:
-        >>> worst_regimes("speed", [rest], [t], [{"command": u}], {"command": "V"})[0].sentence
+        >>> worst_regimes(
+        ...     "speed", [rest], [t], [{"command": u}], {"command": "V"}, inputs=["command"]
+        ... )[0].sentence
         '62 % of the squared speed error lies where |command| < 0.2 V, 9 % of the samples.'
     """
     samples = _gathered(residuals, times, signals, units, plain)
     if samples is None:
         return ()
     block = _block(residuals)
+    logged = {name: signals[0][name] for name in inputs if name in signals[0]}
+    of_logs = derived_signals(times[0], logged, units, plain)
     rng = np.random.default_rng(0)  # equal residuals give equal regimes
     everything, outside = float(samples.energy.sum()), np.ones(samples.energy.size, bool)
     regimes: list[Regime] = []
@@ -149,7 +158,8 @@ def worst_regimes(
                 where, p, inside = [*where, closer[0]], max(p, closer[1]), both
         error = float(remaining.energy[inside].sum()) / everything
         share = float(inside.sum()) / outside.size
-        regimes.append(Regime(channel, tuple(where), error, share, p, outside=bool(regimes)))
+        modelled = not {interval.signal for interval in where} <= {*of_logs}
+        regimes.append(Regime(channel, tuple(where), error, share, p, bool(regimes), modelled))
         outside[np.flatnonzero(outside)[inside]] = False
     return tuple(regimes)
 

@@ -29,7 +29,7 @@ def run(seed: int, n: int = 500, staircase: bool = False) -> dict[str, np.ndarra
 
 def found(runs: list[dict[str, np.ndarray]], residuals: list[np.ndarray], **options):
     times = [np.arange(rest.size) * STEP for rest in residuals]
-    return worst_regimes("speed", residuals, times, runs, UNITS, **options)
+    return worst_regimes("speed", residuals, times, runs, UNITS, inputs=("command",), **options)
 
 
 def test_a_dead_zone_is_found_and_said_in_words():
@@ -46,6 +46,7 @@ def test_a_dead_zone_is_found_and_said_in_words():
     inside = np.concatenate([np.abs(s["command"]) < regime.high for s in runs])
     energy = np.concatenate(rests) ** 2
     assert regime.share_of_samples == pytest.approx(inside.mean(), abs=0.02)
+    assert not regime.modelled
     assert regime.share_of_error == pytest.approx(energy[inside].sum() / energy.sum(), abs=0.05)
     assert regime.p_value <= 0.05
     start = (
@@ -141,6 +142,13 @@ def test_no_regime_where_the_simulation_failed_or_nothing_is_left():
 )
 def test_intervals_in_words(interval, words):
     assert interval.phrase == words
+
+
+def test_a_signal_of_the_model_is_named_as_such():
+    """Of the NGS's bench it read as if the measured speed had been below 70 rad/s."""
+    where = (SignalRange("speed", -np.inf, 70.0, "rad/s"),)
+    regime = Regime("speed", where, 0.62, 0.1, 0.005, modelled=True)
+    assert "lies where speed < 70 rad/s by the model, 10 % of" in regime.sentence
 
 
 def test_a_regime_as_plain_data():
