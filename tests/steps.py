@@ -97,6 +97,7 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
 from diffthrust.diagnosis._linear_response import (  # private: the test alone
     project_out,
     score_test,
+    why_untestable,
 )
 from diffthrust.diagnosis._mended import MeasuredMend  # private: made by hand
 from diffthrust.diagnosis._missing import (  # private: made by hand
@@ -447,6 +448,7 @@ __all__ = [
     "verdict_of",
     "verdict_words",
     "wald",
+    "why_untestable",
     "with_candidates",
     "with_companion",
     "with_equivalents",

@@ -399,8 +399,11 @@ def promised_gain(q: Quadratic, movable: np.ndarray) -> float:
     return -0.5 * energy * float(np.log1p(-min(removed / energy, _MOST_REMOVED)))
 
 
-def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
-    """Whether an effect does nothing that the other estimated parameters cannot."""
+def why_untestable(q: Quadratic, names: Sequence[str], effect: str) -> str:
+    """Why an effect does nothing that the other estimated parameters cannot; "" if it does.
+
+    An asymmetry of a propeller astern does nothing at all on a tanker that never goes astern.
+    """
     live = (np.diagonal(q.information) > 0) & np.isfinite(np.diagonal(q.information))
     of_this = np.zeros(live.size, bool)
     of_this[: len(names)] = [of_effect(n, effect) for n in names]
@@ -408,8 +411,10 @@ def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
     scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
     of_this = of_this[live]
     if not of_this.any():
-        return True
+        return "it changes nothing that is measured in these logs"
     cross, nuisance = scaled[np.ix_(of_this, ~of_this)], scaled[np.ix_(~of_this, ~of_this)]
     through = cross @ np.linalg.pinv(nuisance, 1e-12, True)
     projected = scaled[np.ix_(of_this, of_this)] - through @ cross.T
-    return bool(np.diagonal(projected).max() < _REDUNDANT)
+    if np.diagonal(projected).max() < _REDUNDANT:
+        return "other parameters do the same to what is measured"
+    return ""

@@ -20,7 +20,7 @@ from diffthrust.diagnosis._innovations_fit import (
     TrialFit,
     side_by_side,
 )
-from diffthrust.diagnosis._linear_response import redundant
+from diffthrust.diagnosis._linear_response import why_untestable
 from diffthrust.diagnosis._screening import is_at_null, levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
@@ -56,9 +56,10 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
     for name, trial in screened(fitter, names, present, levels, fallback).items():
         # with a gain as large as this the other parameters have not replaced the effect
         gains = present.cost - trial.cost > SETTINGS.admission.plain_bic_gain
-        if not gains and redundant(trial.quadratic, trial.names, name):
+        why = "" if gains else why_untestable(trial.quadratic, trial.names, name)
+        if why:
             if name not in fitter.constants:
-                untestable.setdefault(name, "other parameters do the same to what is measured")
+                untestable.setdefault(name, why)
         else:
             promising.append((name, trial))
     silent = state.silent | ({*names} - {name for name, _ in promising})

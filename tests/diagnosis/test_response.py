@@ -29,6 +29,7 @@ from steps import (
     simulation_fitter,
     trial_programs_module,
     unrefuted,
+    why_untestable,
     with_equivalents,
     with_exchange,
     worths_between,
@@ -166,6 +167,20 @@ def test_a_promise_tells_what_is_worth_a_fit(trials, name, point):
     gained = base.cost - fitted.cost
     assert (promised.gain > 20) == (gained > 20)  # a damping is there, a wrong scale is not
     assert promised.gain == pytest.approx(gained, rel=0.7, abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("information", "why"),
+    [
+        ([[4.0, 1.0], [1.0, 1.0]], ""),
+        ([[4.0, 0.0], [0.0, 0.0]], "it changes nothing that is measured in these logs"),
+        ([[4.0, 2.0], [2.0, 1.0]], "other parameters do the same to what is measured"),
+    ],
+)
+def test_why_an_effect_cannot_be_tested(information, why):
+    """A tanker that never goes astern says nothing of its propeller there; no parameter does."""
+    q = SimpleNamespace(information=np.array(information))
+    assert why_untestable(q, ("beta", "friction.level"), "friction") == why
 
 
 MOMENTS = np.arange(500) * 0.05
