@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest, short_repr
+from diffthrust.effects import EFFECTS
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.specs._parts import ChannelPart, ExpectedNumber, ParameterPart, SpecFile
 
@@ -153,7 +154,7 @@ def _dotted(data: dict[str, Any]) -> None:
     effects = [effects] if isinstance(effects, str | dict) else effects
     effects = effects if isinstance(effects, list) else []
     called = [e.get("name", "") if isinstance(e, dict) else e for e in effects]
-    names = {str(word).rpartition(":")[2] for word in called}
+    names = {*EFFECTS, *(str(word).rpartition(":")[2] for word in called)}
     channels = data.get("channels")
     if isinstance(channels, dict):  # [channels.port.command] is the channel "port.command"
         for name, table in list(channels.items()):

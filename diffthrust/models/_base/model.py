@@ -274,11 +274,12 @@ class Model(Component):
         named = self.parameters
         for name, new in {**(parameters or {}), **more}.items():
             if name not in named:
-                near = nearest(name, named)
+                near, effect = nearest(name, named), name.rpartition(".")[0]
+                absent = effect in Effect.library and effect not in [e.name for e in self.effects]
                 raise InputError(
                     f"{self} has no parameter '{name}'{f' ({near})' if near else ''}; "
                     f"it has {listing(named)}.",
-                    "Correct the name.",
+                    f'Add the effect "{effect}" first.' if absent else "Correct the name.",
                 )
             named[name] = changed(named[name], new, name)
             named[name].check(name)
