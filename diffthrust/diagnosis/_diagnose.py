@@ -187,7 +187,7 @@ def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext,
         search = with_equivalents(context, state, first)
         if search.better is None:
             return context, search
-        state = with_exchange(context, state, search.better)
+        state = with_exchange(context, state, *search.better)
 
 
 def provenance(

@@ -3,20 +3,22 @@
 A search adds the effect that helps most where it stands. What came later may make a rival of it the
 better one: of a BlueBoat with exchanged sides a force exponent predicted the next sample much
 better than a quadratic surge drag, and beside it the drag promised nothing; in its place the drag
-halves the surge error over whole runs.
+halves the surge error over whole runs. And what is only detectable may keep out a rival: of a
+tanker a rudder inflow, which changes nothing over whole runs, stood for a quadratic sway drag.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import worths_between
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import no_better, price_of, unseen_gain
-from diffthrust.diagnosis._explained_share import Worth, matters
+from diffthrust.diagnosis._explained_share import Worth, adds_little, matters
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
 from diffthrust.diagnosis._screening import levels_of, screened
@@ -47,14 +49,14 @@ class SearchResult(NamedTuple):
         state: where it ended.
         groups: for each effect of its last stage those that explain as much in its place.
         detectable_groups: the same for each that is only detectable.
-        better: the last stage with a rival in the place of one of its effects, if whole runs then
-            surely err less.
+        better: an effect, and the last stage with a rival in its place, if whole runs then surely
+            err less.
     """
 
     state: SearchState
     groups: tuple[tuple[str, ...], ...]
     detectable_groups: tuple[tuple[str, ...], ...]
-    better: FittedStage | None = None
+    better: tuple[str, FittedStage] | None = None
 
 
 def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit) -> SearchResult:
@@ -81,11 +83,19 @@ def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit
         early = near_over_whole_runs(context, state, name, alike)
         refitted = refitted_rivals(context, last, name, early)
         if better := _surely_better(last, refitted.values()):
-            return SearchResult(state, (), (), better)
+            return SearchResult(state, (), (), (name, better))
         alike += [r for r, s in refitted.items() if errs_as_little(*worths_between(s, last))]
         groups.append((name, *dict.fromkeys(alike)))
-    # what is only detectable does next to nothing to whole runs
-    detectable = [(name, *near(name)) for name in state.detectable if name in fitter.candidates]
+    detectable = []
+    for name in (n for n in state.detectable if n in fitter.candidates):
+        alike = near(name)
+        if simulation_is_poor(context, state, last):
+            nearest = dict(islice(alike.items(), SETTINGS.equivalence.most_named))
+            stages = refitted_rivals(context, last, name, nearest).values()
+            better = _surely_better(last, (s for s in stages if _removes_a_tenth(last, s)))
+            if better:
+                return SearchResult(state, (), (), (name, better))
+        detectable.append((name, *alike))
     return SearchResult(state, tuple(groups), tuple(detectable))
 
 
@@ -95,22 +105,27 @@ def _surely_better(last: FittedStage, stages: Iterable[FittedStage]) -> FittedSt
     return min(better, key=lambda stage: stage.train.nrmse, default=None)
 
 
-def with_exchange(context: SearchContext, state: SearchState, better: FittedStage) -> SearchState:
+def _removes_a_tenth(last: FittedStage, stage: FittedStage) -> bool:
+    worth, everywhere = worths_between(last, stage)
+    return not adds_little(replace(worth, everywhere=everywhere))
+
+
+def with_exchange(
+    context: SearchContext, state: SearchState, name: str, better: FittedStage
+) -> SearchState:
     """The search with a stage that has a rival in the place of an effect; it is not ended."""
     fitter, trial = context.fitter, state.current.trial
-    gone = [name for name in state.stages[-1].effects if name not in better.effects]
-    new = [name for name in better.effects if name not in state.stages[-1].effects]
+    new = [effect for effect in better.effects if effect not in state.stages[-1].effects]
     values = {**trial.values, **{n: p.value for n, p in better.fit.model.parameters.items()}}
-    for name in gone:
-        values = fitter.absent(name, values)
-    effects = (*(n for n in trial.effects if n not in (*gone, *new)), *new)
+    values = fitter.absent(name, values)
+    effects = (*(n for n in trial.effects if n not in (name, *new)), *new)
     settled = fitter.settled(effects, values, None, trial.clip)
     return replace(
         state,
         current=CurrentModel(fitter, settled),
         stages=(*state.stages, better),
-        dropped=(*state.dropped, *gone),
-        detectable=tuple(name for name in state.detectable if name not in new),
+        dropped=(*state.dropped, name),
+        detectable=tuple(n for n in state.detectable if n not in (name, *new)),
         refused={},
         possible={},
         exhausted=False,
@@ -205,7 +220,7 @@ def unrefuted(
 def refitted_rivals(
     context: SearchContext, stage: FittedStage, name: str, rivals: Mapping[str, TrialFit]
 ) -> dict[str, FittedStage]:
-    """The last stage with each rival in the place of an effect.
+    """The last stage with each rival in the place of an effect, or of one that is only detectable.
 
     Fitted from several starts: where a rival was as good when the effect was added, what came later
     is fitted beside the effect, and a fit that starts there may end far from where the rival does
@@ -214,7 +229,7 @@ def refitted_rivals(
     """
     stages = {}
     for rival, trial in rivals.items():
-        names = tuple(rival if n == name else n for n in stage.effects)
+        names = (*(n for n in stage.effects if n != name), rival)
         model = with_candidates(context.given, names, context.fitter.candidates, stage.fit.model)
         free = {n for n, p in model.parameters.items() if not p.fixed}
         last = {n: e.value for n, e in stage.fit.parameters.items() if n in free}

@@ -295,11 +295,17 @@ def test_a_rival_that_whole_runs_prove_better_takes_the_place_of_an_effect(known
 
     found = with_equivalents(context, with_(lag), first)
     assert found.better is not None
-    assert found.better.effects == (friction,)
-    exchanged = with_exchange(context, found.state, found.better)
+    assert (found.better[0], found.better[1].effects) == (lag, (friction,))
+    exchanged = with_exchange(context, found.state, *found.better)
     assert exchanged.current.trial.effects == exchanged.stages[-1].effects == (friction,)
     assert exchanged.dropped == (lag,)
     assert not exchanged.exhausted
+    # the lag is only detectable, and keeps the friction out
+    kept_out = replace(with_(lag), stages=state.stages, detectable=(lag,))
+    found = with_equivalents(context, kept_out, first)
+    assert found.better is not None
+    assert (found.better[0], found.better[1].effects) == (lag, (friction,))
+    assert with_exchange(context, found.state, *found.better).detectable == ()
     right = with_equivalents(context, with_(friction), first)
     assert right.better is None
     assert right.groups == ((friction,),)
