@@ -97,10 +97,7 @@ def worth_words(diag: Findings) -> list[str]:
         sentences.append(f"{capitalised(joined(unsure))} {has} no sure effect on whole runs.")
     if diag.detectable:
         groups = diag.detectable_groups or [(name,) for name in diag.detectable]
-        listed = joined(
-            " or ".join(map(an_effect, group)) + _detectable_share(diag, group[0])
-            for group in groups
-        )
+        listed = joined(_left_out(diag, *group) for group in groups)
         each = "it" if len(groups) == 1 else "each of them"
         sentences.append(
             f"Left out: {listed}. With {each} the next {sample_word(diag)} is predicted better, "
@@ -157,6 +154,17 @@ def sample_word(diag: Findings) -> str:
     return "row" if diag.before.tabular else "sample"
 
 
+def _left_out(diag: Findings, name: str, *rivals: str) -> str:
+    """An effect that is only detectable, what it does to whole runs, and what it may be as well."""
+    alike = joined(map(an_effect, rivals), "or")
+    words = [
+        _detectable_share(diag, name),
+        f"the next {sample_word(diag)} cannot tell it from {alike}" * bool(rivals),
+    ]
+    inside = "; ".join(filter(None, words))
+    return an_effect(name) + f" ({inside})" * bool(inside)
+
+
 def _detectable_share(diag: Findings, name: str) -> str:
     worth = diag.worth.get(name)
     if worth is None:
@@ -164,8 +172,8 @@ def _detectable_share(diag: Findings, name: str) -> str:
     if sure := sure_share(worth):
         logs = " on " + judged_logs(diag, True) if sure.everywhere else ""
         of = squared_error(sure.channel, LEFT)
-        return f" (it would remove {sure.worth} of the {of}{logs})"
-    return " (no sure effect on whole runs)"
+        return f"it would remove {sure.worth} of the {of}{logs}"
+    return "no sure effect on whole runs"
 
 
 def judged_logs(diag: Findings, everywhere: bool) -> str:
