@@ -458,6 +458,18 @@ def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"NRMSE goes from {mend.before.nrmse:.3g} to {mend.after.nrmse:.3g}"
 
 
+@claim(r"Or with (?P<what>[^\n]+?): look which of them is true\.")
+def _other_reading(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    doubt = diag.helpful_mends[0].doubt
+    others = [reading.words for reading in doubt.readings]
+    others.remove(diag.helpful_mends[0].reading.words)
+    if not all(words in others for words in re.split(", | or ", m["what"])):
+        yield f"other readings: {others}"
+    for mend in diag.mends:
+        if mend.reading.words in m["what"] and mend.worth.high <= 0:
+            yield f"{mend.reading.words} removes {mend.worth}"
+
+
 @claim(r"First diagnose again with (?P<what>[^\n]+?)\.")
 def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if m["what"] not in [x.reading.words for x in diag.helpful_mends]:

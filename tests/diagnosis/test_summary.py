@@ -94,11 +94,20 @@ def test_what_is_not_so_is_seen(made_up, old, new, why):
 # -- whatever was found ----------------------------------------------------------------------------
 
 
+UNSURE, HARMFUL = Worth(0.37, -0.97, 0.93), Worth(-0.4, -0.6, -0.2)
+
+
 def with_a_mend(diag):
     reading = dft.soundness.Reading(
         "thrust and speed exchanged", '[channels.thrust] column = "speed", or ...'
     )
-    doubt = dft.soundness.Doubt("thrust", "exchanged", "It is odd.", "look", (reading,))
+    return mended(diag, (reading,))
+
+
+def mended(diag, readings):
+    """A doubt with these readings, of which the first was measured, and helps."""
+    reading = readings[0]
+    doubt = dft.soundness.Doubt("thrust", "exchanged", "It is odd.", "look", readings)
     first = diag.stages[0].fit
     stages = (replace(diag.stages[0], fit=replace(first, doubts=(doubt,))), *diag.stages[1:])
     before = first.holdout or first.train
@@ -158,6 +167,21 @@ def test_the_mend_of_a_log_leads_and_is_what_is_copied():
     )
     assert lines[1] == "What is told below may come from this mistake."
     assert lines[2:] == ['Copy under [channels.thrust]: column = "speed"']
+
+
+@pytest.mark.parametrize(("worth", "said"), [(None, True), (UNSURE, True), (HARMFUL, False)])
+def test_another_mistake_that_a_doubt_may_come_from_is_told(worth, said):
+    """A boat with exchanged sides was told to turn its gyroscope, which errs least."""
+    words = ("the sign of thrust reversed", "thrust and speed exchanged")
+    diag = mended(made.found(), tuple(dft.soundness.Reading(w, "[channels.a] b") for w in words))
+    if worth:
+        (mend,) = diag.mends
+        other = replace(mend, reading=mend.doubt.readings[1], worth=worth, after=mend.before)
+        diag = replace(diag, mends=(mend, other))
+    line = "Or with thrust and speed exchanged: look which of them is true."
+    assert (line in diag.summary.splitlines()) is said
+    assert claims.contradictions(diag, text=diag.summary) == []
+    assert (claims.contradictions(diag, text=line) == []) is said
 
 
 def test_a_rate_is_told_in_words():

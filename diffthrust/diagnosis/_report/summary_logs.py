@@ -40,6 +40,7 @@ def doubtful(diag: Findings) -> list[Part]:
     return [
         _sound(diag),
         _logs(diag),
+        _other_reading(diag),
         _ran_away(diag),
         _odd_logs(diag),
         _caution(diag),
@@ -85,6 +86,24 @@ def _logs(diag: Findings) -> Part:
     if diag.before.hints:
         return as_part((11, "Check the logs: a channel may not mean what its name says"))
     return ()
+
+
+def _other_reading(diag: Findings) -> Part:
+    """Another mistake that the same doubt may come from, unless its mend was seen to do harm.
+
+    Of a BlueBoat whose left and right are exchanged a turned yaw rate errs least: these logs do not
+    tell, and who turns the gyroscope of a boat with exchanged cables has two mistakes.
+    """
+    if not (mends := diag.helpful_mends):
+        return ()
+    doubt, first = mends[0].doubt, mends[0].reading
+    harmful = [m.reading.words for m in diag.mends if m.doubt is doubt and m.worth.high <= 0]
+    others = [
+        reading.words for reading in doubt.readings if reading.words not in (first.words, *harmful)
+    ]
+    if not others:
+        return ()
+    return as_part((8, f"Or with {joined(others, 'or')}: look which of them is true"))
 
 
 def _ran_away(diag: Findings) -> Part:
