@@ -15,7 +15,11 @@ from diffthrust.diagnosis import _rival_models as rival_models_module
 from diffthrust.diagnosis import _search_state as search_state_module
 from diffthrust.diagnosis import _trial_programs as trial_programs_module
 from diffthrust.diagnosis._admission import worths_between  # private: of two stages
-from diffthrust.diagnosis._bounds import idle_bounds  # private: of one stage
+from diffthrust.diagnosis._bounds import (  # private: of one stage
+    idle_bounds,
+    stopped_by_bound,
+    vanished_parameters,
+)
 from diffthrust.diagnosis._candidates import (  # private: without a search
     candidates_of,
     constants_in,
@@ -46,12 +50,11 @@ from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and 
     alike_by_shares,
     errs_as_little,
     near_over_whole_runs,
-    refitted_rivals,
     refuted,
     unrefuted,
     with_equivalents,
-    with_exchange,
 )
+from diffthrust.diagnosis._exchange import refitted_rivals  # private: on given trials
 from diffthrust.diagnosis._explainable import (  # private: the regressions alone
     ErrorRecord,
     Rung,
@@ -432,6 +435,7 @@ __all__ = [
     "step",
     "still_refused",
     "stopped",
+    "stopped_by_bound",
     "strongest_line",
     "sure_share",
     "surely_less",
@@ -444,6 +448,7 @@ __all__ = [
     "unused_channels",
     "unused_notes",
     "upheld",
+    "vanished_parameters",
     "verdict_evidence",
     "verdict_of",
     "verdict_words",
@@ -452,7 +457,6 @@ __all__ = [
     "with_candidates",
     "with_companion",
     "with_equivalents",
-    "with_exchange",
     "with_jump",
     "within_budget",
     "words_in",

@@ -31,7 +31,7 @@ class Regime:
         p_value: how often chance gives as much, with the search and the correlation of the
             residual in time accounted for.
         outside: whether it leaves out the samples of a regime that was named before.
-        modelled: whether its signals are the model's, and not inputs of the logs.
+        modelled: those of its signals that are the model's, and not of the logs.
     """
 
     channel: str
@@ -40,7 +40,7 @@ class Regime:
     share_of_samples: float
     p_value: float
     outside: bool = False
-    modelled: bool = False
+    modelled: tuple[str, ...] = ()
 
     @property
     def signal(self) -> str:
@@ -70,8 +70,10 @@ class Regime:
     @property
     def sentence(self) -> str:
         """The regime in plain words, with units."""
-        place = " and ".join(interval.phrase for interval in self.where)
-        place += " by the model" * self.modelled
+        place = " and ".join(
+            interval.phrase + " by the model" * (interval.signal in self.modelled)
+            for interval in self.where
+        )
         outside = "Outside that, " if self.outside else ""
         return (
             f"{outside}{percent(self.share_of_error)} of the squared {self.channel} error lies "
@@ -101,8 +103,8 @@ def worst_regimes(
     signals: Sequence[Mapping[str, np.ndarray]],
     units: Mapping[str, str],
     *,
+    inputs: Collection[str],
     plain: Collection[str] = (),
-    inputs: Collection[str] = (),
     most: int = 2,
     channels: int = 1,
 ) -> tuple[Regime, ...]:
@@ -119,8 +121,8 @@ def worst_regimes(
         times: time stamps [s] of each run, ``(n,)``, or ``None`` for a table of readings.
         signals: the signals of each run by name, ``(n,)`` each.
         units: unit of each signal.
-        plain: signals of which only the value is searched, such as an angle that jumps by a turn.
         inputs: signals that come from the logs; all others are the model's.
+        plain: signals of which only the value is searched, such as an angle that jumps by a turn.
         most: how many regimes to name; each further one lies outside those before it.
         channels: how many channels are searched in all; p-values are multiplied by it.
 
@@ -158,7 +160,7 @@ def worst_regimes(
                 where, p, inside = [*where, closer[0]], max(p, closer[1]), both
         error = float(remaining.energy[inside].sum()) / everything
         share = float(inside.sum()) / outside.size
-        modelled = not {interval.signal for interval in where} <= {*of_logs}
+        modelled = tuple(i.signal for i in where if i.signal not in of_logs)
         regimes.append(Regime(channel, tuple(where), error, share, p, bool(regimes), modelled))
         outside[np.flatnonzero(outside)[inside]] = False
     return tuple(regimes)

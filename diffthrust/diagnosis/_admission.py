@@ -346,6 +346,14 @@ def _refitted(
     return fitted
 
 
+def ended(context: SearchContext, stage: FittedStage) -> FittedStage:
+    """A stage that was only compared, fitted to its end with the integrator steps it needs."""
+    model = stage.fit.model
+    values = {n: p.value for n, p in model.parameters.items() if not p.fixed}
+    ended = FittedStage(stage.effects, *context.refit(model, [values], starts=1))
+    return stage if ended_worse(ended, stage) else ended
+
+
 def ended_worse(stage: FittedStage, other: FittedStage, by: float = NOTICED) -> bool:
     """Whether a fit ended worse than another of the same logs: by what both of them maximise.
 

@@ -9,13 +9,13 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.diagnosis._beside_others import with_shares_beside_others
+from diffthrust.diagnosis._bounds import idle_bounds
 from diffthrust.diagnosis._candidates import Candidates, asks_for_all
 from diffthrust.diagnosis._channel_use import unused_channels, unused_notes
 from diffthrust.diagnosis._equivalence import (
     SearchResult,
     proposal,
     with_equivalents,
-    with_exchange,
 )
 from diffthrust.diagnosis._findings import (
     verdict_evidence,
@@ -138,6 +138,9 @@ def diagnose(
     outcome = add_change(context, add_state_terms(context, outcome))
     outcome = add_headroom(context, outcome)
     search, selection, assessment, laws = outcome
+    if not any(mend.helps for mend in mends):  # else bounds may be the doing of the mistake
+        idle = idle_bounds(context, search.state.stages[-1])
+        assessment = replace(assessment, idle_bounds=idle)
     kept = {n: why for n, why in selection.refused.items() if not undone_by(n, mends)}
     selection = replace(selection, refused=kept)
     evidence = verdict_evidence(selection, assessment)
@@ -185,9 +188,9 @@ def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext,
                 context, state = add_periodic_force(context, state)
         state = with_shares_beside_others(context, state)
         search = with_equivalents(context, state, first)
-        if search.better is None:
+        if search.exchanged is None:
             return context, search
-        state = with_exchange(context, state, *search.better)
+        state = search.exchanged
 
 
 def provenance(

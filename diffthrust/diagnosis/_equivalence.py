@@ -1,30 +1,20 @@
-"""Effects that logs cannot tell apart, the test that would, and rivals that prove the better ones.
-
-A search adds the effect that helps most where it stands. What came later may make a rival of it the
-better one: of a BlueBoat with exchanged sides a force exponent predicted the next sample much
-better than a quadratic surge drag, and beside it the drag promised nothing; in its place the drag
-halves the surge error over whole runs. And what is only detectable may keep out a rival: of a
-tanker a rudder inflow, which changes nothing over whole runs, stood for a quadratic sway drag.
-"""
+"""Effects that logs cannot tell apart, and the test that would."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
-from itertools import islice
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import worths_between
 from diffthrust.diagnosis._candidates import with_candidates
-from diffthrust.diagnosis._criteria import no_better, price_of, unseen_gain
-from diffthrust.diagnosis._explained_share import Worth, adds_little, matters
+from diffthrust.diagnosis._criteria import price_of, unseen_gain
+from diffthrust.diagnosis._exchange import refitted_rivals, with_exchange
+from diffthrust.diagnosis._explained_share import Worth, matters
 from diffthrust.diagnosis._findings import Stage
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import (
-    SOUGHT,
-    CurrentModel,
     FittedStage,
     SearchContext,
     SearchState,
@@ -49,14 +39,14 @@ class SearchResult(NamedTuple):
         state: where it ended.
         groups: for each effect of its last stage those that explain as much in its place.
         detectable_groups: the same for each that is only detectable.
-        better: an effect, and the last stage with a rival in its place, if whole runs then surely
-            err less.
+        exchanged: the search with a better rival in the place of an effect, if there is one: it is
+            to go on.
     """
 
     state: SearchState
     groups: tuple[tuple[str, ...], ...]
     detectable_groups: tuple[tuple[str, ...], ...]
-    better: tuple[str, FittedStage] | None = None
+    exchanged: SearchState | None = None
 
 
 def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit) -> SearchResult:
@@ -82,54 +72,21 @@ def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit
         alike = unrefuted(context, last, name, near(name))
         early = near_over_whole_runs(context, state, name, alike)
         refitted = refitted_rivals(context, last, name, early)
-        if better := _surely_better(last, refitted.values()):
-            return SearchResult(state, (), (), (name, better))
+        if exchanged := with_exchange(context, state, name, refitted):
+            return SearchResult(state, (), (), exchanged)
         alike += [r for r, s in refitted.items() if errs_as_little(*worths_between(s, last))]
         groups.append((name, *dict.fromkeys(alike)))
-    detectable = []
+    detectable, beside = [], dict[str, FittedStage]()
+    poor = bool(state.detectable) and simulation_is_poor(context, state, last)
     for name in (n for n in state.detectable if n in fitter.candidates):
         alike = near(name)
-        if simulation_is_poor(context, state, last):
-            nearest = dict(islice(alike.items(), SETTINGS.equivalence.most_named))
-            stages = refitted_rivals(context, last, name, nearest).values()
-            better = _surely_better(last, (s for s in stages if _removes_a_tenth(last, s)))
-            if better:
-                return SearchResult(state, (), (), (name, better))
+        nearest = list(alike)[: SETTINGS.equivalence.most_named] if poor else []
+        unknown = {rival: alike[rival] for rival in nearest if rival not in beside}
+        beside |= refitted_rivals(context, last, name, unknown)
+        if exchanged := with_exchange(context, state, name, {r: beside[r] for r in nearest}):
+            return SearchResult(state, (), (), exchanged)
         detectable.append((name, *alike))
     return SearchResult(state, tuple(groups), tuple(detectable))
-
-
-def _surely_better(last: FittedStage, stages: Iterable[FittedStage]) -> FittedStage | None:
-    """The best of some stages, if whole runs surely err less than at the last one."""
-    better = [s for s in stages if no_better(last, s) is None and matters(*worths_between(last, s))]
-    return min(better, key=lambda stage: stage.train.nrmse, default=None)
-
-
-def _removes_a_tenth(last: FittedStage, stage: FittedStage) -> bool:
-    worth, everywhere = worths_between(last, stage)
-    return not adds_little(replace(worth, everywhere=everywhere))
-
-
-def with_exchange(
-    context: SearchContext, state: SearchState, name: str, better: FittedStage
-) -> SearchState:
-    """The search with a stage that has a rival in the place of an effect; it is not ended."""
-    fitter, trial = context.fitter, state.current.trial
-    new = [effect for effect in better.effects if effect not in state.stages[-1].effects]
-    values = {**trial.values, **{n: p.value for n, p in better.fit.model.parameters.items()}}
-    values = fitter.absent(name, values)
-    effects = (*(n for n in trial.effects if n not in (name, *new)), *new)
-    settled = fitter.settled(effects, values, None, trial.clip)
-    return replace(
-        state,
-        current=CurrentModel(fitter, settled),
-        stages=(*state.stages, better),
-        dropped=(*state.dropped, name),
-        detectable=tuple(n for n in state.detectable if n not in (name, *new)),
-        refused={},
-        possible={},
-        exhausted=False,
-    )
 
 
 def _alike_by_one_step(
@@ -183,8 +140,9 @@ def near_over_whole_runs(
     ahead = {r: change_between(fitter, t, fitted).everywhere.share for r, t in ended.items()}
     most = 1.0 - 1.0 / SETTINGS.equivalence.near_error**2
     order = sorted(ended, key=lambda rival: ahead[rival])
-    near = [rival for rival in order if ahead[rival] <= (0.0 if rival in alike else most)]
-    return {rival: ended[rival] for rival in near[: SETTINGS.equivalence.most_named]}
+    near = [rival for rival in order if ahead[rival] <= most and rival not in alike]
+    better = [rival for rival in order if ahead[rival] < 0.0 and rival in alike]
+    return {r: ended[r] for r in (*near[: SETTINGS.equivalence.most_named], *better[:1])}
 
 
 def unrefuted(
@@ -215,31 +173,6 @@ def unrefuted(
         if as_little and not refuted(effect.everywhere, share, ahead):
             alike.append(rival)
     return alike
-
-
-def refitted_rivals(
-    context: SearchContext, stage: FittedStage, name: str, rivals: Mapping[str, TrialFit]
-) -> dict[str, FittedStage]:
-    """The last stage with each rival in the place of an effect, or of one that is only detectable.
-
-    Fitted from several starts: where a rival was as good when the effect was added, what came later
-    is fitted beside the effect, and a fit that starts there may end far from where the rival does
-    best. On the maps of a T200 a linear damping wants five times the drive that a load exponent
-    does.
-    """
-    stages = {}
-    for rival, trial in rivals.items():
-        names = (*(n for n in stage.effects if n != name), rival)
-        model = with_candidates(context.given, names, context.fitter.candidates, stage.fit.model)
-        free = {n for n, p in model.parameters.items() if not p.fixed}
-        last = {n: e.value for n, e in stage.fit.parameters.items() if n in free}
-        # the model's own parameters as the rival wants them, what came later as it is now
-        later = {n: value for n, value in last.items() if n.rpartition(".")[0]}
-        model = with_values(model, {**trial.values, **later})
-        context.say(f"fitting with {rival} in place of {name}", SOUGHT)
-        refitted = context.refit(model, [last], substeps=stage.fit.substeps)
-        stages[rival] = FittedStage(names, *refitted)
-    return stages
 
 
 def errs_as_little(worth: Worth, everywhere: Worth) -> bool:

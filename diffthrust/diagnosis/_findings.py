@@ -54,6 +54,7 @@ class Refusal(StrEnum):
         "has not come to its optimum"
     )
     IDLE = "predicts the next sample better, and does nothing in whole runs beside a later effect"
+    EXCHANGED = "errs more over whole runs than the effect that came in its place"
     NO_BETTER_RUNS = "predicts the next sample better, and whole runs no better at that value"
 
     @property
@@ -167,6 +168,7 @@ class Selection(Brief):
         ranking: the effects tried at each stage, the best first.
         untestable: effects that these logs cannot test, with the reason.
         dropped: effects that a later one made superfluous.
+        exchanged: effects in whose place a rival came that whole runs prove better, with the rival.
         refused: effects that improved the fit of the training logs and were not added, with the
             reason.
         silent: effects whose trials gained nothing, and those that the linear screening left out.
@@ -183,6 +185,7 @@ class Selection(Brief):
     ranking: tuple[TriedEffect, ...]
     untestable: Mapping[str, str]
     dropped: tuple[str, ...]
+    exchanged: Mapping[str, str] = field(default_factory=dict)
     refused: Mapping[str, Refusal] = field(default_factory=dict)
     silent: tuple[str, ...] = ()
     worth: Mapping[str, Worth] = field(default_factory=dict)

@@ -405,12 +405,15 @@ def why_untestable(q: Quadratic, names: Sequence[str], effect: str) -> str:
     An asymmetry of a propeller astern does nothing at all on a tanker that never goes astern.
     """
     live = (np.diagonal(q.information) > 0) & np.isfinite(np.diagonal(q.information))
+    its = np.array([of_effect(n, effect) for n in names])
     of_this = np.zeros(live.size, bool)
-    of_this[: len(names)] = [of_effect(n, effect) for n in names]
+    of_this[: len(names)] = its
     length = np.sqrt(np.diagonal(q.information)[live])
     scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
     of_this = of_this[live]
     if not of_this.any():
+        if np.any(np.diagonal(q.information)[: len(names)][its] != 0):
+            return "its influence on what is measured is not finite along these logs"
         return "it changes nothing that is measured in these logs"
     cross, nuisance = scaled[np.ix_(of_this, ~of_this)], scaled[np.ix_(~of_this, ~of_this)]
     through = cross @ np.linalg.pinv(nuisance, 1e-12, True)

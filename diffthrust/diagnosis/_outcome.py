@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from diffthrust.diagnosis._admission import remaining_share
-from diffthrust.diagnosis._bounds import idle_bounds
 from diffthrust.diagnosis._changed_size import changed_size
 from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._equivalence import SearchResult
@@ -84,7 +83,6 @@ def assessed(
         one_step=one_step_sizes(fitter, trial),
         remaining=remaining,
         odd_logs=odd,
-        idle_bounds=idle_bounds(context, last),
     )
     is_open = (
         remaining is not None
@@ -113,6 +111,7 @@ def selection_of(context: SearchContext, search: SearchResult) -> Selection:
         ranking=state.ranking,
         untestable=untestable,
         dropped=state.dropped,
+        exchanged=state.exchanged,
         refused={n: why for n, why in state.refused.items() if n not in present},
         silent=tuple(sorted(state.silent - {c.effect for c in state.ranking} - listed)),
         worth={n: share for n, share in worth.items() if n not in fitter.constants},

@@ -19,6 +19,7 @@ from itertools import combinations, product
 from typing import NamedTuple
 
 from diffthrust.diagnosis._admission import (
+    ended,
     ended_worse,
     errors_between,
     refitted_stage,
@@ -326,21 +327,13 @@ def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> Fi
     return refitted_stage(context, tried, starts=1)  # what is stiff overflows with few
 
 
-def _ended(context: SearchContext, stage: FittedStage) -> FittedStage:
-    """A stage that was only compared, fitted to its end with the integrator steps it needs."""
-    model = stage.fit.model
-    values = {n: p.value for n, p in model.parameters.items() if not p.fixed}
-    ended = FittedStage(stage.effects, *context.refit(model, [values], starts=1))
-    return stage if ended_worse(ended, stage) else ended
-
-
 # -- adding it -------------------------------------------------------------------------------------
 
 
 def _added(context: SearchContext, state: SearchState, proven: Proven) -> SearchState:
     """The search with these effects."""
     fitter, present = context.fitter, state.current.trial
-    stages = tuple(_ended(context, stage) for stage in proven.stages)
+    stages = tuple(ended(context, stage) for stage in proven.stages)
     values = {n: p.value for n, p in stages[-1].fit.model.parameters.items()}
     effects = (*present.effects, *proven.effects)
     settled = fitter.settled(effects, {**present.values, **values}, None, present.clip)

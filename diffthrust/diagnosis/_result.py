@@ -195,6 +195,7 @@ class Diagnosis(Result, Findings):
             "learned": [law.to_json() for law in self.laws],
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
             "held": {name: asdict(value) for name, value in self.held.items()},
+            "exchanged": dict(self.exchanged),
             "idle_bounds": list(self.idle_bounds),
             "untestable": dict(self.untestable),
             "other_models": [other.to_json() for other in self.other_models],

@@ -239,6 +239,7 @@ class SearchState:
         untestable: effects that the logs cannot test, with the reason.
         ranking: the effects tried at each stage.
         dropped: effects that later ones made superfluous.
+        exchanged: effects in whose place a rival came that whole runs prove better, with the rival.
         refused: effects that were not added at the last stage, with the reason.
         turned_down: every refusal so far, with the effects that were present.
         silent: effects without a predicted gain at some stage.
@@ -254,6 +255,7 @@ class SearchState:
     untestable: Mapping[str, str]
     ranking: tuple[TriedEffect, ...] = ()
     dropped: tuple[str, ...] = ()
+    exchanged: Mapping[str, str] = field(default_factory=dict)
     refused: Mapping[str, Refusal] = field(default_factory=dict)
     turned_down: Mapping[str, tuple[Refusal, tuple[str, ...]]] = field(default_factory=dict)
     silent: frozenset[str] = frozenset()

@@ -149,6 +149,20 @@ def _nothing_sure(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
                 yield f"{name} removes {shares}"
 
 
+@claim(r"In the place of (?P<old>.+?) came (?P<new>.+?): whole runs err less with it\.")
+def _exchanged(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    pairs = [(old, new) for old, new in diag.exchanged.items()
+             if in_words(old) in m["old"] and in_words(new) in m["new"]]  # fmt: skip
+    if not pairs:
+        yield f"exchanged: {diag.exchanged}"
+    for old, new in pairs:
+        stage = next((k for k, s in enumerate(diag.stages) if new in s.effects
+                      and old not in s.effects and k), 0)  # fmt: skip
+        errors = [(s.holdout or s.train).nrmse for s in diag.stages[max(stage - 1, 0) : stage + 1]]
+        if len(errors) < 2 or errors[1] >= errors[0]:
+            yield f"with {new} the NRMSE goes through {errors}"
+
+
 @claim(r"Left out: (?P<list>.+?)\. With (?:it|each of them) the next (?:sample|row) is predicted "
        r"better, and whole runs are not, or not by enough to matter\.")  # fmt: skip
 def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:

@@ -36,7 +36,8 @@ def _held(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 @claim(r"(?P<name>[\w. ]+?) (?:stopped at its bound of (?P<bound>.+?): (?:these logs favour a "
        r"(?P<way>higher|lower) value\. What follows holds under that bound: widen it, if "
        r"physically possible, and diagnose again|the effect may explain more beyond it\. Widen "
-       r"the bound, if physically possible)|was at its bound of .+? without .+?, which may stand "
+       r"the bound, if physically possible|(?P<idle>beyond it whole runs do not surely err less))"
+       r"|was at its bound of .+? without .+?, which may stand "
        r"in for a "
        r"(?:higher|lower) .+?: widen the bound, if physically possible, and diagnose again)"
        r"\.")  # fmt: skip
@@ -46,6 +47,8 @@ def _stopped(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     stopped = [n for n in shown if n == m["name"] or n.rpartition(".")[2] == plain]
     if not stopped:
         yield f"at bounds: {sorted(shown)}"
+    elif bool(m["idle"]) != (stopped[0] in diag.idle_bounds and " without " not in m[0]):
+        yield f"bounds that gain nothing: {diag.idle_bounds}"
     elif m["way"]:
         e, (low, high) = shown[stopped[0]], diag.fit.model.parameters[stopped[0]].limits
         if (m["way"] == "higher") != (abs(e.value - high) < abs(e.value - low)):

@@ -146,9 +146,10 @@ def test_intervals_in_words(interval, words):
 
 def test_a_signal_of_the_model_is_named_as_such():
     """Of the NGS's bench it read as if the measured speed had been below 70 rad/s."""
-    where = (SignalRange("speed", -np.inf, 70.0, "rad/s"),)
-    regime = Regime("speed", where, 0.62, 0.1, 0.005, modelled=True)
-    assert "lies where speed < 70 rad/s by the model, 10 % of" in regime.sentence
+    where = SignalRange("speed", -np.inf, 70.0, "rad/s"), SignalRange("command", 0.2, np.inf, "V")
+    regime = Regime("speed", where, 0.62, 0.1, 0.005, modelled=("speed",))
+    words = "lies where speed < 70 rad/s by the model and command > 0.2 V, 10 % of"
+    assert words in regime.sentence
 
 
 def test_a_regime_as_plain_data():

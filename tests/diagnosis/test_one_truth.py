@@ -359,6 +359,12 @@ def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     assert stopped.details.startswith(words.replace("0.2", f"0.2 {unit}".rstrip()))
     assert "widen it, if physically possible, and diagnose again." in stopped.details
     assert "stopped at its bound" not in made.unexplained().details
+    idle = replace(stopped, idle_bounds=(next(n for n, e in stopped.fit.parameters.items()
+                                              if e.at_bound),))  # fmt: skip
+    assert "beyond it whole runs do not surely err less." in idle.details
+    assert "widen" not in idle.details
+    assert claims.contradictions(idle) == []
+    assert claims.contradictions(stopped, text=idle.details) != []
     # nothing is stopped at the zero of a logarithm: it is gone, as a note of the fit says
     gone = at_bound(made.unexplained(), 0, alpha=0.0)
     assert "stopped at its bound" not in gone.details
@@ -371,6 +377,16 @@ def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     before = at_bound(made.found(), 0, beta=0.2).details
     assert "without a command dead band, which may stand in for a higher beta:" in before
     assert "stopped at its bound" not in before
+
+
+def test_a_rival_that_came_in_the_place_of_an_effect_is_told():
+    diag = replace(made.found(), exchanged={"actuator_lag": "command_deadband"})
+    words = "In the place of an actuator lag came a command dead band: whole runs err less with it."
+    assert words in " ".join(diag.report().split())
+    assert claims.contradictions(diag) == []
+    assert claims.contradictions(made.found(), text=words) != []
+    more = replace(diag, stages=diag.stages[::-1])
+    assert claims.contradictions(more, text=words) != []
 
 
 @pytest.mark.parametrize(("limit", "said"), [(1.0, False), (0.8, True)])

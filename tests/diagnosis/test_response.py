@@ -15,6 +15,7 @@ from steps import (
     FittedStage,
     Programs,
     Refit,
+    Refusal,
     bind,
     change_between,
     error_changes,
@@ -31,7 +32,6 @@ from steps import (
     unrefuted,
     why_untestable,
     with_equivalents,
-    with_exchange,
     worths_between,
 )
 from trajectories import runs_over
@@ -169,11 +169,16 @@ def test_a_promise_tells_what_is_worth_a_fit(trials, name, point):
     assert promised.gain == pytest.approx(gained, rel=0.7, abs=1.5)
 
 
+NOT_FINITE = "its influence on what is measured is not finite along these logs"
+
+
 @pytest.mark.parametrize(
     ("information", "why"),
     [
         ([[4.0, 1.0], [1.0, 1.0]], ""),
         ([[4.0, 0.0], [0.0, 0.0]], "it changes nothing that is measured in these logs"),
+        ([[4.0, 0.0], [0.0, np.inf]], NOT_FINITE),
+        ([[4.0, np.nan], [np.nan, np.nan]], NOT_FINITE),
         ([[4.0, 2.0], [2.0, 1.0]], "other parameters do the same to what is measured"),
     ],
 )
@@ -293,21 +298,24 @@ def test_a_rival_that_whole_runs_prove_better_takes_the_place_of_an_effect(known
         stages = (*state.stages, stage)
         return replace(state, stages=stages, current=current, ranking=rated, exhausted=True)
 
-    found = with_equivalents(context, with_(lag), first)
-    assert found.better is not None
-    assert (found.better[0], found.better[1].effects) == (lag, (friction,))
-    exchanged = with_exchange(context, found.state, *found.better)
+    state_with_lag = with_(lag)
+    exchanged = with_equivalents(context, state_with_lag, first).exchanged
+    assert exchanged is not None
     assert exchanged.current.trial.effects == exchanged.stages[-1].effects == (friction,)
-    assert exchanged.dropped == (lag,)
+    assert exchanged.exchanged == {lag: friction}
+    assert exchanged.turned_down[lag] == (Refusal.EXCHANGED, (friction,))
     assert not exchanged.exhausted
     # the lag is only detectable, and keeps the friction out
-    kept_out = replace(with_(lag), stages=state.stages, detectable=(lag,))
-    found = with_equivalents(context, kept_out, first)
-    assert found.better is not None
-    assert (found.better[0], found.better[1].effects) == (lag, (friction,))
-    assert with_exchange(context, found.state, *found.better).detectable == ()
+    kept_out = replace(state_with_lag, stages=state.stages, detectable=(lag,))
+    exchanged = with_equivalents(context, kept_out, first).exchanged
+    assert exchanged is not None
+    assert (exchanged.stages[-1].effects, exchanged.detectable) == ((friction,), ())
+    # what has given way does not come back, and a search comes to an end
+    for done in ({friction: lag}, {lag: friction}, {"one": "another", "third": "fourth"}):
+        again = replace(state_with_lag, exchanged=done)
+        assert with_equivalents(context, again, first).exchanged is None
     right = with_equivalents(context, with_(friction), first)
-    assert right.better is None
+    assert right.exchanged is None
     assert right.groups == ((friction,),)
 
 

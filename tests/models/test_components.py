@@ -77,6 +77,9 @@ def test_names_that_are_none_are_refused_with_the_nearest():
         dft.Thruster(zzz=1.0)
     with pytest.raises(InputError, match='Add the effect "command_deadband" first'):
         dft.Thruster().replace({"command_deadband.half_width": 0.1})
+    for name in ("sway_yaw_coupling.mass", "command_deadband.half_widht"):  # that has no place
+        with pytest.raises(InputError, match="Correct the name"):
+            dft.Thruster().replace({name: 0.1})
     with pytest.raises(InputError, match=r"expected a command in 'V', .*, found 'kg'"):
         dft.Thruster(command="kg")
     with pytest.raises(InputError, match="expected a command in the unit that it names itself"):

@@ -196,6 +196,10 @@ def _stages(diag: Findings) -> Section:
         f"Added and later removed, superfluous beside a later effect: {removed}."
         if removed
         else "",
+        *(
+            f"In the place of {an_effect(old)} came {an_effect(new)}: whole runs err less with it."
+            for old, new in diag.exchanged.items()
+        ),
     )
 
 

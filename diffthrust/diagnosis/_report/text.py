@@ -221,7 +221,8 @@ def stopped_words(diag: Findings) -> list[str]:
     for full, (name, amount, way) in {**first, **last}.items():
         if full in diag.idle_bounds:
             sentences.append(
-                f"{name} stopped at its bound of {amount}: beyond it whole runs err no less."
+                f"{name} stopped at its bound of {amount}: beyond it whole runs do not surely err "
+                "less."
             )
         elif full in diag.model.parameters and full in last:
             sentences.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -248,6 +249,15 @@ class Model(Component):
                 named[f"{effect.name}.{k}"] = p.with_value(getattr(effect, k))
         return named
 
+    def _mend_of_name(self, name: str) -> str:
+        """What to do about a parameter that the model lacks: add its effect, if it has a place."""
+        effect, _, own = name.rpartition(".")
+        if effect in Effect.library and own in Effect.library[effect].declared:
+            with contextlib.suppress(InputError):
+                if name in (self + effect).parameters:
+                    return f'Add the effect "{effect}" first.'
+        return "Correct the name."
+
     def replace(
         self,
         parameters: Mapping[str, float | Parameter | Mapping[str, Any]] | None = None,
@@ -274,12 +284,11 @@ class Model(Component):
         named = self.parameters
         for name, new in {**(parameters or {}), **more}.items():
             if name not in named:
-                near, effect = nearest(name, named), name.rpartition(".")[0]
-                absent = effect in Effect.library and effect not in [e.name for e in self.effects]
+                near = nearest(name, named)
                 raise InputError(
                     f"{self} has no parameter '{name}'{f' ({near})' if near else ''}; "
                     f"it has {listing(named)}.",
-                    f'Add the effect "{effect}" first.' if absent else "Correct the name.",
+                    self._mend_of_name(name),
                 )
             named[name] = changed(named[name], new, name)
             named[name].check(name)
