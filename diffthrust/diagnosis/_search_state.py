@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -229,6 +229,10 @@ class FittedStage(Stage):
         return comparison_of(self.fit, with_steps(self.fit.model, runs))
 
 
+Accepted = tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]
+"""The effects of all stages, and those that are only detectable."""
+
+
 @dataclass(frozen=True)
 class SearchState:
     """The results of a search so far.
@@ -247,7 +251,8 @@ class SearchState:
             runs, and are kept so that their evidence is not attributed to other effects.
         possible: effects that only whole runs support, with their explained share.
         beside: what each effect does to whole runs beside all others, once the search has ended.
-        exhausted: the last step added nothing, which ends the search.
+        visited: what was accepted after each step before.
+        exhausted: the last step added nothing new, which ends the search.
     """
 
     current: CurrentModel
@@ -262,6 +267,7 @@ class SearchState:
     detectable: tuple[str, ...] = ()
     possible: Mapping[str, Worth] = field(default_factory=dict)
     beside: Mapping[str, Worth] = field(default_factory=dict)
+    visited: Collection[Accepted] = frozenset()
     exhausted: bool = False
 
     @property
@@ -270,9 +276,9 @@ class SearchState:
         return len(self.stages) - 1
 
     @property
-    def accepted(self) -> tuple[int, tuple[str, ...]]:
-        """The effects accepted so far; a step that does not change this ends the search."""
-        return self.number, self.detectable
+    def accepted(self) -> Accepted:
+        """The effects accepted so far; a step that comes to nothing new ends the search."""
+        return tuple(stage.effects for stage in self.stages), self.detectable
 
     def share(self, progress: float) -> float:
         """The overall progress of the search, from the progress of the next stage.

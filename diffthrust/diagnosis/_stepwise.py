@@ -53,7 +53,8 @@ def step(context: SearchContext, state: SearchState) -> SearchState:
     for way in ways:
         if updated.accepted == state.accepted:
             updated = way(context, updated)
-    return replace(updated, exhausted=updated.accepted == state.accepted)
+    visited = {*state.visited, state.accepted}
+    return replace(updated, visited=visited, exhausted=updated.accepted in visited)
 
 
 def runs_lead(context: SearchContext) -> bool:
@@ -196,7 +197,8 @@ def from_simulation(
             return outcome
         if (proven or again) and state.detectable:
             alone = _without_detectable(context, state)
-            if outcome := _admitted(context, alone, name, simulated, proven):
+            outcome = _admitted(context, alone, name, simulated, proven)
+            if outcome and outcome.number > state.number:
                 return outcome
     return led or proven_state()
 

@@ -1,5 +1,6 @@
 """The bounds on the work of a stage: screens, and the fits that tell what an effect is worth."""
 
+import itertools
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -54,6 +55,9 @@ def test_of_candidates_that_are_tied_that_of_fewest_parameters_comes_first():
     assert plainest_first([]) == []
 
 
+GIVEN = SimpleNamespace(effects=())
+
+
 @pytest.fixture
 def restless(monkeypatch):
     """What is asked of each round where a better noise comes to light in the first so many."""
@@ -66,7 +70,7 @@ def restless(monkeypatch):
             return replace(known, current=object()) if len(asked) <= better else known
 
         monkeypatch.setattr("diffthrust.diagnosis._stepwise.one_round", one_round)
-        known = SearchState(object(), (object(),), {})
+        known = SearchState(object(), (GIVEN,), {})
         assert next_stage(None, known).number == known.number
         return asked
 
@@ -198,7 +202,7 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
     leading = iter([False, False, True])
     monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda *_: next(leading))
     most = SETTINGS.admission.most_effects
-    state = SearchState(None, (object(),), {}, detectable=("lag",) * most)
+    state = SearchState(None, (GIVEN,), {}, detectable=("lag",) * most)
     assert not done(state)
     assert done(step(None, state))
     assert asked == ["from_simulation"]
@@ -208,7 +212,7 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
     asked.clear()
     step(None, replace(state, detectable=()))
     assert asked == ["from_simulation", "next_stage"]
-    assert done(replace(state, stages=(object(),) * (most + 1)))
+    assert done(replace(state, stages=(GIVEN,) * (most + 1)))
 
 
 @pytest.mark.parametrize(
@@ -304,7 +308,23 @@ def test_what_changes_nothing_is_detectable_and_fills_none(recorded):
     known = recorded(0.995)
     assert [stage.effects for stage in known.stages] == [(), ("lag",)]
     assert known.detectable == ("wind",)
-    assert known.accepted == (1, ("wind",))  # the search goes on from there
+    assert known.accepted == (((), ("lag",)), ("wind",))  # the search goes on from there
+
+
+def test_a_search_that_comes_to_what_it_had_before_ends(recorded, monkeypatch):
+    """Three effects that change nothing came and went for ever beside a thrust lost in a hollow."""
+    steps = itertools.cycle([("wind",), ("wind", "drag"), ("drag",)])
+
+    def way(context, state):
+        return replace(state, detectable=next(steps))
+
+    for name in ("next_stage", "from_simulation"):
+        monkeypatch.setattr(f"{STEPWISE}.{name}", way)
+    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda context: False)
+    state, count = recorded(0.5), 0
+    while not done(state) and count < 20:
+        state, count = step(None, state), count + 1
+    assert (count, state.detectable) == (4, ("wind",))
 
 
 def test_a_constant_fills_a_stage_whatever_it_changes(recorded):
