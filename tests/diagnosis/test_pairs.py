@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from hidden import users
 from one_truth import contradictions
-from steps import Clock, FittedStage, Programs, SearchState, bind, pairs_module, shares_by_effect
+from steps import (
+    Clock,
+    FittedStage,
+    Programs,
+    SearchState,
+    admission_module,
+    bind,
+    pairs_module,
+    shares_by_effect,
+)
 
 import diffthrust as dft
 
@@ -102,7 +111,8 @@ def searched(monkeypatch):
 
         pairs = [Trial(names) for names in sizes if len(names) == 2]
         monkeypatch.setattr(pairs_module, "refitted_stage", refitted)
-        monkeypatch.setattr(pairs_module, "ended_worse", ended_worse)
+        for module in (pairs_module, admission_module):
+            monkeypatch.setattr(module, "ended_worse", ended_worse)
         monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
         monkeypatch.setattr(pairs_module, "share_between", share_between)
         monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: pairs)
