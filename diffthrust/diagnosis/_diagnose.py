@@ -138,9 +138,8 @@ def diagnose(
     outcome = add_change(context, add_state_terms(context, outcome))
     outcome = add_headroom(context, outcome)
     search, selection, assessment, laws = outcome
-    if not any(mend.helps for mend in mends):  # else bounds may be the doing of the mistake
-        idle = idle_bounds(context, search.state.stages[-1])
-        assessment = replace(assessment, idle_bounds=idle)
+    idle = idle_bounds(context, search.state.stages[-1])
+    assessment = replace(assessment, idle_bounds=idle)
     kept = {n: why for n, why in selection.refused.items() if not undone_by(n, mends)}
     selection = replace(selection, refused=kept)
     evidence = verdict_evidence(selection, assessment)
