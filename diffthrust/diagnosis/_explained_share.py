@@ -300,6 +300,10 @@ def sure_share(worth: Worth) -> SureShare | None:
         if shares is None:
             continue
         sure = [n for n, c in shares.channels.items() if c.above_zero and c.share > least]
+        # two drags removed 118 % of a boat's squared north error as given, which the current
+        # before them had raised: true, and nothing to read
+        within = [n for n in sure if shares.channels[n].share <= 1.0]
+        sure = within or sure * (not shares.above_zero)
         best = max(((shares.channels[n].share, n) for n in sure), default=(0.0, ""))[1]
         if best and not (shares.above_zero and shares.channels[best].low <= shares.share):
             return SureShare(shares.channels[best], best, shares is not worth)

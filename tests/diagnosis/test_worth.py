@@ -106,6 +106,14 @@ def test_a_channel_that_nothing_explains_drowns_no_other():
     assert matters(worth, Worth(-0.1, -0.3, 0.1, blind))
 
 
+def test_more_than_all_is_told_only_where_nothing_else_is_sure():
+    """Two drags removed 118 % of a boat's north error as given, which a current had raised."""
+    north, east = Worth(1.18, 0.78, 1.64), Worth(0.2, 0.1, 0.3)
+    assert sure_share(Worth(0.3, 0.2, 0.4, {"north": north, "east": east})).channel == ""
+    assert sure_share(Worth(0.1, -0.1, 0.4, {"north": north, "east": east})).channel == "east"
+    assert sure_share(Worth(0.1, -0.1, 0.4, {"north": north})).worth is north
+
+
 def test_a_trial_of_whole_runs_that_shows_any_change_leaves_it_to_a_fit():
     nothing = Worth(0.01, -0.1, 0.1, {"surge": Worth(0.05, 0.0, 0.1), "sway": Worth(0.0, 0, 0)})
     assert negligible(nothing, nothing)
