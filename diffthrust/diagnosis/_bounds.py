@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from diffthrust.diagnosis._admission import worths_between
 from diffthrust.diagnosis._explained_share import matters, surely_less
 from diffthrust.diagnosis._search_state import SOUGHT, FittedStage, SearchContext
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._result import Fit
 
@@ -29,30 +30,50 @@ def stopped_by_bound(fit: Fit) -> tuple[str, ...]:
     return tuple(stopped)
 
 
-def idle_bounds(context: SearchContext, last: FittedStage) -> tuple[str, ...]:
+def idle_bounds(context: SearchContext, first: FittedStage, last: FittedStage) -> tuple[str, ...]:
     """The parameters of the model as given that gain nothing beyond the bounds that stopped them.
 
-    The last stage is fitted from where it is, without these bounds, and must surely err less over
+    The last stage is fitted from where it is, without its bounds, and must surely err less over
     whole runs to speak for wider ones: "m22 is at its bound of 15 kg: widen it" was said of a
-    BlueBoat, whose sway no mass explains. Without all of them first: masses, inertia and dampings
-    share one scale, and none gains alone while a bound holds another.
+    BlueBoat, whose sway no mass explains. Without all of them at once: masses, inertia and dampings
+    share one scale, and none gains alone while a bound holds another. Bounds that stopped the model
+    as given alone must bring it nearly to where the effects do, or these do not stand in for them.
     """
-    names = [n for n in stopped_by_bound(last.fit) if n in context.given.parameters]
-    if not names or _gains(context, last, names) is not False:
-        return ()
-    return tuple(names)
+    given = context.given.parameters
+    now = [n for n in stopped_by_bound(last.fit) if n in given]
+    before = [n for n in stopped_by_bound(first.fit) if n in given and n not in now]
+    idle = now if now and _gains(context, last, now) is False else []
+    if before and first is not last and _falls_short(context, first, last, before):
+        idle = [*idle, *before]
+    return tuple(idle)
 
 
 def _gains(context: SearchContext, last: FittedStage, names: Sequence[str]) -> bool | None:
     """Whether whole runs surely err less without these bounds; ``None`` where a fit cannot tell."""
-    values = {n: p.value for n, p in last.fit.model.parameters.items() if not p.fixed}
-    context.say(f"fitting without the bounds of {', '.join(names)}", SOUGHT)
-    model = last.fit.model.replace({name: {"bounds": _opened(last.fit, name)} for name in names})
-    freed = context.refit(model, [values], starts=1, substeps=last.fit.substeps)
-    if not (freed.fit.status.ok and math.isfinite(freed.fit.train.nrmse)):
+    freed = _without(context, last, names)
+    if not (freed.fit.status.ok and math.isfinite(freed.train.nrmse)):
         return None
-    worth, everywhere = worths_between(last, FittedStage(last.effects, *freed))
+    worth, everywhere = worths_between(last, freed)
     return matters(worth, everywhere) or surely_less(everywhere)
+
+
+def _falls_short(
+    context: SearchContext, first: FittedStage, last: FittedStage, names: Sequence[str]
+) -> bool:
+    """Whether the model as given, without these bounds, errs more than with all that was found."""
+    freed = _without(context, first, names)
+    errors, found = (stage.holdout or stage.train for stage in (freed, last))
+    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * found.nrmse
+
+
+def _without(context: SearchContext, stage: FittedStage, names: Sequence[str]) -> FittedStage:
+    """A stage without some bounds, fitted from where it is."""
+    values = {n: p.value for n, p in stage.fit.model.parameters.items() if not p.fixed}
+    context.say(f"fitting without the bounds of {', '.join(names)}", SOUGHT)
+    bounds = {name: {"bounds": _opened(stage.fit, name)} for name in names}
+    model = stage.fit.model.replace(bounds)
+    refitted = context.refit(model, [values], starts=1, substeps=stage.fit.substeps)
+    return FittedStage(stage.effects, *refitted)
 
 
 def _opened(fit: Fit, name: str) -> tuple[float | None, float | None]:

@@ -138,7 +138,7 @@ def diagnose(
     outcome = add_change(context, add_state_terms(context, outcome))
     outcome = add_headroom(context, outcome)
     search, selection, assessment, laws = outcome
-    idle = idle_bounds(context, search.state.stages[-1])
+    idle = idle_bounds(context, search.state.stages[0], search.state.stages[-1])
     assessment = replace(assessment, idle_bounds=idle)
     kept = {n: why for n, why in selection.refused.items() if not undone_by(n, mends)}
     selection = replace(selection, refused=kept)

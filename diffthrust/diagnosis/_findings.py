@@ -227,7 +227,7 @@ class Assessment(Brief):
         recurring: worked out where ``room`` may be, of runs that repeat their inputs: by channel
             the share of the squared error that recurs.
         idle_bounds: parameters of the model as given that a bound has stopped, beyond which whole
-            runs err no less.
+            runs do not surely err less, or not as little as with what was found.
     """
 
     before: Comparison

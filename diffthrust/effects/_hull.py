@@ -136,6 +136,12 @@ class QuadraticYawDrag(Effect):
         return value - self.drag * s.yaw_rate * jnp.abs(s.yaw_rate)
 
 
+_LEAST_DETERMINANT = 0.1
+"""Of the masses of sway and yaw, as a share of what it is without their coupling. A rod about its
+very end has 0.25. Lower: next to the pole, where any force turns any hull. Higher: of an odd hull
+with its origin at the bow the right mass is refused."""
+
+
 @registered
 class SwayYawCoupling(Effect):
     """Sway and yaw act on each other: fore and aft of the vessel are not alike.
@@ -148,9 +154,9 @@ class SwayYawCoupling(Effect):
         m22 v' + mass r' = sway force - damping r
         mass v' + i33 r' = yaw moment - damping v - mass u r
 
-    The last two are solved for v' and r', so the effect acts on forces and accelerations. Every
-    body has mass^2 < m22 i33: beyond, a simulation ends in NaN, and a fit keeps away. Null:
-    mass = 0, damping = 0.
+    The last two are solved for v' and r', so the effect acts on forces and accelerations. A
+    body has mass^2 well below m22 i33 (three quarters of it for a rod about its very end): beyond
+    nine tenths a simulation ends in NaN, and a fit keeps away. Null: mass = 0, damping = 0.
     Source: Fossen 2011, section 7.1 (mass, Coriolis and damping matrices in three degrees of
     freedom).
 
@@ -185,9 +191,9 @@ class SwayYawCoupling(Effect):
         sway, yaw = self.mass / s.m22, self.mass / s.i33
         v_alone, r_alone = s.sway_alone, s.yaw_alone
         determinant = 1.0 - sway * yaw
-        # a fit of a boat on a lake, with a learned curve beside it, had stepped over the pole here
-        # and ended with a mass that no body has
-        determinant = jnp.where(determinant > 0.0, determinant, jnp.nan)
+        # a fit of a boat on a lake, with a learned curve beside it, had stepped over the pole here,
+        # or ended next to it, with a mass that no body has
+        determinant = jnp.where(determinant > _LEAST_DETERMINANT, determinant, jnp.nan)
         if port == "sway_acceleration":
             return value + sway * (yaw * v_alone - r_alone) / determinant
         return value + yaw * (sway * r_alone - v_alone) / determinant

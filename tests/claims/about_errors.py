@@ -315,26 +315,19 @@ def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(rf"From one sample to the next the (?P<channel>[a-zA-Z ]+?) is mostly predicted to within "
        rf"(?P<step>{NUMBER}) ?[^,]*?, over whole runs of the training logs"
-       rf"(?P<learned>, with what was learned,)? to (?P<run>{NUMBER}) ?[^:]*?: (?P<why>"
-       r"missing physics adds up, and a disturbance may, too|no signal of these logs surely "
-       r"explains the difference\. It is a disturbance, a lasting error of a sensor, or physics "
-       r"that these logs do not show)\.")  # fmt: skip
+       rf" to (?P<run>{NUMBER}) ?[^:]*?: no signal of these logs surely explains the difference\. "
+       r"It is a disturbance, a lasting error of a sensor, or physics that these logs do not "
+       r"show\.")  # fmt: skip
 def _growth(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel = m["channel"].replace(" ", "_")
     per = diag.judged.errors.channels[channel].per
     trained = diag.apart[0].errors if diag.apart else diag.fit.train
     run = trained.channels[channel].rmse
-    if bool(m["learned"]) != bool(diag.laws):
-        yield f"learned: {diag.laws}"
-    elif diag.laws:
-        fit = diag.laws[-1].reported
-        run = fit.train.channels[channel].rmse
+    if diag.laws or diag.verdict == "unexplained":
+        yield f"{diag.verdict}, learned: {diag.laws}"
     for number, value in zip((m["step"], m["run"]), (diag.one_step[channel], run), strict=True):
         if not is_said(number, per * value, SIMULATED):
             yield f"{number} is {per * value:.3g}"
-    adds_up = m["why"].startswith("missing physics")
-    if page and page.quiet and adds_up and page.law is None:
-        yield "nothing adds up: the truth reaches the noise of the sensors"
 
 
 @claim(rf"An? (?P<model>[^:.]+?) errs less over whole runs of the same (?P<logs>unseen|training) "

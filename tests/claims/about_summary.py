@@ -470,6 +470,13 @@ def _other_reading(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{mend.reading.words} removes {mend.worth}"
 
 
+@claim(r"Copy the line of the true one, which stands below\.")
+def _either_line(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    missing = [r.line for r in diag.helpful_mends[0].doubt.readings if r.line not in diag.details]
+    if missing:
+        yield f"the details lack {missing}"
+
+
 @claim(r"First diagnose again with (?P<what>[^\n]+?)\.")
 def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if m["what"] not in [x.reading.words for x in diag.helpful_mends]:

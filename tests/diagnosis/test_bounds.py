@@ -42,13 +42,13 @@ def test_a_bound_is_idle_where_whole_runs_err_no_less_beyond_it(logs, share, idl
     last = FittedStage((), *refit(given, starts=1))
     assert last.fit.parameters["beta"].at_bound
     context = SimpleNamespace(given=given, refit=refit, say=lambda *_: None)
-    assert idle_bounds(context, last) == idle
+    assert idle_bounds(context, last, last) == idle
 
 
 def test_no_fit_is_made_where_nothing_is_at_a_bound(logs):
     refit = Refit(*[bind(dft.Thruster(), each) for each in logs], {"seed": 0}, Clock())
     last = FittedStage((), *refit(dft.Thruster(), starts=1))
-    assert idle_bounds(SimpleNamespace(given=dft.Thruster()), last) == ()
+    assert idle_bounds(SimpleNamespace(given=dft.Thruster()), last, last) == ()
 
 
 def test_bounds_that_only_hold_each_other_are_not_idle(logs):
@@ -60,7 +60,16 @@ def test_bounds_that_only_hold_each_other_are_not_idle(logs):
     refit = Refit(*[bind(given, each) for each in logs], {"seed": 0}, Clock())
     last = FittedStage((), *refit(given, starts=1))
     assert last.fit.parameters["beta"].at_bound
-    assert idle_bounds(SimpleNamespace(given=given, refit=refit, say=lambda *_: None), last) == ()
+    context = SimpleNamespace(given=given, refit=refit, say=lambda *_: None)
+    assert idle_bounds(context, last, last) == ()
+    # the free model errs less: to be found, it needs no wider bound but these
+    free = FittedStage(("x",), *refit(dft.Thruster(), starts=1))
+    assert idle_bounds(context, last, free) == ()
+    held = dft.Thruster().replace(beta=bounds["beta"]).fix("alpha", "ct")
+    poor = FittedStage((), *refit(held, starts=1))
+    assert poor.fit.parameters["beta"].at_bound
+    context = SimpleNamespace(given=held, refit=refit, say=lambda *_: None)
+    assert idle_bounds(context, poor, free) == ("beta",)  # freed, it errs more than all free
 
 
 def test_a_logarithm_that_ran_to_where_numbers_end_is_neither_at_a_bound_nor_gone(logs):

@@ -180,6 +180,9 @@ def test_another_mistake_that_a_doubt_may_come_from_is_told(worth, said):
         diag = replace(diag, mends=(mend, other))
     line = "Or with thrust and speed exchanged: look which of them is true."
     assert (line in diag.summary.splitlines()) is said
+    copied = "Copy the line of the true one, which stands below."
+    assert (copied in diag.summary.splitlines()) is said
+    assert ("Mend: [channels.a] b Or: [channels.a] b" in diag.details) is said
     assert claims.contradictions(diag, text=diag.summary) == []
     assert (claims.contradictions(diag, text=line) == []) is said
 

@@ -174,10 +174,10 @@ def test_a_mass_matrix_that_no_body_has_ends_a_simulation():
     limit = (model.parameters["m22"].value * model.parameters["i33"].value) ** 0.5
     time = 0.1 * np.arange(50)
     log = dft.Log(time, {"propeller_speed": np.full(50, 20.0), "rudder_angle": np.full(50, 0.1)})
-    for share in (0.9, -0.9):
+    for share in (0.94, -0.94):
         there = model.replace({"sway_yaw_coupling.mass": share * limit})
         assert np.isfinite(dft.simulate(there, log)["sway"]).all()
-    for share in (1.1, -1.1):
+    for share in (0.96, -0.96, 1.1, -1.1):
         there = model.replace({"sway_yaw_coupling.mass": share * limit})
         with pytest.warns(
             dft.simulation.SimulationFailedWarning, match="leaves the finite numbers"

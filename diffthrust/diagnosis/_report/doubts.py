@@ -5,7 +5,7 @@ from __future__ import annotations
 from diffthrust._support.words import capitalised, distinct_numbers, humanize, joined
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._mended import MeasuredMend, best_mends
-from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubt import Doubt, Reading
 
 _GRAVE = ("sign", "exchanged", "unit", "time_base", "lag", "stuck", "saturated", "sentinel")
 """Kinds of doubts that the summary names: what a channel means, and which samples are readings."""
@@ -16,7 +16,7 @@ _NAMED = 2
 def leading_doubt_words(diag: Findings) -> list[str]:
     """What a summary begins with: mends that help, and doubts that no refit can judge."""
     sentences = [
-        f"First the logs: {mend.doubt.evidence} {mend_words(mend)} {mend_line(mend)}"
+        f"First the logs: {mend.doubt.evidence} {mend_words(mend)} {mend_line(diag, mend)}"
         for mend in diag.helpful_mends[:_NAMED]
     ]
     if sentences:
@@ -53,11 +53,23 @@ def mend_words(mend: MeasuredMend) -> str:
     )
 
 
-def mend_line(mend: MeasuredMend) -> str:
-    """What to write, and for which logs."""
+def mend_line(diag: Findings, mend: MeasuredMend) -> str:
+    """What to write, and for which logs; either line where another reading may be the true one."""
+    lines = " Or: ".join(reading.line for reading in (mend.reading, *open_readings(diag, mend)))
     if not mend.doubt.logs:
-        return f"Mend: {mend.reading.line}"
-    return f"Mend, for {joined(mend.doubt.logs)} alone: {mend.reading.line}"
+        return f"Mend: {lines}"
+    return f"Mend, for {joined(mend.doubt.logs)} alone: {lines}"
+
+
+def open_readings(diag: Findings, mend: MeasuredMend) -> list[Reading]:
+    """The other mistakes that a doubt may come from, but for those whose mend was seen to do harm.
+
+    Of a BlueBoat whose left and right are exchanged a turned yaw rate errs least: these logs do not
+    tell, and who turns the gyroscope of a boat with exchanged cables has two mistakes.
+    """
+    harmful = [m.reading.words for m in diag.mends if m.doubt is mend.doubt and m.worth.high <= 0]
+    settled = mend.reading.words, *harmful
+    return [reading for reading in mend.doubt.readings if reading.words not in settled]
 
 
 def doubt_bullets(diag: Findings) -> list[str]:

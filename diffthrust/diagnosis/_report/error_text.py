@@ -197,28 +197,21 @@ def growth_of(diag: Findings, errors: Errors) -> dict[str, float]:
 def growth_words(diag: Findings) -> list[str]:
     """How much larger errors are over whole runs than from sample to sample, and why.
 
-    Both on the training logs, of which the errors from sample to sample are. Over whole runs with
-    what was learned: a law that removes 99 % of the error leaves next to nothing that could add up.
-    Nothing of static tables, in which nothing does.
+    Both on the training logs, of which the errors from sample to sample are. Nothing of static
+    tables, in which nothing adds up, and nothing where structure remains: that says why, and the
+    last reading often foretells the next as well.
     """
-    if diag.before.tabular:
+    if diag.before.tabular or diag.verdict == "unexplained":
         return []
-    errors, learned = trained_errors(diag), ""
-    for law in diag.laws:
-        errors, learned = law.reported.train, ", with what was learned,"
+    errors = trained_errors(diag)
     growth = growth_of(diag, errors)
     name = max(growth, key=lambda n: rank(growth[n]), default="")
     if not name or not growth[name] > SETTINGS.verdict.far_above_one_step:
         return []
     size, unit = errors.channels[name].shown
-    words = (
-        f"From one sample to the next the {humanize(name)} is mostly predicted to within "
-        f"{with_unit(size / growth[name], unit)}, over whole runs of the training logs{learned} to "
-        f"{with_unit(size, unit)}"
-    )
-    if diag.verdict == "unexplained":
-        return [f"{words}: missing physics adds up, and a disturbance may, too."]
     return [
-        f"{words}: no signal of these logs surely explains the difference. It is a disturbance, a "
-        "lasting error of a sensor, or physics that these logs do not show."
+        f"From one sample to the next the {humanize(name)} is mostly predicted to within "
+        f"{with_unit(size / growth[name], unit)}, over whole runs of the training logs to "
+        f"{with_unit(size, unit)}: no signal of these logs surely explains the difference. It is a "
+        "disturbance, a lasting error of a sensor, or physics that these logs do not show."
     ]

@@ -13,6 +13,7 @@ from diffthrust.diagnosis._explained_share import sure_share, surely_removes
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._report.budget import Part, as_part, figures_in, within_budget
+from diffthrust.diagnosis._report.doubts import open_readings
 from diffthrust.diagnosis._report.effect_words import effect_words
 from diffthrust.diagnosis._report.learned import law_wordings, place_of, reach_words, valid_words
 from diffthrust.diagnosis._report.remaining_text import changed_parameter
@@ -301,6 +302,8 @@ def _other_model(diag: Findings) -> Part:
 def _next(diag: Findings) -> Part:
     """What to write, or which record to make."""
     if mends := diag.helpful_mends:
+        if open_readings(diag, mends[0]):
+            return as_part((10, "Copy the line of the true one, which stands below"))
         line = mends[0].reading.line.partition(", or ")[0].rstrip(".")
         table, _, key = line.partition("] ")  # "[channels.thrust] scale = -1"
         return as_part((10, f"Copy under {table}]: {key}" if key else f"Copy: {line}"))

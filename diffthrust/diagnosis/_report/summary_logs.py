@@ -12,7 +12,7 @@ from diffthrust._support.words import (
 )
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._report.budget import Part, as_part
-from diffthrust.diagnosis._report.doubts import grave_doubts
+from diffthrust.diagnosis._report.doubts import grave_doubts, open_readings
 from diffthrust.diagnosis._report.text import ran_away, stopped_parameters, vanished_words
 from diffthrust.estimation._status import Status
 
@@ -89,17 +89,9 @@ def _logs(diag: Findings) -> Part:
 
 
 def _other_reading(diag: Findings) -> Part:
-    """Another mistake that the same doubt may come from, unless its mend was seen to do harm.
-
-    Of a BlueBoat whose left and right are exchanged a turned yaw rate errs least: these logs do not
-    tell, and who turns the gyroscope of a boat with exchanged cables has two mistakes.
-    """
-    if not (mends := diag.helpful_mends):
-        return ()
-    doubt, first = mends[0].doubt, mends[0].reading
-    harmful = [m.reading.words for m in diag.mends if m.doubt is doubt and m.worth.high <= 0]
+    """Another mistake that the same doubt may come from."""
     others = [
-        reading.words for reading in doubt.readings if reading.words not in (first.words, *harmful)
+        reading.words for mend in diag.helpful_mends[:1] for reading in open_readings(diag, mend)
     ]
     if not others:
         return ()

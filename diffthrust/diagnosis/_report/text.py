@@ -219,7 +219,7 @@ def stopped_words(diag: Findings) -> list[str]:
     added = joined(map(an_effect, diag.added))
     sentences = []
     for full, (name, amount, way) in {**first, **last}.items():
-        if full in diag.idle_bounds:
+        if full in diag.idle_bounds and full in last:
             sentences.append(
                 f"{name} stopped at its bound of {amount}: beyond it whole runs do not surely err "
                 "less."
@@ -230,7 +230,7 @@ def stopped_words(diag: Findings) -> list[str]:
                 "follows holds under that bound: widen it, if physically possible, and diagnose "
                 "again."
             )
-        elif full in diag.model.parameters and added:
+        elif full in diag.model.parameters and added and full not in diag.idle_bounds:
             sentences.append(
                 f"{name} was at its bound of {amount} without {added}, which may stand in for a "
                 f"{way} {name}: widen the bound, if physically possible, and diagnose again."
