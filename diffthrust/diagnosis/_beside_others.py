@@ -11,7 +11,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from diffthrust.diagnosis._admission import record_stage, refitted_stage, worths_between
+from diffthrust.diagnosis._admission import (
+    ended_worse,
+    record_stage,
+    refitted_stage,
+    worths_between,
+)
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import missed, no_better
 from diffthrust.diagnosis._explained_share import Worth, adds_little, matters, negligible
@@ -47,6 +52,8 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
     for name in state.detectable:
         tried = replace(state, detectable=tuple(n for n in state.detectable if n != name))
         fitted = refitted_stage(context, tried, starts=1, substeps=last.fit.substeps)
+        if ended_worse(fitted, last):
+            continue  # than without it: of a Kingfisher a yaw drag "removed" -706 to -202 %
         shares = worths_between(last, fitted)
         beside[name] = _with_everywhere(context, *shares)
         if not adds_little(beside[name]) and matters(*shares):

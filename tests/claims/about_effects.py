@@ -274,7 +274,7 @@ def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str
 
 
 @claim(rf"Learned: at (?P<place>.+?'(?P<port>\w+)'.*?) (?P<manner>what passes is scaled by a curve "
-       r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare> \(no closed form fits as well\))?\. "
+       r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare> \(no closed form was chosen\))?\. "
        rf"Of the squared error of all channels as given over whole runs of [a-z ]+? it removes "
        rf"(?P<worth>{WORTH}); with it the NRMSE there is (?P<last>{NUMBER}), as given "
        rf"(?P<first>{NUMBER})\."

@@ -275,6 +275,13 @@ def _change(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     yield from _changes(text[0].lower() + text[1:], diag, page)
 
 
+@claim(r"Undecided as long as the doubts on the logs stand: mend them first\.")
+def _undecided_yet(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    kinds = [doubt.kind for doubt in diag.doubts]
+    if diag.verdict != "undecided" or not {"sign", "exchanged"} & {*kinds}:
+        yield f"verdict {diag.verdict}, doubts {kinds}"
+
+
 @claim(rf"Undecided: over whole runs of (?P<logs>[a-z ]+?) (?P<level>the [a-zA-Z ]+? error is "
        rf"{NUMBER} ?[^()]*?\(NRMSE {NUMBER}\)); over those of the training logs it is "
        rf"(?P<multiple>\S+) times that from one "

@@ -205,6 +205,22 @@ def test_a_doubt_leads_unless_nothing_is_to_be_mended(mend, leads):
     assert claims.contradictions(told, text=told.summary) == []
 
 
+def test_a_sign_that_looks_wrong_may_be_an_exchange_and_nothing_is_undecided_before_it_is_mended():
+    """Of a Kingfisher the heading alone was named, and random forces held possible."""
+    words = ("the sign of speed reversed", "thrust and speed exchanged")
+    readings = tuple(dft.soundness.Reading(w, "[channels.a] b") for w in words)
+    doubt = dft.soundness.Doubt("speed", "sign", "It is odd.", "look", readings)
+    diag = made.undecided()
+    first = replace(diag.stages[0], fit=replace(diag.stages[0].fit, doubts=(doubt,)))
+    told = replace(diag, stages=(first, *diag.stages[1:]))
+    line = "Check the logs: the sign of speed looks wrong, or thrust and speed exchanged."
+    assert told.summary.splitlines()[0] == line
+    assert "Undecided as long as the doubts on the logs stand: mend them first." in told.details
+    assert "disturbance" not in told.details
+    assert claims.contradictions(told) == []
+    assert "disturbance" in diag.details
+
+
 def test_of_many_effects_those_without_a_size_are_named():
     names = ["linear_damping", "command_delay", "thrust_sensor_lag", "coulomb_friction"]
     diag = made.found()

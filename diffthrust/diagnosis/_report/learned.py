@@ -52,7 +52,7 @@ def learned_words(diag: Findings) -> list[str]:
         first, last = (f.holdout if unseen and f.holdout else f.train for f in (baseline, updated))
         sentences.append(
             f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
-            f"{'' if law.form else ' (no closed form fits as well)'}. Of the "
+            f"{'' if law.form else ' (no closed form was chosen)'}. Of the "
             f"{squared_error()} over whole runs of {logs} it removes {law.worth}; with it the "
             f"NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
         )

@@ -20,6 +20,7 @@ from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._missing import Missing, Remaining
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
+from diffthrust.diagnosis._report.doubts import grave_doubts
 from diffthrust.diagnosis._report.error_text import (
     LEFT,
     error_size,
@@ -48,7 +49,11 @@ def undecided_words(diag: Findings) -> list[str]:
     """That large, lasting errors may be a disturbance's or missing physics, and what would decide.
 
     Random forces are named only where runs that repeat their inputs show that errors do not recur.
+    Nothing of the kind while a sign looks wrong: of a Kingfisher with its heading turned nothing
+    was undecided that this mend did not decide.
     """
+    if any(doubt.kind in ("sign", "exchanged") for doubt in grave_doubts(diag)):
+        return ["Undecided as long as the doubts on the logs stand: mend them first."]
     logs, errors = judged_errors(diag)
     name = next(iter(diag.far), next(iter(errors.channels)))
     error = errors.channels[name]

@@ -75,14 +75,19 @@ def _logs(diag: Findings) -> Part:
         error = f"{mend} the {runs} error falls by {falls}"
         words = f"First mend the logs, then diagnose again: {error}"
         return as_part((10, words), (13, f"First diagnose again {mend}"))
+    doubts = [doubt for doubt in grave_doubts(diag) if not doubt.harmless]
     suspects = [
         _SUSPECT[doubt.kind].format(humanize(doubt.channel) + " and others" * bool(doubt.also))
-        for doubt in grave_doubts(diag)
-        if not doubt.harmless
+        for doubt in doubts
     ]
     if suspects:
         words = "Check the logs: "
-        return as_part((3, words + joined(suspects)), (11, words + suspects[0]))
+        others = "".join(f", or {reading.words}" for reading in doubts[0].readings[1:])
+        return as_part(
+            (3, words + joined([suspects[0] + others, *suspects[1:]])),
+            (4, words + suspects[0] + others),
+            (11, words + suspects[0]),
+        )
     if diag.before.hints:
         return as_part((11, "Check the logs: a channel may not mean what its name says"))
     return ()
