@@ -380,7 +380,8 @@ class Sizes:
         size = self.sizes[effects]
         channels = {"speed": SimpleNamespace(rmse=size, nrmse=size)}
         error = SimpleNamespace(nrmse=size, channels=channels)
-        return replace(made, fit=SimpleNamespace(train=error, holdout=error, substeps=2))
+        fit = SimpleNamespace(train=error, holdout=error, substeps=2, horizon=20.0)
+        return replace(made, fit=fit)
 
     def refitted(self, context, state, **_):
         left_out = {*state.detectable}
@@ -410,6 +411,13 @@ def test_runs_that_overflow_without_an_effect_give_it_no_share(monkeypatch):
     sizes = {(): 2.0, ("lag",): 1.0, ("wind",): np.inf, ("lag", "wind"): 0.5}
     beside = Sizes(monkeypatch, sizes).ended(("lag", "wind")).beside
     assert {n: w.share for n, w in beside.items()} == pytest.approx({"wind": 0.75})
+
+
+def test_a_fit_that_ended_worse_is_no_share(monkeypatch):
+    """Of a Kingfisher a yaw drag, whose null errs as before, "removed" -706 to -202 %."""
+    sizes = {(): 2.0, ("lag",): 1.0, ("lag", "wind"): 2.7}
+    ended = Sizes(monkeypatch, sizes).ended(("lag",), detectable=("wind",))
+    assert (ended.beside, ended.detectable) == ({}, ("wind",))
 
 
 @pytest.mark.parametrize(("size", "added"), [(0.9, True), (0.97, False)])
