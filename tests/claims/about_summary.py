@@ -396,7 +396,7 @@ def _copied_name(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"held: {[*diag.held]}"
 
 
-@claim(r"Copy: the lines under 'To copy into a spec file'\.")
+@claim(r"Copy(?:: the lines under 'To copy into a spec file'| the lines below)\.")
 def _copied_end(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if "To copy into a spec file" not in diag.report():
         yield "there are none"

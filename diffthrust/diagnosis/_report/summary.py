@@ -310,12 +310,14 @@ def _next(diag: Findings) -> Part:
     if ran_away(diag):
         words = "Next: check signs, units and the sense of angles"
         return as_part((9, f"{words}, or hold a mass that you know"), (10, words))
+    lines = (6, f"Copy: the lines under '{TO_COPY}'"), (10, "Copy the lines below")
     if diag.laws:
-        return as_part((9, f"Copy: the lines under '{TO_COPY}'"))
+        return as_part(*lines)
     if diag.best:
         line = f"Copy: {effects_line(diag.fit.model.effects)}"
-        lines = figures_in(line) or diag.fit.model.per_log  # which stand below [parameters]
-        return as_part((10, f"Copy: the lines under '{TO_COPY}'" if lines else line))
+        # of numbers that stand below [parameters]
+        several = figures_in(line) or diag.fit.model.per_log
+        return as_part(*lines) if several else as_part((10, line))
     if diag.held:
         return as_part((9, f"Copy: {next(iter(diag.held))} = {{ fixed = false }}"))
     if diag.verdict == "undecided":

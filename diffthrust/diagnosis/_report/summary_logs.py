@@ -143,7 +143,9 @@ def _caution(diag: Findings) -> Part:
     """That the fit from which all numbers come may not be what it should."""
     status = diag.fit.status
     if not status.ok:
-        return as_part((11, f"Caution: {_UNFINISHED[status]}"))
+        whole = f"Caution: {_UNFINISHED[status]}"
+        short = ": ".join(whole.split(": ")[:2])
+        return as_part((6, whole), (11, short)) if short != whole else as_part((11, whole))
     if not diag.fit.coarse:
         return ()
     return as_part((11, "Caution: the last fit needs finer integrator steps"))
