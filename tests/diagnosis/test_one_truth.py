@@ -206,7 +206,13 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
         "command delay). With"
     )
     assert words in alike.details
-    for each in (none, both, minor, alike):
+    # of a Kingfisher -706 to -202 % was "no sure effect"
+    worse = replace(minor, worth={"actuator_lag": Worth(-4.0, -7.06, -2.02)})
+    words = "an actuator lag (whole runs of unseen logs surely err more with it). With it"
+    assert words in worse.details
+    assert claims.contradictions(minor, text=worse.details) != []
+    assert claims.contradictions(worse, text=minor.details) != []
+    for each in (none, both, minor, alike, worse):
         assert claims.contradictions(each) == []
 
 

@@ -69,7 +69,7 @@ def _worth_rows(diag: Findings, name: str, kind: str, worth: Worth) -> Iterator[
 def _sure_cells(diag: Findings, worth: Worth, of: str) -> tuple[str, str, str]:
     sure = sure_share(worth)
     if sure is None:
-        return "nothing sure", worth.cells[1], ""
+        return "errs more" if worth.high < 0 else "nothing sure", worth.cells[1], ""
     others = [humanize(name) for name in worth.together]
     whole = f"{squared_error(sure.channel, of)}, {judged_logs(diag, sure.everywhere)}"
     return *sure.worth.cells, whole + f" ({joined(others)} together)" * bool(others)
