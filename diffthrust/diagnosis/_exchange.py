@@ -1,10 +1,10 @@
 """A rival in the place of an effect, where whole runs prove it the better one.
 
 A search adds the effect that helps most where it stands. What came later may make a rival of it the
-better one: of a BlueBoat with exchanged sides a force exponent predicted the next sample much
-better than a quadratic surge drag, and beside it the drag promised nothing; in its place the drag
-halves the surge error over whole runs. And what is only detectable may keep out a rival: of a
-tanker a rudder inflow, which changes nothing over whole runs, stood for a quadratic sway drag.
+better one: a search of a BlueBoat once ended with a force exponent, which predicted the next sample
+much better than a quadratic surge drag; by hand, the drag in its place halved the surge error over
+whole runs. And what is only detectable may keep out a rival: of a tanker a rudder inflow, which
+changes nothing over whole runs, stood for a quadratic sway drag.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from diffthrust.diagnosis._search_state import (
 from diffthrust.diagnosis._settings import SETTINGS
 
 _MOST_EXCHANGED = 2
-"""Numerics: effects in whose place a rival may come. Of a BlueBoat and of a tanker it was one; more
-could go to and fro, one pulled by the next sample and one by whole runs."""
+"""Numerics: effects in whose place a rival may come. Of a tanker it was one; more could go to and
+fro, one pulled by the next sample and one by whole runs."""
 
 
 def refitted_rivals(

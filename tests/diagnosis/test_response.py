@@ -282,7 +282,7 @@ def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkey
 
 @pytest.mark.thorough
 def test_a_rival_that_whole_runs_prove_better_takes_the_place_of_an_effect(known, monkeypatch):
-    """Of a BlueBoat a surge drag for a force exponent, which predicts the next sample better."""
+    """Of a tanker a sway drag for a rudder inflow, which did nothing over whole runs."""
     monkeypatch.setattr("diffthrust.diagnosis._equivalence.simulation_is_poor", lambda *_: True)
     given, names = dft.Thruster(), ("coulomb_friction", "actuator_lag")
     logs = tuple(bind(given, each) for each in (known.train, known.unseen))
