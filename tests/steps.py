@@ -100,7 +100,6 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
 from diffthrust.diagnosis._linear_response import (  # private: the test alone
     project_out,
     score_test,
-    why_untestable,
 )
 from diffthrust.diagnosis._mended import MeasuredMend  # private: made by hand
 from diffthrust.diagnosis._missing import (  # private: made by hand
@@ -139,6 +138,7 @@ from diffthrust.diagnosis._rating import (  # private: one step alone
     other_values,
     plainest_first,
     stopped,
+    why_untestable,
 )
 from diffthrust.diagnosis._recurrence import recurring_shares  # private: its coverage
 from diffthrust.diagnosis._report.budget import (  # private: words and figures alone

@@ -350,8 +350,8 @@ def ended(context: SearchContext, stage: FittedStage) -> FittedStage:
     """A stage that was only compared, fitted to its end with the integrator steps it needs."""
     model = stage.fit.model
     values = {n: p.value for n, p in model.parameters.items() if not p.fixed}
-    ended = FittedStage(stage.effects, *context.refit(model, [values], starts=1))
-    return stage if ended_worse(ended, stage) else ended
+    fitted = FittedStage(stage.effects, *context.refit(model, [values], starts=1))
+    return stage if ended_worse(fitted, stage) else fitted
 
 
 def ended_worse(stage: FittedStage, other: FittedStage, by: float = NOTICED) -> bool:

@@ -100,8 +100,8 @@ def _is_high(fit: Fit, name: str) -> bool:
     """Whether a parameter at a bound is at the upper one, or fifteen decades above its start."""
     value, (low, high) = fit.parameters[name].value, fit.model.parameters[name].limits
     if math.isfinite(high):
-        return abs(value - high) < abs(value - low)
-    return value > fit.guess.get(name, value)
+        return bool(abs(value - high) < abs(value - low))
+    return bool(value > fit.guess.get(name, value))
 
 
 def is_whole(effect: str, name: str, value: float) -> bool:

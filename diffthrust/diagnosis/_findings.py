@@ -313,6 +313,11 @@ class Findings(Selection, Assessment):
         """The mends of these doubts with which the error over whole runs surely falls."""
         return tuple(mend for mend in best_mends(self.mends) if mend.helps)
 
+    def mends_of(self, doubt: Doubt) -> list[MeasuredMend]:
+        """The mends of one doubt that were measured."""
+        key = doubt.channel, doubt.kind
+        return [mend for mend in self.mends if (mend.doubt.channel, mend.doubt.kind) == key]
+
     @property
     def far(self) -> tuple[str, ...]:
         """The channels whose errors over whole runs are large and last, the worst first."""

@@ -22,7 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
-from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
 from diffthrust.estimation._likelihood import Quadratic, by_blocks, tightness
@@ -36,9 +35,6 @@ _MOST_REMOVED = 0.9
 """Numerics: share of the squared errors that a step is credited with removing at most: the
 logarithm of what remains has no bound, and a linear response far from the null is not to be trusted
 so far."""
-_REDUNDANT = 1e-6
-"""Numerics: an effect is redundant if it keeps less than this of its information beside the others:
-rounding errors of the projection are some 1e-9."""
 
 
 class LinearResponse:
@@ -397,27 +393,3 @@ def promised_gain(q: Quadratic, movable: np.ndarray) -> float:
     removed = -float(np.sum(np.where(step != 0.0, q.gradient * step, 0.0)))
     energy = float(q.energy) / len(q.sigma)
     return -0.5 * energy * float(np.log1p(-min(removed / energy, _MOST_REMOVED)))
-
-
-def why_untestable(q: Quadratic, names: Sequence[str], effect: str) -> str:
-    """Why an effect does nothing that the other estimated parameters cannot; "" if it does.
-
-    An asymmetry of a propeller astern does nothing at all on a tanker that never goes astern.
-    """
-    live = (np.diagonal(q.information) > 0) & np.isfinite(np.diagonal(q.information))
-    its = np.array([of_effect(n, effect) for n in names])
-    of_this = np.zeros(live.size, bool)
-    of_this[: len(names)] = its
-    length = np.sqrt(np.diagonal(q.information)[live])
-    scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
-    of_this = of_this[live]
-    if not of_this.any():
-        if np.any(np.diagonal(q.information)[: len(names)][its] != 0):
-            return "its influence on what is measured is not finite along these logs"
-        return "it changes nothing that is measured in these logs"
-    cross, nuisance = scaled[np.ix_(of_this, ~of_this)], scaled[np.ix_(~of_this, ~of_this)]
-    through = cross @ np.linalg.pinv(nuisance, 1e-12, True)
-    projected = scaled[np.ix_(of_this, of_this)] - through @ cross.T
-    if np.diagonal(projected).max() < _REDUNDANT:
-        return "other parameters do the same to what is measured"
-    return ""

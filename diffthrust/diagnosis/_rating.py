@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
+from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._criteria import (
     criterion,
     price_of,
@@ -20,17 +23,20 @@ from diffthrust.diagnosis._innovations_fit import (
     TrialFit,
     side_by_side,
 )
-from diffthrust.diagnosis._linear_response import why_untestable
 from diffthrust.diagnosis._screening import is_at_null, levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate, shown_unit
+from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.parameter import Parameter
 
 _GONE = 1e-2
 """Numerics: trials also start from the values of simulations if a positive parameter has fallen
 below this share of them, which makes it practically zero. It decides no verdict."""
+_REDUNDANT = 1e-6
+"""Numerics: an effect is redundant if it keeps less than this of its information beside the others:
+rounding errors of the projection are some 1e-9."""
 _AT_BOUND = 1e-6
 """Numerics: relative distance from a bound below which a value counts as at the bound."""
 _POOR = 0.5
@@ -76,6 +82,30 @@ def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, lis
 
     tried = plainest_first(side_by_side(rated, ended))
     return replace(state, untestable=untestable, silent=silent), tried
+
+
+def why_untestable(q: Quadratic, names: Sequence[str], effect: str) -> str:
+    """Why an effect does nothing that the other estimated parameters cannot; "" if it does.
+
+    An asymmetry of a propeller astern does nothing at all on a tanker that never goes astern.
+    """
+    live = (np.diagonal(q.information) > 0) & np.isfinite(np.diagonal(q.information))
+    its = np.array([of_effect(n, effect) for n in names])
+    of_this = np.zeros(live.size, bool)
+    of_this[: len(names)] = its
+    length = np.sqrt(np.diagonal(q.information)[live])
+    scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
+    of_this = of_this[live]
+    if not of_this.any():
+        if np.any(np.diagonal(q.information)[: len(names)][its] != 0):
+            return "its influence on what is measured is not finite along these logs"
+        return "it changes nothing that is measured in these logs"
+    cross, nuisance = scaled[np.ix_(of_this, ~of_this)], scaled[np.ix_(~of_this, ~of_this)]
+    through = cross @ np.linalg.pinv(nuisance, 1e-12, True)
+    projected = scaled[np.ix_(of_this, of_this)] - through @ cross.T
+    if np.diagonal(projected).max() < _REDUNDANT:
+        return "other parameters do the same to what is measured"
+    return ""
 
 
 def plainest_first(tried: Sequence[Tried]) -> list[Tried]:

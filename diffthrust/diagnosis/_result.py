@@ -147,14 +147,7 @@ class Diagnosis(Result, Findings):
             "schema": 1,
             "verdict": self.verdict,
             "doubts": [
-                doubt.to_json()
-                | {
-                    "mends": [
-                        mend.to_json()
-                        for mend in self.mends
-                        if (mend.doubt.channel, mend.doubt.kind) == (doubt.channel, doubt.kind)
-                    ]
-                }
+                doubt.to_json() | {"mends": [mend.to_json() for mend in self.mends_of(doubt)]}
                 for doubt in self.doubts
             ],
             "added": list(self.added),

@@ -77,7 +77,7 @@ def doubt_bullets(diag: Findings) -> list[str]:
     best = {id(mend) for mend in best_mends(diag.mends)}
     bullets = []
     for doubt in diag.doubts:
-        tried = [mend for mend in diag.mends if _same(mend.doubt, doubt)]
+        tried = diag.mends_of(doubt)
         tried.sort(key=lambda mend: id(mend) not in best)
         words = " ".join(map(mend_words, tried))
         bullets.append(f"{_doubt_words(doubt)} {words}".rstrip())
@@ -86,7 +86,3 @@ def doubt_bullets(diag: Findings) -> list[str]:
 
 def _doubt_words(doubt: Doubt) -> str:
     return f"A doubt on {humanize(doubt.channel)}: {doubt.evidence} Mend: {doubt.mend}"
-
-
-def _same(first: Doubt, second: Doubt) -> bool:
-    return (first.channel, first.kind) == (second.channel, second.kind)

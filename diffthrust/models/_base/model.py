@@ -251,8 +251,8 @@ class Model(Component):
 
     def _mend_of_name(self, name: str) -> str:
         """What to do about a parameter that the model lacks: add its effect, if it has a place."""
-        effect, _, own = name.rpartition(".")
-        if effect in Effect.library and own in Effect.library[effect].declared:
+        effect = name.rpartition(".")[0]
+        if effect in Effect.library:
             with contextlib.suppress(InputError):
                 if name in (self + effect).parameters:
                     return f'Add the effect "{effect}" first.'
