@@ -449,25 +449,24 @@ def _as_they_are(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(rf"First mend the logs, then diagnose again: with (?P<what>.+?) the "
-       rf"(?:unseen|training) error falls by (?P<falls>{NUMBER}) %\.")  # fmt: skip
+       rf"(?:unseen|training) error falls by (?P<falls>{NUMBER}) %"
+       rf"(?P<others>.*? or with [^\n]+?: look which of them is true)?\.")  # fmt: skip
 def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     mend = next((x for x in diag.helpful_mends if x.reading.words == m["what"]), None)
     if mend is None:
         yield f"mends: {[x.reading.words for x in diag.helpful_mends]}"
-    elif not is_said(m["falls"], 100.0 * (1.0 - mend.after.nrmse / mend.before.nrmse)):
+        return
+    falls = {x.reading.words: 100.0 * (1.0 - x.after.nrmse / x.before.nrmse) for x in diag.mends}
+    if not is_said(m["falls"], falls[m["what"]]):
         yield f"NRMSE goes from {mend.before.nrmse:.3g} to {mend.after.nrmse:.3g}"
-
-
-@claim(r"Or with (?P<what>[^\n]+?): look which of them is true\.")
-def _other_reading(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    doubt = diag.helpful_mends[0].doubt
-    others = [reading.words for reading in doubt.readings]
-    others.remove(diag.helpful_mends[0].reading.words)
-    if not all(words in others for words in re.split(", | or ", m["what"])):
-        yield f"other readings: {others}"
-    for mend in diag.mends:
-        if mend.reading.words in m["what"] and mend.worth.high <= 0:
-            yield f"{mend.reading.words} removes {mend.worth}"
+    others = [reading.words for reading in mend.doubt.readings if reading.words != m["what"]]
+    harmful = [x.reading.words for x in diag.mends if x.worth.high <= 0]
+    told = re.findall(rf"with (.+?)(?: by ({NUMBER}) %)?(?=, | or with |: look)", m["others"] or "")
+    if {words for words, _ in told} != set(others) - set(harmful):
+        yield f"other readings: {others}, of which {harmful} do harm"
+    for words, fall in told:
+        if bool(fall) != (falls.get(words, 0.0) > 0) or (fall and not is_said(fall, falls[words])):
+            yield f"with {words} the error falls by {falls.get(words)} %"
 
 
 @claim(r"Copy the line of the true one, which stands below\.")
@@ -479,8 +478,10 @@ def _either_line(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"First diagnose again with (?P<what>[^\n]+?)\.")
 def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if m["what"] not in [x.reading.words for x in diag.helpful_mends]:
-        yield f"mends: {[x.reading.words for x in diag.helpful_mends]}"
+    first = diag.helpful_mends[0]
+    words = [reading.words for reading in first.doubt.readings]
+    if not m["what"].startswith(first.reading.words) or not any(map(m["what"].endswith, words)):
+        yield f"{first.reading.words}, of {words}"
 
 
 @claim(r"Check the logs: (?P<what>[^\n]+?)\.")

@@ -11,6 +11,7 @@ from diffthrust._support.words import (
     percent,
 )
 from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._mended import MeasuredMend
 from diffthrust.diagnosis._report.budget import Part, as_part
 from diffthrust.diagnosis._report.doubts import grave_doubts, open_readings
 from diffthrust.diagnosis._report.text import ran_away, stopped_parameters, vanished_words
@@ -40,7 +41,6 @@ def doubtful(diag: Findings) -> list[Part]:
     return [
         _sound(diag),
         _logs(diag),
-        _other_reading(diag),
         _ran_away(diag),
         _odd_logs(diag),
         _caution(diag),
@@ -67,14 +67,8 @@ def _sound(diag: Findings) -> Part:
 
 def _logs(diag: Findings) -> Part:
     """The mend that helps most, with what it does to the error; or the gravest doubt."""
-    if mends := diag.helpful_mends:
-        first = mends[0]
-        falls = percent(1.0 - first.after.nrmse / first.before.nrmse)
-        runs = "unseen" if first.unseen else "training"
-        mend = f"with {first.reading.words}"
-        error = f"{mend} the {runs} error falls by {falls}"
-        words = f"First mend the logs, then diagnose again: {error}"
-        return as_part((10, words), (13, f"First diagnose again {mend}"))
+    if diag.helpful_mends:
+        return _mends(diag)
     doubts = [doubt for doubt in grave_doubts(diag) if not doubt.harmless]
     suspects = [
         _SUSPECT[doubt.kind].format(humanize(doubt.channel) + " and others" * bool(doubt.also))
@@ -93,14 +87,33 @@ def _logs(diag: Findings) -> Part:
     return ()
 
 
-def _other_reading(diag: Findings) -> Part:
-    """Another mistake that the same doubt may come from."""
-    others = [
-        reading.words for mend in diag.helpful_mends[:1] for reading in open_readings(diag, mend)
-    ]
-    if not others:
-        return ()
-    return as_part((8, f"Or with {joined(others, 'or')}: look which of them is true"))
+def _mends(diag: Findings) -> Part:
+    """The mend that helps most, and beside it each other mistake that its doubt may come from.
+
+    Of a BlueBoat with exchanged sides a turned yaw rate errs least, and who read that line alone
+    turned a sound gyroscope.
+    """
+    first = diag.helpful_mends[0]
+    of_doubt = {mend.reading.words: mend for mend in diag.mends_of(first.doubt)}
+    runs = "unseen" if first.unseen else "training"
+    readings = [f"with {first.reading.words} the {runs} error falls by {_falls(first)}"]
+    for reading in open_readings(diag, first):
+        other = of_doubt.get(reading.words)
+        by = f" by {_falls(other)}" if other and other.after.nrmse < other.before.nrmse else ""
+        readings.append(f"with {reading.words}{by}")
+    words = joined(readings, "or")
+    if len(readings) > 1:
+        words += ": look which of them is true"
+    mended = joined([first.reading.words, *(r.words for r in open_readings(diag, first))], "or")
+    return as_part(
+        (10, f"First mend the logs, then diagnose again: {words}"),
+        (13, f"First diagnose again with {mended}"),
+    )
+
+
+def _falls(mend: MeasuredMend) -> str:
+    """By how much of itself the error over whole runs falls with a mend."""
+    return percent(1.0 - mend.after.nrmse / mend.before.nrmse)
 
 
 def _ran_away(diag: Findings) -> Part:
