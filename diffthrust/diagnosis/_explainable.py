@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, integral
+from diffthrust._support.lag import lagged
 from diffthrust.diagnosis._settings import SETTINGS
 
 _RANDOM_CURVES = 100
@@ -121,21 +122,9 @@ class Features:
 
 def through_filters(time: np.ndarray, columns: np.ndarray, lags: Sequence[float]) -> np.ndarray:
     """Series, and each through first-order lags that begin settled, ``(n, d (1 + lags))``."""
-    from scipy.signal import lfilter  # slow to import
-
-    filtered, steps = [columns], np.diff(time)
-    even = np.ptp(steps) <= 1e-6 * np.median(steps)
-    for lag in lags:
-        decay = np.exp(-steps / lag)
-        if even:
-            a = decay[0]
-            filtered.append(lfilter([1.0 - a], [1.0, -a], columns, axis=0, zi=a * columns[:1])[0])
-            continue
-        out = columns.copy()
-        for k in range(steps.size):
-            out[k + 1] += decay[k] * (out[k] - columns[k + 1])
-        filtered.append(out)
-    return np.concatenate(filtered, axis=1)
+    steps = np.diff(time)
+    filtered = [lagged(columns[0], columns[1:], np.exp(-steps / lag)) for lag in lags]
+    return np.concatenate([columns, *filtered], axis=1)
 
 
 def _random_curves(columns: np.ndarray, slopes: np.ndarray, shifts: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from diffthrust._support.lag import lagged
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._linear_response import score_test
@@ -197,10 +198,8 @@ def hat_bases(
 
 def exponential_mean(series: np.ndarray, samples: int) -> np.ndarray:
     """Mean of the past of a series, with weights that decay over some samples."""
-    from scipy.signal import lfilter  # slow to import
-
-    decay = np.exp(-1.0 / samples)
-    return lfilter([1.0 - decay], [1.0, -decay], series, zi=[decay * series[0]])[0]
+    decay = np.full(series.size - 1, np.exp(-1.0 / samples))
+    return lagged(series[:1], series[1:, None], decay)[:, 0]
 
 
 def downstream_ports(fitter: CandidateFitter, place: DrivingPort) -> tuple[str, ...]:

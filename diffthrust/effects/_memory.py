@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from diffthrust._support.lag import lagged
 from diffthrust.effects._expression import Expression, Memory, valued
 from diffthrust.models._base.signals import Rate, Relaxing, Signal
 
@@ -165,19 +166,8 @@ def _with(states: Mapping[str, Any], names: Callable[[str], Any]) -> Callable[[s
 
 
 def _lagging(series: np.ndarray, size: float, time: np.ndarray, first: float) -> np.ndarray:
-    from scipy.signal import lfilter  # slow to import
-
-    steps = np.diff(time)
-    kept = np.exp(-steps / max(size, 1e-12))
-    # even steps run in compiled code
-    if np.ptp(steps) < 1e-3 * steps.max():
-        every = float(np.median(kept))
-        later = lfilter([1.0 - every], [1.0, -every], series[:-1], zi=[every * first])[0]
-        return np.concatenate([[first], later])
-    out = [first]
-    for value, share in zip(series[:-1].tolist(), kept.tolist(), strict=True):
-        out.append(value + share * (out[-1] - value))
-    return np.array(out)
+    kept = np.exp(-np.diff(time) / max(size, 1e-12))
+    return lagged(np.array([first]), series[:-1, None], kept)[:, 0]
 
 
 def _played(series: np.ndarray, size: float, time: np.ndarray, first: float) -> np.ndarray:

@@ -450,7 +450,7 @@ def _as_they_are(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(rf"First mend the logs, then diagnose again: with (?P<what>.+?) the "
        rf"(?:unseen|training) error falls by (?P<falls>{NUMBER}) %"
-       rf"(?P<others>.*? or with [^\n]+?: look which of them is true)?\.")  # fmt: skip
+       rf"(?P<others>, or with [^\n]+?: look which of them is true)?\.")  # fmt: skip
 def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     mend = next((x for x in diag.helpful_mends if x.reading.words == m["what"]), None)
     if mend is None:
@@ -461,7 +461,7 @@ def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"NRMSE goes from {mend.before.nrmse:.3g} to {mend.after.nrmse:.3g}"
     others = [reading.words for reading in mend.doubt.readings if reading.words != m["what"]]
     harmful = [x.reading.words for x in diag.mends if x.worth.high <= 0]
-    told = re.findall(rf"with (.+?)(?: by ({NUMBER}) %)?(?=, | or with |: look)", m["others"] or "")
+    told = re.findall(rf"with (.+?)(?: by ({NUMBER}) %)?(?=, or|: look)", m["others"] or "")
     if {words for words, _ in told} != set(others) - set(harmful):
         yield f"other readings: {others}, of which {harmful} do harm"
     for words, fall in told:

@@ -175,13 +175,13 @@ SMALLER, GREATER = 0.7, 1.2  # of the error before
 @pytest.mark.parametrize(
     ("worth", "error", "said"),
     [
-        (None, 1.0, " or with thrust and speed exchanged: look which of them is true"),
+        (None, 1.0, ", or with thrust and speed exchanged: look which of them is true"),
         (
             UNSURE,
             SMALLER,
-            " or with thrust and speed exchanged by 30 %: look which of them is true",
+            ", or with thrust and speed exchanged by 30 %: look which of them is true",
         ),
-        (UNSURE, GREATER, " or with thrust and speed exchanged: look which of them is true"),
+        (UNSURE, GREATER, ", or with thrust and speed exchanged: look which of them is true"),
         (HARMFUL, GREATER, ""),
     ],
 )

@@ -101,7 +101,7 @@ def _mends(diag: Findings) -> Part:
         other = of_doubt.get(reading.words)
         by = f" by {_falls(other)}" if other and other.after.nrmse < other.before.nrmse else ""
         readings.append(f"with {reading.words}{by}")
-    words = joined(readings, "or")
+    words = ", or ".join(readings)
     if len(readings) > 1:
         words += ": look which of them is true"
     mended = joined([first.reading.words, *(r.words for r in open_readings(diag, first))], "or")
