@@ -169,12 +169,6 @@ def reject_if_unborne(context: SearchContext, state: SearchState, name: str) -> 
     return None if surely_less(change.everywhere) else Refusal.NO_BETTER_RUNS
 
 
-def remaining_share(state: SearchState, stage: Stage) -> float:
-    """The squared error at a stage, as a share of that of the model as given."""
-    initial, now = (s.holdout or s.train for s in (state.stages[0], stage))
-    return (now.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
-
-
 def _of_stage(state: SearchState) -> tuple[str, ...]:
     """The effects of the current model, without those that are only detectable."""
     return tuple(n for n in state.current.trial.effects if n not in state.detectable)

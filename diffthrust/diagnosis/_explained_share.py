@@ -90,11 +90,6 @@ class Worth:
         """Whether it is surely worth something, and more than a few per cent."""
         return self.above_zero and self.share > SETTINGS.whole_runs.negligible_share
 
-    def of(self, remaining: float) -> Worth:
-        """The same as a share of a larger error, a share ``remaining`` of which is left before."""
-        remaining = remaining if math.isfinite(remaining) else 1.0
-        return Worth(self.share * remaining, self.low * remaining, self.high * remaining)
-
     def to_json(self) -> dict[str, Any]:
         """The worth as plain data; ``None`` where it is not finite, as of runs that fail."""
         data: dict[str, Any] = _share_data(self)
@@ -203,6 +198,11 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
         for name, joint in everywhere.channels.items()
     )
     return alone and not harms(everywhere)
+
+
+def helps(worth: Worth) -> bool:
+    """Whether a change `matters`, by its share of unseen logs and that of all."""
+    return matters(worth, worth.everywhere or worth)
 
 
 def negligible(worth: Worth, everywhere: Worth) -> bool:

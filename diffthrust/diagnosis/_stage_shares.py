@@ -37,7 +37,8 @@ def shares_by_effect(stages: Sequence[FittedStage]) -> dict[str, Worth]:
         stages: the model as given, then with one effect after the other.
     """
     parts = list(_parts(stages))
-    worths = _worths(stages, parts)
+    runs = [stage.runs for stage in stages], [stage.unseen_runs for stage in stages]
+    worths = shares_by_steps(*runs, [part.steps for part in parts])
     while len(parts) > 1:
         harming = [
             k for k, share in enumerate(worths) if share.share < 0 and sure_share(share) is None
@@ -46,7 +47,7 @@ def shares_by_effect(stages: Sequence[FittedStage]) -> dict[str, Worth]:
             break
         k = min(harming[0], len(parts) - 2)
         parts[k : k + 2] = [_Part(*(a + b for a, b in zip(*parts[k : k + 2], strict=True)))]
-        worths = _worths(stages, parts)
+        worths = shares_by_steps(*runs, [part.steps for part in parts])
     return {
         name: replace(worth, together=part.names if len(part.names) > 1 else ())
         for part, worth in zip(parts, worths, strict=True)
@@ -67,16 +68,27 @@ def _parts(stages: Sequence[FittedStage]) -> Iterator[_Part]:
     yield from (part for part in parts if part.names)
 
 
-def _worths(stages: Sequence[FittedStage], parts: Sequence[_Part]) -> list[Worth]:
-    trained = _errors([stage.runs for stage in stages])
-    unseen = _errors([stage.unseen_runs for stage in stages])
-    steps = [part.steps for part in parts]
+def shares_by_steps(
+    training: Sequence[Sequence[Run]],
+    unseen: Sequence[Sequence[Run]],
+    steps: Sequence[Sequence[int]],
+) -> list[Worth]:
+    """The shares of the first model's squared errors that steps from model to model remove.
+
+    Of unseen logs if there are any, and beside these of all logs together.
+
+    Args:
+        training: the runs of the training logs, of one model after the other.
+        unseen: those of the unseen logs.
+        steps: for each share the steps that it is of (`shares_of_steps`).
+    """
+    trained, judged = _errors(training), _errors(unseen)
     if not steps:
         return []
-    worths = shares_of_steps(unseen or trained, steps)
-    if not unseen:
+    worths = shares_of_steps(judged or trained, steps)
+    if not judged:
         return worths
-    everywhere = shares_of_steps([*trained, *unseen], steps)
+    everywhere = shares_of_steps([*trained, *judged], steps)
     return [
         replace(worth, everywhere=joint) for worth, joint in zip(worths, everywhere, strict=True)
     ]

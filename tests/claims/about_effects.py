@@ -203,8 +203,8 @@ def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"Structure (?P<still>still )?remains that none of the effects tried explains: "
        r"from one (?:sample|row) to the next (?P<manner>it enters at|it scales what passes) "
-       r"(?P<place>.+?) and depends on (?P<on>.+?)(?P<only>; no curve of that makes "
-       r"whole runs surely better)?\.")  # fmt: skip
+       r"(?P<place>.+?) and depends on (?P<on>.+?)(?P<only>; no curve of it that was "
+       r"tried makes whole runs surely better)?\.")  # fmt: skip
 def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     remaining = diag.remaining
     if remaining is None:
@@ -279,8 +279,9 @@ def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str
 
 @claim(rf"Learned: at (?P<place>.+?'(?P<port>\w+)'.*?) (?P<manner>what passes is scaled by a curve "
        r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare> \(no closed form was chosen\))?\. "
-       rf"Of the squared error of all channels as given over whole runs of [a-z ]+? it removes "
-       rf"(?P<worth>{WORTH}); with it the NRMSE there is (?P<last>{NUMBER}), as given "
+       rf"Of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error (?:of all channels )?as given over "
+       rf"whole runs of (?P<logs>[a-z ]+?) it removes "
+       rf"(?P<worth>{WORTH}); with it the NRMSE on [a-z ]+? is (?P<last>{NUMBER}), as given "
        rf"(?P<first>{NUMBER})\."
        r"(?: Valid from .+? to .+?\.(?=\s|$))?")  # fmt: skip
 def _learned(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
@@ -288,7 +289,8 @@ def _learned(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if not laws:
         yield f"no law is at {m['port']}"
         return
-    if not any(worth_is(m["worth"], law.worth) for law in laws):
+    whole = [w for law in laws if (w := _of(law.worth, *_whole(m)))]
+    if not any(worth_is(m["worth"], worth) for worth in whole):
         yield f"it removes {laws[0].worth}"
     reported = [(law.reported.holdout or law.reported.train).nrmse for law in laws]
     if not any(is_said(m["last"], nrmse, SIMULATED) for nrmse in reported):

@@ -22,6 +22,7 @@ from steps import (
     bind,
     done,
     from_simulation,
+    helps,
     next_stage,
     other_values,
     plainest_first,
@@ -523,12 +524,18 @@ def test_an_effect_of_one_channel_keeps_its_share_where_others_grow():
     assert worth["lag"].channels["speed"].share == pytest.approx(0.99)
 
 
-def test_worths_are_shares_of_one_whole():
-    """What halves an error that is a tenth of the first removes 0.75 of a hundredth."""
-    assert Worth(0.75, 0.5, 0.9).of(0.01).to_json() == {
-        "share": pytest.approx(0.0075),
-        "interval": [pytest.approx(0.005), pytest.approx(0.009)],
-    }
+def test_a_law_is_judged_as_an_effect_is():
+    """An arm's unseen run, begun a noisy reading off, goes a turn astray by its true law, too.
+
+    Of all runs the law surely removes two thirds.
+    """
+    of_all = Worth(0.67, 0.3, 0.9)
+    assert helps(Worth(0.41, -0.16, 0.77, everywhere=of_all))
+    assert not helps(Worth(0.41, -0.16, 0.77))
+    assert not helps(Worth(0.001, -0.16, 0.2, everywhere=of_all))
+    alone = {"surge": Worth(0.5, 0.2, 0.8), "sway": Worth(0.0, -0.1, 0.1)}
+    drowned = Worth(0.07, -0.01, 0.2, alone)
+    assert helps(Worth(0.1, -0.3, 0.4, alone, everywhere=drowned))
 
 
 @pytest.mark.parametrize(("low", "refusal"), [(-0.01, Refusal.NO_BETTER_RUNS), (0.005, None)])

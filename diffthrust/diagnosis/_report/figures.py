@@ -278,7 +278,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
             panel.plot(position, values, label=f"{tried.title}{note}", **style)
     panel.legend(fontsize=8, framealpha=0.9)
     panel.set_ylabel(_labelled("curve", law.curve.unit or "-"), fontsize=9)
-    title = textwrap.fill(f"at '{law.curve.port}' {manner_words(law)}", _TITLE)
+    title = textwrap.fill(f"at '{law.curve.port}' {manner_words(law, law.curve.times)}", _TITLE)
     panel.set_title(title, loc="left", fontsize=10)
     unboxed(panel)
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from diffthrust._support.words import capitalised, humanize, joined, number, percent
 from diffthrust.diagnosis._candidates import place_words, words_and_unit
+from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._report.error_text import squared_error
+from diffthrust.diagnosis._report.error_text import judged_logs, squared_error
 from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
@@ -50,11 +51,14 @@ def learned_words(diag: Findings) -> list[str]:
         unseen = baseline.holdout is not None and updated.holdout is not None
         logs = "unseen logs" if unseen else "the training logs"
         first, last = (f.holdout if unseen and f.holdout else f.train for f in (baseline, updated))
+        share = sure_share(law.worth) or SureShare(law.worth)
         sentences.append(
-            f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
+            f"Learned: at {place_words(diag.model, law.curve.port)} "
+            f"{manner_words(law, _times_of(law))}"
             f"{'' if law.form else ' (no closed form was chosen)'}. Of the "
-            f"{squared_error()} over whole runs of {logs} it removes {law.worth}; with it the "
-            f"NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
+            f"{squared_error(share.channel)} over whole runs of "
+            f"{judged_logs(diag, share.everywhere)} it removes {share.worth}; with it the NRMSE "
+            f"on {logs} is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
         )
         if valid := valid_words(law):
             sentences.append(f"{capitalised(valid)}.")
@@ -162,13 +166,12 @@ def _spread(values: np.ndarray) -> tuple[float, float, float]:
     return float(np.min(values)), float(np.median(values)), float(np.max(values))
 
 
-def manner_words(law: LearnedLaw) -> str:
-    """What a curve does: "what passes is scaled by a curve of speed"."""
-    curve, of = law.curve, signal_words(law)
-    if curve.times == ARRIVING:
+def manner_words(law: LearnedLaw, times: str) -> str:
+    """What a law does with a factor: "what passes is scaled by a curve of speed"."""
+    of = signal_words(law)
+    if times == ARRIVING:
         return f"what passes is scaled by a curve of {of}"
-    times = f" times {curve.times}" if curve.times else ""
-    return f"a curve of {of}{times} is added"
+    return f"a curve of {of}{f' times {times}' if times else ''} is added"
 
 
 def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:

@@ -140,7 +140,7 @@ def remaining_words(diag: Findings) -> str:
     enters = "it enters at" if remaining.manner == "adds" else "it scales what passes"
     still = "Structure still remains" if diag.best else "Structure remains"
     # on the maps of a T200 a drive that changes with speed, as is told here, changes nothing
-    only = "" if diag.laws else "; no curve of that makes whole runs surely better"
+    only = "" if diag.laws else "; no curve of it that was tried makes whole runs surely better"
     return (
         f"{still} that none of the effects tried explains: from one {sample_word(diag)} to the "
         f"next {enters} {place_words(diag.model, remaining.port)} and depends on "

@@ -153,13 +153,14 @@ def _odd_logs(diag: Findings) -> Part:
 
 
 def _caution(diag: Findings) -> Part:
-    """That the fit from which all numbers come may not be what it should."""
-    status = diag.fit.status
+    """That the fit that is copied may not be what it should."""
+    last = diag.laws[-1].reported if diag.laws else diag.fit
+    status = last.status
     if not status.ok:
         whole = f"Caution: {_UNFINISHED[status]}"
         short = ": ".join(whole.split(": ")[:2])
         return as_part((6, whole), (11, short)) if short != whole else as_part((11, whole))
-    if not diag.fit.coarse:
+    if not last.coarse:
         return ()
     return as_part((11, "Caution: the last fit needs finer integrator steps"))
 

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.diagnosis._admission import errors_between
-from diffthrust.diagnosis._explained_share import Worth, explained_share
+from diffthrust.diagnosis._explained_share import Worth, helps
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._search_state import SearchContext, few_substeps
+from diffthrust.diagnosis._search_state import SearchContext, SearchState, few_substeps
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._stage_shares import shares_by_steps
 from diffthrust.diagnosis._unknown_term.closed_forms import (
     as_estimated,
 )
@@ -77,20 +77,24 @@ def _horizons(context: SearchContext) -> tuple[float | None, ...]:
     return (*(longest / parts for parts in _SEGMENTS), None)
 
 
-def worth_between_fits(context: SearchContext, baseline: Fit, updated: Fit) -> Worth:
-    """The share of the whole-run error that a fit removes, on unseen logs if there are any."""
-    trained = not context.unseen
-    runs = (_runs_of(context, fit, trained) for fit in (baseline, updated))
-    return explained_share(errors_between(*runs))
+def worth_between_fits(context: SearchContext, *fits: Fit) -> Worth:
+    """The share of the first fit's whole-run error by which the last errs less than the one before.
+
+    On unseen logs if there are any, and on all of them.
+    """
+    trained, unseen = ([_runs_of(context, fit, part) for fit in fits] for part in (True, False))
+    return shares_by_steps(trained, unseen, [[len(fits) - 1]])[0]
+
+
+def worth_as_given(context: SearchContext, state: SearchState, fit: Fit) -> Worth:
+    """By what share of the given model's error a fit errs less than the last stage."""
+    return worth_between_fits(context, state.stages[0].fit, state.stages[-1].fit, fit)
 
 
 def surely_better(context: SearchContext, fit: Fit, rival: Fit) -> bool:
     """Whether whole runs, training and unseen together, are surely better than a rival's."""
-    first, second = (
-        (*_runs_of(context, fitted, trained=True), *_runs_of(context, fitted, trained=False))
-        for fitted in (rival, fit)
-    )
-    return explained_share(errors_between(first, second)).low > 0
+    worth = worth_between_fits(context, rival, fit)
+    return (worth.everywhere or worth).low > 0
 
 
 def _runs_of(context: SearchContext, fit: Fit, trained: bool) -> tuple[Run, ...]:
@@ -101,7 +105,8 @@ def _runs_of(context: SearchContext, fit: Fit, trained: bool) -> tuple[Run, ...]
         records, initial = context.unseen, None
     if not records:
         return ()
-    return runs_over(fit.model, records, initial=initial, substeps=fit.substeps)
+    noise = None if trained else fit.noise_of_runs
+    return runs_over(fit.model, records, initial=initial, substeps=fit.substeps, noise=noise)
 
 
 def error_within(fit: Fit, reference: Fit, factor: float) -> bool:
@@ -216,7 +221,7 @@ def _with_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> Learn
 
 
 def _is_hopeless(fit: Fit, rival: LearnedLaw | None) -> bool:
-    if rival is None or not rival.worth.sure:
+    if rival is None or not helps(rival.worth):
         return False
     return fit.train.nrmse > SETTINGS.whole_runs.equivalent_error * rival.fit.train.nrmse
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diffthrust.diagnosis._explained_share import helps
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._residual_structure import downstream_ports
@@ -82,7 +83,7 @@ def try_closed_forms(
     if not tried or not _may_name(tried[0], law):
         return law
     worth = worth_between_fits(context, baseline, tried[0].fit)
-    return replace(law, named=True, worth=worth) if worth.sure else law
+    return replace(law, named=True, worth=worth) if helps(worth) else law
 
 
 def _leading_form(context: SearchContext, tried: Sequence[TriedForm]) -> TriedForm:
@@ -133,7 +134,7 @@ def _fitted_forms(
             match.form.name, effect, fit, bic, criterion, match.times, match.reference,
             match.form.companion,
         )  # fmt: skip
-        if _does_as_well(context, fit, law) and worth_between_fits(context, baseline, fit).sure:
+        if _does_as_well(context, fit, law) and helps(worth_between_fits(context, baseline, fit)):
             enough = min(enough, _parameter_count(match))
             least_criterion = min(least_criterion, criterion)
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admission import drop, refitted_stage, remaining_share
+from diffthrust.diagnosis._admission import drop, refitted_stage
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
-from diffthrust.diagnosis._explained_share import matters
+from diffthrust.diagnosis._explained_share import helps, matters
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
@@ -41,6 +41,7 @@ from diffthrust.diagnosis._unknown_term.fit import (
     reaches_noise_floor,
     refined,
     term_of,
+    worth_as_given,
 )
 from diffthrust.diagnosis._unknown_term.form_fits import try_closed_forms
 from diffthrust.diagnosis._unknown_term.jumps import with_jump
@@ -97,12 +98,11 @@ def learned_law(
             relearned = _relearned_beside(
                 context, stage.fit, reduced.state.current.trial, relearned
             )
-        if relearned and relearned.worth.sure and error_within(relearned.reported, last.fit, 1.0):
+        if relearned and helps(relearned.worth) and error_within(relearned.reported, last.fit, 1.0):
             search, law = reduced, relearned
         elif base is not last:
             return None  # it was learned in the place of the effects, and loses against them
-    share = remaining_share(search.state, search.state.stages[-1])
-    return search, replace(law, worth=law.worth.of(share))
+    return search, replace(law, worth=worth_as_given(context, search.state, law.reported))
 
 
 def _learned_beside(
@@ -129,7 +129,7 @@ def _learned_beside(
         return None
     likeliest = fit_curve(context, baseline, trial, likely[0])
     explained = likeliest is not None and reaches_noise_floor(context, trial, likeliest.fit)
-    sure = likeliest is not None and likeliest.worth.sure
+    sure = likeliest is not None and helps(likeliest.worth)
     rival = None if explained else rival_of(likely, sure)
     challenger = fit_curve(context, baseline, trial, rival, likeliest) if rival else None
     fitted = [law for law in (likeliest, challenger) if law is not None]
@@ -145,7 +145,7 @@ def _learned_beside(
     if plain and plain is not rival and (memoryless := fit_curve(context, baseline, trial, plain)):
         law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
     law = refined(context, baseline, law)
-    return law if law.worth.sure else None
+    return law if helps(law.worth) else None
 
 
 def _changes_little(law: LearnedLaw, baseline: Fit) -> bool:
@@ -171,7 +171,7 @@ def _relearned_beside(
 
 def _doubt(law: LearnedLaw) -> tuple[bool, float]:
     """Sort key: laws that surely remove error first, then the least error over whole runs."""
-    return not law.worth.sure, law.reported.train.nrmse
+    return not helps(law.worth), law.reported.train.nrmse
 
 
 def _place(context: SearchContext, remaining: Remaining) -> DrivingPort:
