@@ -237,7 +237,7 @@ class _Step:
 
         def substep(k: Any, state: Mapping[str, Any]) -> dict[str, Any]:
             inputs = {n: within(span, k, grid.substeps) for n, span in spans.items()}
-            return advance(rates, state, inputs, steps, weights)
+            return advance(rates, state, inputs, steps, weights, compact=True)
 
         state = {n: jnp.broadcast_to(states[n], steps.shape) for n in moving}
         return jax.lax.fori_loop(0, grid.substeps, substep, state)

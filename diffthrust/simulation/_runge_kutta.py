@@ -128,13 +128,15 @@ def advance(
             summed[n] = (_plus(total, now(scheme.share), slope), *first)
         return following, summed
 
-    state, sums = dict(x), {n: (0.0,) * (1 + len(s.first)) for n, s in schemes.items()}
     if compact:
-        carry = jax.tree.map(lambda value: jnp.asarray(value, float), (state, sums))
+        state = {n: jnp.asarray(value, float) for n, value in x.items()}
+        nothing = {n: jnp.zeros_like(value) for n, value in state.items()}
+        carry = state, {n: (nothing[n],) * (1 + len(s.first)) for n, s in schemes.items()}
         _, sums = jax.lax.fori_loop(
             0, count, lambda i, carry: stage(lambda row: _looked_up(row, i), *carry), carry
         )
     else:
+        state, sums = dict(x), {n: (0.0,) * (1 + len(s.first)) for n, s in schemes.items()}
         for i in range(count):
             state, sums = stage(lambda row, i=i: row[i], state, sums)
     return {n: _times(scheme.end, x[n]) + h * sums[n][0] for n, scheme in schemes.items()}
@@ -153,7 +155,7 @@ def _at(value: tuple[Any, ...], time: Any) -> Any:
 def _looked_up(row: Coefficients, i: Any) -> Any:
     if all(isinstance(value, float) for value in row):
         return row[0] if len(set(row)) == 1 else jnp.asarray(row)[i]
-    return jnp.stack([jnp.asarray(value, float) for value in row])[i]
+    return jnp.stack(jnp.broadcast_arrays(*(jnp.asarray(value, float) for value in row)))[i]
 
 
 def _either(here: Any, new: Any, old: Any) -> Any:

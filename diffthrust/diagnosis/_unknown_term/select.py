@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import drop, refitted_stage
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
-from diffthrust.diagnosis._explained_share import helps, matters
+from diffthrust.diagnosis._explained_share import helps, matters, negligible
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
@@ -138,7 +138,7 @@ def _learned_beside(
     best = min(fitted, key=_doubt)
     if instead and not error_within(best.fit, instead, SETTINGS.unknown_term.hopeless_error):
         return None
-    if _changes_little(best, baseline):
+    if negligible(best.worth, best.worth.everywhere or best.worth):
         return None
     law = try_closed_forms(context, baseline, trial, best)
     plain = None if explained else memoryless_variant(likely, law.curve)
@@ -146,12 +146,6 @@ def _learned_beside(
         law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
     law = refined(context, baseline, law)
     return law if helps(law.worth) else None
-
-
-def _changes_little(law: LearnedLaw, baseline: Fit) -> bool:
-    """Whether neither training nor unseen runs lose a share of squared error that counts."""
-    trained = 1.0 - (law.fit.train.nrmse / baseline.train.nrmse) ** 2
-    return max(trained, law.worth.share) <= SETTINGS.whole_runs.negligible_share
 
 
 def _relearned_beside(
