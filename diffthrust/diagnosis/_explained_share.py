@@ -190,6 +190,8 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
         everywhere: on training and unseen logs together, which must be sure: a few unseen logs
             seldom are, and random forces may last for as long as one of them.
     """
+    if not (math.isfinite(worth.share) and math.isfinite(everywhere.share)):
+        return False  # a run diverges: of the NGS with a curve that helped in all the others
     if everywhere.sure and worth.share > SETTINGS.whole_runs.negligible_share:
         return True
     least = SETTINGS.whole_runs.one_channel_share

@@ -1,6 +1,7 @@
 """The bounds on the work of a stage: screens, and the fits that tell what an effect is worth."""
 
 import itertools
+import math
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -536,6 +537,7 @@ def test_a_law_is_judged_as_an_effect_is():
     alone = {"surge": Worth(0.5, 0.2, 0.8), "sway": Worth(0.0, -0.1, 0.1)}
     drowned = Worth(0.07, -0.01, 0.2, alone)
     assert helps(Worth(0.1, -0.3, 0.4, alone, everywhere=drowned))
+    assert not helps(Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned))  # a run diverges
 
 
 @pytest.mark.parametrize(("low", "refusal"), [(-0.01, Refusal.NO_BETTER_RUNS), (0.005, None)])
