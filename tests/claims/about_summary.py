@@ -508,10 +508,11 @@ def _deviates(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 @claim(r"Caution: (?P<why>[^\n]+?)\.")
 def _caution(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     steps = m["why"] == "the last fit needs finer integrator steps"
+    status = (diag.laws[-1].reported if diag.laws else diag.fit).status
     if steps and not diag.fit.coarse:
         yield "its steps are fine enough"
-    elif not steps and diag.fit.status.ok:
-        yield f"the fit has the status {diag.fit.status}"
+    elif not steps and status.ok:
+        yield f"the fit has the status {status}"
 
 
 @claim(r"(?P<name>[\w.]+) is at its bound(?: of (?P<bound>[^\n:]+))?: widen it\.")

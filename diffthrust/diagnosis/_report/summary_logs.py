@@ -154,13 +154,12 @@ def _odd_logs(diag: Findings) -> Part:
 
 def _caution(diag: Findings) -> Part:
     """That the fit that is copied may not be what it should."""
-    last = diag.laws[-1].reported if diag.laws else diag.fit
-    status = last.status
+    status = (diag.laws[-1].reported if diag.laws else diag.fit).status
     if not status.ok:
         whole = f"Caution: {_UNFINISHED[status]}"
         short = ": ".join(whole.split(": ")[:2])
         return as_part((6, whole), (11, short)) if short != whole else as_part((11, whole))
-    if not last.coarse:
+    if not diag.fit.coarse:
         return ()
     return as_part((11, "Caution: the last fit needs finer integrator steps"))
 
