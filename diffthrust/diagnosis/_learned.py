@@ -57,8 +57,8 @@ class LearnedLaw(Brief):
     Args:
         curve: the effect, at its estimated coefficients.
         fit: the last stage's model with it, fitted to the logs.
-        worth: share of the given model's squared whole-run error of unseen logs that it removes; of
-            its closed form if that names it.
+        worth: share of the squared whole-run error left without it that it removes; of its closed
+            form if that names it.
         evidence: logarithm of the likelihood ratio by which one-step errors support it, with its
             coefficients integrated out.
         forms: closed forms that were tried in its place, first the one that is reported, the others

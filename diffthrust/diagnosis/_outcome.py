@@ -33,11 +33,7 @@ from diffthrust.diagnosis._search_state import (
 )
 from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
 from diffthrust.diagnosis._stage_shares import shares_by_effect
-from diffthrust.diagnosis._unknown_term.fit import (
-    quick_fit,
-    worth_as_given,
-    worth_between_fits,
-)
+from diffthrust.diagnosis._unknown_term.fit import quick_fit, worth_between_fits
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._unknown_term.state_terms import state_terms
 from diffthrust.estimation._result import Fit
@@ -179,8 +175,6 @@ def add_state_terms(context: SearchContext, outcome: Outcome) -> Outcome:
     rival = laws[0].reported if laws else None
     if rival and not worth_between_fits(context, rival, terms[0].reported).sure:
         return outcome
-    worth = worth_as_given(context, state, terms[0].reported)
-    terms = tuple(replace(term, worth=worth) for term in terms)
     # what one-step errors depend on was their imitation: the last 80 s of a pump, for a level
     assessment = replace(outcome.assessment, remaining=None)
     return outcome._replace(assessment=assessment, laws=terms)

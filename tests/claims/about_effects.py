@@ -260,7 +260,8 @@ def _shown_by_whole_runs(m: re.Match, diag: Any, page: Page | None) -> Iterator[
 
 
 @claim(rf"Learned from whole runs, of states that are not measured too: (?P<terms>.+?)\. Of the "
-       rf"squared error of all channels as given over whole runs of unseen logs they remove "
+       rf"squared error of all channels (?:as given|that is left without it) over whole runs of "
+       rf"unseen logs they remove "
        rf"(?P<worth>{WORTH}); with them the NRMSE there is (?P<last>{NUMBER}), as given "
        rf"(?P<first>{NUMBER})\.")  # fmt: skip
 def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
@@ -279,7 +280,8 @@ def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str
 
 @claim(rf"Learned: at (?P<place>.+?'(?P<port>\w+)'.*?) (?P<manner>what passes is scaled by a curve "
        r"of|a curve of) (?P<of>.+?)(?: is added)?(?P<bare> \(no closed form was chosen\))?\. "
-       rf"Of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error (?:of all channels )?as given over "
+       rf"Of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error (?:of all channels )?"
+       rf"(?P<whole>as given|that is left without it) over "
        rf"whole runs of (?P<logs>[a-z ]+?) it removes "
        rf"(?P<worth>{WORTH}); with it the NRMSE on [a-z ]+? is (?P<last>{NUMBER}), as given "
        rf"(?P<first>{NUMBER})\."
@@ -289,6 +291,8 @@ def _learned(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if not laws:
         yield f"no law is at {m['port']}"
         return
+    if (m["whole"] == "as given") == bool(diag.added):
+        yield f"it was learned beside {diag.added}"
     whole = [w for law in laws if (w := _of(law.worth, *_whole(m)))]
     if not any(worth_is(m["worth"], worth) for worth in whole):
         yield f"it removes {laws[0].worth}"

@@ -12,7 +12,7 @@ from diffthrust.diagnosis._candidates import place_words, words_and_unit
 from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._report.error_text import judged_logs, squared_error
+from diffthrust.diagnosis._report.error_text import GIVEN, WITHOUT, judged_logs, squared_error
 from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
@@ -56,7 +56,7 @@ def learned_words(diag: Findings) -> list[str]:
             f"Learned: at {place_words(diag.model, law.curve.port)} "
             f"{manner_words(law, _times_of(law))}"
             f"{'' if law.form else ' (no closed form was chosen)'}. Of the "
-            f"{squared_error(share.channel)} over whole runs of "
+            f"{squared_error(share.channel, _left(diag))} over whole runs of "
             f"{judged_logs(diag, share.everywhere)} it removes {share.worth}; with it the NRMSE "
             f"on {logs} is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
         )
@@ -74,6 +74,11 @@ def learned_words(diag: Findings) -> list[str]:
     return sentences
 
 
+def _left(diag: Findings) -> str:
+    """Of which model's error the share of a law is told."""
+    return WITHOUT if diag.added else GIVEN
+
+
 def _together_words(diag: Findings) -> list[str]:
     """Of terms that were fitted together: each with its numbers, and what all are worth."""
     laws = [law for law in diag.laws if law.together]
@@ -88,8 +93,8 @@ def _together_words(diag: Findings) -> list[str]:
     last, first = ((fit.holdout or fit.train) for fit in (updated, baseline))
     return [
         f"Learned from whole runs, of states that are not measured too: {terms}. Of the "
-        f"{squared_error()} over whole runs of unseen logs they remove {laws[0].worth}; with them "
-        f"the NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
+        f"{squared_error('', _left(diag))} over whole runs of unseen logs they remove "
+        f"{laws[0].worth}; with them the NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
     ]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from diffthrust.diagnosis._explained_share import Worth, helps
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._search_state import SearchContext, SearchState, few_substeps
+from diffthrust.diagnosis._search_state import SearchContext, few_substeps
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._stage_shares import shares_by_steps
 from diffthrust.diagnosis._unknown_term.closed_forms import (
@@ -78,17 +78,12 @@ def _horizons(context: SearchContext) -> tuple[float | None, ...]:
 
 
 def worth_between_fits(context: SearchContext, *fits: Fit) -> Worth:
-    """The share of the first fit's whole-run error by which the last errs less than the one before.
+    """The share of the first of two fits' whole-run error that the second removes.
 
     On unseen logs if there are any, and on all of them.
     """
     trained, unseen = ([_runs_of(context, fit, part) for fit in fits] for part in (True, False))
-    return shares_by_steps(trained, unseen, [[len(fits) - 1]])[0]
-
-
-def worth_as_given(context: SearchContext, state: SearchState, fit: Fit) -> Worth:
-    """By what share of the given model's error a fit errs less than the last stage."""
-    return worth_between_fits(context, state.stages[0].fit, state.stages[-1].fit, fit)
+    return shares_by_steps(trained, unseen, [[1]])[0]
 
 
 def surely_better(context: SearchContext, fit: Fit, rival: Fit) -> bool:

@@ -41,7 +41,6 @@ from diffthrust.diagnosis._unknown_term.fit import (
     reaches_noise_floor,
     refined,
     term_of,
-    worth_as_given,
 )
 from diffthrust.diagnosis._unknown_term.form_fits import try_closed_forms
 from diffthrust.diagnosis._unknown_term.jumps import with_jump
@@ -102,7 +101,7 @@ def learned_law(
             search, law = reduced, relearned
         elif base is not last:
             return None  # it was learned in the place of the effects, and loses against them
-    return search, replace(law, worth=worth_as_given(context, search.state, law.reported))
+    return search, law
 
 
 def _learned_beside(
