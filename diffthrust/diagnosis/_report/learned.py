@@ -94,7 +94,8 @@ def _together_words(diag: Findings) -> list[str]:
     return [
         f"Learned from whole runs, of states that are not measured too: {terms}. Of the "
         f"{squared_error('', _left(diag))} over whole runs of unseen logs they remove "
-        f"{laws[0].worth}; with them the NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
+        f"{laws[0].worth}; with them the NRMSE there is {number(last.nrmse, 2)}, as given "
+        f"{number(first.nrmse, 2)}."
     ]
 
 
