@@ -81,13 +81,16 @@ def strongest_line(channel: str, logs: Sequence[Series]) -> SpectralLine | None:
         return None
     p_values = spectrum.p_values()
     at = int(np.argmin(np.where(spectrum.searched, p_values, np.inf)))
-    frequency = _sharpened(errors, float(spectrum.frequencies[at]))
+    p_value = float(min(1.0, p_values[at] * spectrum.trials))
+    frequency = float(spectrum.frequencies[at])
+    if p_value < SETTINGS.line.level:  # no one asks where a line is that noise shows as well
+        frequency = _sharpened(errors, frequency)
     swings = [2.0 * abs(_component(e, frequency)) for e in errors]
     return SpectralLine(
         channel,
         frequency,
         float(spectrum.heights[at]),
-        float(min(1.0, p_values[at] * spectrum.trials)),
+        p_value,
         float(np.sqrt(np.mean(np.square(swings)))),
     )
 
