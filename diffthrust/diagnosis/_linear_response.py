@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -57,7 +57,7 @@ class LinearResponse:
         # what is each log's own, and how tight those that differ by log are about their means
         self.own = problem.start()[problem.shared :].reshape(len(problem.records), -1)
         self.tight = np.asarray(tightness(layout, numbers))
-        self.cost = float(_cost_and_sigma(layout, numbers, self.errors)[0]) + self._pull(self.own)
+        self.cost = self._present.cost + self._pull(self.own)
 
     def to(
         self, place: str, series: Sequence[np.ndarray], ends: Sequence[np.ndarray] | None = None
@@ -98,43 +98,38 @@ class LinearResponse:
             more: derivatives of the errors by these coordinates, by batch ``(B, K, C, T)``.
             change: what the errors are changed by, by batch ``(B, C, T)``.
         """
-        layout, numbers = self.problem.layout, self.problem.numbers
-        errors = self.errors
-        if change:
-            errors = [e + d for e, d in zip(errors, change, strict=True)]
-        cost, sigma = _cost_and_sigma(layout, numbers, errors)
-        sigma = np.asarray(sigma)
-        n, extra = layout.shared, more[0].shape[1] if more else 0
-        size, starts = n + extra, len(layout.local)
-        logs = sum(batch_errors.shape[0] for batch_errors in errors)
-        cost, pull = float(cost) + self._pull(self.own), self.tight * self.own
+        errors = [e + d for e, d in zip(self.errors, change, strict=True)] if change else None
+        own = self._weighed(errors) if errors else self._present
+        n, extra = self.problem.shared, more[0].shape[1] if more else 0
+        size, starts = n + extra, self.problem.each
+        logs = sum(map(len, self.errors))
         information = np.zeros((size + logs * starts,) * 2)
-        gradient, energy, scores, at = np.zeros(size + logs * starts), 0.0, [], size
-        for i, batch_errors in enumerate(errors):
-            root, weighted = self._weighted(batch_errors, sigma)
-            jacobian = self.slopes[i].jacobian
-            columns = [jacobian[:, :n], *([more[i]] if more else []), jacobian[:, n:]]
-            rows = np.concatenate(columns, axis=1) * root[:, None]
-            scores.append(_scores(rows[:, :size], weighted))
-            flat = rows.reshape(*rows.shape[:2], -1)
-            grams = flat @ flat.transpose(0, 2, 1)
-            slopes = flat @ weighted.reshape(len(weighted), -1, 1)
-            energy += float(np.sum(weighted**2))
-            information[:size, :size] += grams[:, :size, :size].sum(axis=0)
-            gradient[:size] += slopes[:, :size, 0].sum(axis=0)
+        gradient, at = np.zeros(size + logs * starts), size
+        for i, batch in enumerate(own.batches):
+            root, weighted, rows = batch.root, batch.weighted, batch.rows
+            flat, count = rows.reshape(*rows.shape[:2], -1), len(rows)
+            further = (more[i] * root[:, None]).reshape(count, extra, -1) if more else flat[:, :0]
+            inner, crossed = further @ further.transpose(0, 2, 1), flat @ further.transpose(0, 2, 1)
+            moved = (further @ weighted.reshape(count, -1, 1))[..., 0]
+            information[:n, :n] += batch.gram[:, :n, :n].sum(axis=0)
+            information[:n, n:size] += crossed[:, :n].sum(axis=0)
+            information[n:size, n:size] += inner.sum(axis=0)
+            gradient[:n] += batch.slope[:, :n].sum(axis=0)
+            gradient[n:size] += moved.sum(axis=0)
             # initial states are of one log each: they meet the shared coordinates only
-            for gram, slope in zip(grams, slopes, strict=True):
+            for gram, slope, cross in zip(batch.gram, batch.slope, crossed, strict=True):
                 local = slice(at, at + starts)
-                information[:size, local] = gram[:size, size:]
-                information[local, :size] = gram[size:, :size]
-                information[local, local] = gram[size:, size:] + np.diag(self.tight)
-                gradient[local] = slope[size:, 0]
+                information[:n, local] = gram[:n, n:]
+                information[n:size, local] = cross[n:].T
+                information[local, local] = gram[n:, n:] + np.diag(self.tight)
+                gradient[local] = slope[n:]
                 at += starts
-        gradient[size:] += pull.ravel()
-        return Quadratic(
-            np.asarray(cost), gradient, information, np.asarray(energy), sigma,
-            np.concatenate(scores, axis=1),
-        )  # fmt: skip
+        information[n:size, :n] = information[:n, n:size].T
+        information[size:, :size] = information[:size, size:].T
+        gradient[size:] += (self.tight * self.own).ravel()
+        energy = sum(float(np.sum(batch.weighted**2)) for batch in own.batches)
+        cost, none = np.asarray(own.cost + self._pull(self.own)), np.zeros((gradient.size, 0))
+        return Quadratic(cost, gradient, information, np.asarray(energy), own.sigma, none)
 
     def after(
         self,
@@ -187,9 +182,10 @@ class LinearResponse:
         """
         size = len(estimated) + more[0].shape[1]
         information, scores = np.zeros((size, size)), []
-        for (root, weighted, shared), further in zip(self._own_rows, more, strict=True):
-            rows = np.concatenate([shared[:, list(estimated)], further * root[:, None]], axis=1)
-            scores.append(_scores(rows, weighted))
+        for batch, further in zip(self._present.batches, more, strict=True):
+            own = batch.rows[:, list(estimated)]
+            rows = np.concatenate([own, further * batch.root[:, None]], axis=1)
+            scores.append(_scores(rows, batch.weighted))
             flat = rows.reshape(*rows.shape[:2], -1)
             information += (flat @ flat.transpose(0, 2, 1)).sum(axis=0)
         return information, np.concatenate(scores, axis=1)
@@ -215,23 +211,48 @@ class LinearResponse:
         return out
 
     @cached_property
-    def _own_rows(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """By batch the root of the weights, and under it the errors and shared derivatives.
+    def _present(self) -> _Weighed:
+        """Of the errors as they are: quadratics and tests of structure ask by the hundred."""
+        return self._weighed(self.errors)
 
-        Tests of structure ask for them by the hundred.
-        """
-        layout, out = self.problem.layout, []
-        sigma = np.asarray(_cost_and_sigma(layout, self.problem.numbers, self.errors)[1])
-        for errors, slopes in zip(self.errors, self.slopes, strict=True):
-            root, weighted = self._weighted(errors, sigma)
-            out.append((root, weighted, slopes.jacobian[:, : layout.shared] * root[:, None]))
-        return out
+    def _weighed(self, errors: Sequence[np.ndarray]) -> _Weighed:
+        """The likelihood of some errors, with the derivatives by the trial's own coordinates."""
+        layout, batches = self.problem.layout, []
+        cost, sigma = map(np.asarray, _cost_and_sigma(layout, self.problem.numbers, errors))
+        for batch_errors, slopes in zip(errors, self.slopes, strict=True):
+            weights = np.asarray(layout.likelihood.law.weights(batch_errors, sigma))
+            root = np.sqrt(weights) / sigma[None, :, None]
+            weighted, rows = batch_errors * root, slopes.jacobian * root[:, None]
+            flat = rows.reshape(*rows.shape[:2], -1)
+            gram, slope = flat @ flat.transpose(0, 2, 1), flat @ weighted.reshape(len(rows), -1, 1)
+            batches.append(_WeighedBatch(root, weighted, rows, gram, slope[..., 0]))
+        return _Weighed(float(cost), sigma, batches)
 
-    def _weighted(self, errors: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The root of the weights of errors, ``(B, C, T)``, and the errors times it."""
-        law = self.problem.layout.likelihood.law
-        root = np.sqrt(np.asarray(law.weights(errors, sigma))) / sigma[None, :, None]
-        return root, errors * root
+
+class _WeighedBatch(NamedTuple):
+    """Of a batch of ``B`` logs, with ``m`` coordinates of the trial's own.
+
+    Args:
+        root: of the weights over the noise, ``(B, C, T)``.
+        weighted: the errors times it, ``(B, C, T)``.
+        rows: the derivatives times it, ``(B, m, C, T)``.
+        gram: their inner products, ``(B, m, m)``.
+        slope: those with the errors, ``(B, m)``.
+    """
+
+    root: np.ndarray
+    weighted: np.ndarray
+    rows: np.ndarray
+    gram: np.ndarray
+    slope: np.ndarray
+
+
+class _Weighed(NamedTuple):
+    """The cost of some errors, the noise of each channel ``(C,)``, and what is summed by batch."""
+
+    cost: float
+    sigma: np.ndarray
+    batches: list[_WeighedBatch]
 
 
 def _scores(rows: np.ndarray, weighted: np.ndarray) -> np.ndarray:

@@ -92,7 +92,7 @@ def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials, 
     information, scores = base.response.scores([0, 2], more)
     whole, kept = base.response.quadratic(more), [0, 2, base.response.problem.shared]
     np.testing.assert_allclose(information, whole.information[np.ix_(kept, kept)], rtol=1e-9)
-    np.testing.assert_allclose(scores, whole.scores[kept], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(scores.sum(axis=1), whole.gradient[kept], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.thorough
