@@ -41,8 +41,8 @@ class BeforeAfter(NamedTuple):
 class Worth:
     """Share of the squared whole-run error that an effect removes, of unseen logs if there are any.
 
-    A diagnosis takes it of the error of the model as given, so that shares add up; that of an
-    effect that it leaves out, of the error that is left.
+    A diagnosis takes it of the error of the model as given, so that shares add up; that of a law,
+    or of an effect that it leaves out, of the error that is left without.
 
     Args:
         share: 0 changes nothing, 1 leaves no error, below 0 makes it larger.
@@ -196,7 +196,7 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
         return True
     least = SETTINGS.whole_runs.one_channel_share
     alone = any(
-        joint.above_zero and min(joint.share, worth.channels[name].share) > least
+        joint.above_zero and min(joint.share, worth.channels.get(name, joint).share) > least
         for name, joint in everywhere.channels.items()
     )
     return alone and not harms(everywhere)

@@ -139,8 +139,13 @@ class LearnedLaw(Brief):
 
     @property
     def manner(self) -> Literal["adds", "scales"]:
-        """Whether it adds to the signal at its port, or scales that."""
-        return "scales" if self.curve.times == ARRIVING else "adds"
+        """Whether it adds to the signal at its port, or scales that, as it is told."""
+        return "scales" if self.times == ARRIVING else "adds"
+
+    @property
+    def times(self) -> str:
+        """By what it is multiplied as it is told: a form may have another factor than its curve."""
+        return self.form.times if self.form and not self.together else self.curve.times
 
     @property
     def signals(self) -> tuple[str, ...]:

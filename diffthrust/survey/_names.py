@@ -130,11 +130,11 @@ _PWM_WORDS = (
 _RULES: tuple[tuple[str, str], ...] = (
     (
         "time",
-        r"^((original|system|log|header|sample|gps|unix|ros|rel|abs|elapsed|mission) )?"
+        r"^((current|original|system|log|header|sample|gps|unix|ros|rel|abs|elapsed|mission) )?"
         r"(t|time|times|timestamps?|stamps?|zeit|clock|date ?time|date|elapsed|sec|secs|seconds|"
         r"millis|micros|epoch|utc)\b",
     ),
-    ("derived", r"^(last|prev|previous|old|observer)\b"),
+    ("derived", r"^(prev|previous|observer) "),  # as it was, and where someone else stands
     ("set_point", r"\b(demand|desired|des|ref|reference|set ?points?|sp|target|goal|soll)\b"),
     ("set_point", r"\b(rpm|omega|speed|n) (cmd|command|commanded|set)\b"),
     ("set_point", r"\b(cmd|command|commanded|set) (rpm|omega|speed|n)\b"),
@@ -146,9 +146,8 @@ _RULES: tuple[tuple[str, str], ...] = (
         "yaw_rate",
         r"\b(yaw ?(rate|speed|vel|velocity|dot)|psi dot|r ang ?vel(o|ocity)?|(gyro?|g) z|z gyro|"
         r"gyro xyz 2|angular( velocity)? z|w z|omega z|wz|heading rate|turn rate|rate of turn|rot|"
-        r"angular velocity xyz 2|(angular|rotational) velocit(y|ies) 3|r (rad|deg))\b|^r$",
+        r"angular velocity xyz 2|r (rad|deg))\b|^r$",
     ),
-    ("heading", r"\borientation 3\b"),
     (
         "derived",
         r"\b(linear z|angular [xy]|xyz [01]|gyro? [xy]|v ?z|orientation|quaternion|q [wxyz])\b",
@@ -201,11 +200,6 @@ _COMPILED = tuple((quantity, re.compile(pattern)) for quantity, pattern in _RULE
 
 def quantities_of(words: str) -> Iterator[str]:
     """The quantities that the words of a name may mean, the most likely first."""
-    later = words.removeprefix("current ")
-    if later != words and (meant := {*quantities_of(later)} - {"command"}):
-        # "current_speed" beside "current_time": as it is now, and no amperes
-        yield from (q for q in quantities_of(later) if q in meant)
-        return
     for quantity, pattern in _COMPILED:
         if pattern.search(words):
             yield quantity

@@ -204,7 +204,7 @@ def _possible(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 @claim(r"Structure (?P<still>still )?remains that none of the effects tried explains: "
        r"from one (?:sample|row) to the next (?P<manner>it enters at|it scales what passes) "
        r"(?P<place>.+?) and depends on (?P<on>.+?)(?P<only>; no curve of it that was "
-       r"tried makes whole runs surely better)?\.")  # fmt: skip
+       r"tried was worth keeping)?\.")  # fmt: skip
 def _remains(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     remaining = diag.remaining
     if remaining is None:
@@ -260,12 +260,13 @@ def _shown_by_whole_runs(m: re.Match, diag: Any, page: Page | None) -> Iterator[
 
 
 @claim(rf"Learned from whole runs, of states that are not measured too: (?P<terms>.+?)\. Of the "
-       rf"squared error of all channels (?:as given|that is left without it) over whole runs of "
-       rf"unseen logs they remove "
-       rf"(?P<worth>{WORTH}); with them the NRMSE there is (?P<last>{NUMBER}), as given "
-       rf"(?P<first>{NUMBER})\.")  # fmt: skip
+       rf"squared error of all channels (?P<whole>as given|that is left without them) over whole "
+       rf"runs of unseen logs they remove (?P<worth>{WORTH}); with them the "
+       rf"NRMSE there is (?P<last>{NUMBER}), as given (?P<first>{NUMBER})\.")  # fmt: skip
 def _learned_together(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     told = m["terms"].split("; ")
+    if (m["whole"] == "as given") == (len(diag.stages) > 1):
+        yield f"they were learned beside {diag.stages[-1].effects}"
     if len(told) != len(diag.laws):
         yield f"{len(diag.laws)} terms"
     for text, law in zip(told, diag.laws, strict=False):
@@ -291,8 +292,8 @@ def _learned(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if not laws:
         yield f"no law is at {m['port']}"
         return
-    if (m["whole"] == "as given") == bool(diag.added):
-        yield f"it was learned beside {diag.added}"
+    if (m["whole"] == "as given") == (len(diag.stages) > 1):
+        yield f"it was learned beside {diag.stages[-1].effects}"
     whole = [w for law in laws if (w := _of(law.worth, *_whole(m)))]
     if not any(worth_is(m["worth"], worth) for worth in whole):
         yield f"it removes {laws[0].worth}"

@@ -450,7 +450,7 @@ def _as_they_are(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(rf"First mend the logs, then diagnose again: with (?P<what>.+?) the "
        rf"(?:unseen|training) error falls by (?P<falls>{NUMBER}) %"
-       rf"(?P<others>, or with [^\n]+?: look which of them is true)?\.")  # fmt: skip
+       rf"(?:, (?P<others>[^\n]+?): look which of them is true)?\.")  # fmt: skip
 def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     mend = next((x for x in diag.helpful_mends if x.reading.words == m["what"]), None)
     if mend is None:
@@ -459,14 +459,21 @@ def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     falls = {x.reading.words: 100.0 * (1.0 - x.after.nrmse / x.before.nrmse) for x in diag.mends}
     if not is_said(m["falls"], falls[m["what"]]):
         yield f"NRMSE goes from {mend.before.nrmse:.3g} to {mend.after.nrmse:.3g}"
-    others = [reading.words for reading in mend.doubt.readings if reading.words != m["what"]]
-    harmful = [x.reading.words for x in diag.mends if x.worth.high <= 0]
-    told = re.findall(rf"with (.+?)(?: by ({NUMBER}) %)?(?=, or|: look)", m["others"] or "")
-    if {words for words, _ in told} != set(others) - set(harmful):
-        yield f"other readings: {others}, of which {harmful} do harm"
-    for words, fall in told:
-        if bool(fall) != (falls.get(words, 0.0) > 0) or (fall and not is_said(fall, falls[words])):
-            yield f"with {words} the error falls by {falls.get(words)} %"
+    others = {reading.words for reading in mend.doubt.readings} - {m["what"]}
+    others -= {x.reading.words for x in diag.mends if x.worth.high <= 0}
+    told = dict(re.findall(r"with (.+?) it (.+?)(?:, (?=with )|$)", m["others"] or ""))
+    named = {*told} or {*filter(None, re.split(r"or it is |, | or ", m["others"] or ""))}
+    if named != others:
+        yield f"other readings: {others}"
+    for words, does in told.items():
+        fall = falls.get(words)
+        by = re.fullmatch(rf"falls by ({NUMBER}) %", does)
+        if by and not (fall is not None and is_said(by[1], fall)):
+            yield f"with {words} it falls by {fall}"
+        if does == "was not tried" and fall is not None:
+            yield f"{words} was tried"
+        if does == "does not fall" and not (fall is not None and not fall > 0.5):
+            yield f"with {words} it falls by {fall} %"
 
 
 @claim(r"Copy the line of the true one, which stands below\.")
@@ -478,10 +485,11 @@ def _either_line(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"First diagnose again with (?P<what>[^\n]+?)\.")
 def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    first = diag.helpful_mends[0]
-    words = [reading.words for reading in first.doubt.readings]
-    if not m["what"].startswith(first.reading.words) or not any(map(m["what"].endswith, words)):
-        yield f"{first.reading.words}, of {words}"
+    doubt = diag.helpful_mends[0].doubt
+    harmful = {x.reading.words for x in diag.mends if x.worth.high <= 0}
+    words = {reading.words for reading in doubt.readings} - harmful
+    if {*re.split(r", | or ", m["what"])} != words:
+        yield f"readings: {words}"
 
 
 @claim(r"Check the logs: (?P<what>[^\n]+?)\.")

@@ -169,20 +169,25 @@ def test_the_mend_of_a_log_leads_and_is_what_is_copied():
     assert lines[2:] == ['Copy under [channels.thrust]: column = "speed"']
 
 
-SMALLER, GREATER = 0.7, 1.2  # of the error before
-
-
 @pytest.mark.parametrize(
     ("worth", "error", "said"),
     [
-        (None, 1.0, ", or with thrust and speed exchanged: look which of them is true"),
+        (
+            None,
+            1.0,
+            ", with thrust and speed exchanged it was not tried: look which of them is true",
+        ),
         (
             UNSURE,
-            SMALLER,
-            ", or with thrust and speed exchanged by 30 %: look which of them is true",
+            0.7,
+            ", with thrust and speed exchanged it falls by 30 %: look which of them is true",
         ),
-        (UNSURE, GREATER, ", or with thrust and speed exchanged: look which of them is true"),
-        (HARMFUL, GREATER, ""),
+        (
+            UNSURE,
+            1.2,
+            ", with thrust and speed exchanged it does not fall: look which of them is true",
+        ),
+        (HARMFUL, 1.2, ""),
     ],
 )
 def test_another_mistake_that_a_doubt_may_come_from_is_told(worth, error, said):
@@ -206,6 +211,20 @@ def test_another_mistake_that_a_doubt_may_come_from_is_told(worth, error, said):
     assert claims.contradictions(diag, text=line.replace("60 %", "50 %")) != []
     if said:
         assert claims.contradictions(diag, text=line.replace(said, "")) != []
+
+
+def test_of_many_mistakes_the_first_keeps_its_figure():
+    words = ("the sign of thrust reversed", "thrust and speed exchanged", "the unit of thrust mN")
+    readings = tuple(dft.soundness.Reading(w, "[channels.a] b") for w in words)
+    diag = mended(made.found(), readings)
+    (mend,) = diag.mends
+    others = [replace(mend, reading=r, worth=UNSURE) for r in readings[1:]]
+    diag = replace(diag, mends=(mend, *others))
+    first = diag.summary.splitlines()[0]
+    assert "reversed the unseen error falls by 60 %" in first
+    assert first.endswith("look which of them is true.")
+    assert words_in(diag.summary) <= 60
+    assert claims.contradictions(diag, text=diag.summary) == []
 
 
 def test_a_rate_is_told_in_words():

@@ -54,7 +54,7 @@ def learned_words(diag: Findings) -> list[str]:
         share = sure_share(law.worth) or SureShare(law.worth)
         sentences.append(
             f"Learned: at {place_words(diag.model, law.curve.port)} "
-            f"{manner_words(law, _times_of(law))}"
+            f"{manner_words(law, law.times)}"
             f"{'' if law.form else ' (no closed form was chosen)'}. Of the "
             f"{squared_error(share.channel, _left(diag))} over whole runs of "
             f"{judged_logs(diag, share.everywhere)} it removes {share.worth}; with it the NRMSE "
@@ -76,7 +76,7 @@ def learned_words(diag: Findings) -> list[str]:
 
 def _left(diag: Findings) -> str:
     """Of which model's error the share of a law is told."""
-    return WITHOUT if diag.added else GIVEN
+    return WITHOUT if len(diag.stages) > 1 else GIVEN
 
 
 def _together_words(diag: Findings) -> list[str]:
@@ -91,11 +91,11 @@ def _together_words(diag: Findings) -> list[str]:
     )
     baseline, updated = diag.stages[0].fit, laws[0].reported
     last, first = ((fit.holdout or fit.train) for fit in (updated, baseline))
+    left = "that is left without them" if _left(diag) == WITHOUT else GIVEN
     return [
         f"Learned from whole runs, of states that are not measured too: {terms}. Of the "
-        f"{squared_error('', _left(diag))} over whole runs of unseen logs they remove "
-        f"{laws[0].worth}; with them the NRMSE there is {number(last.nrmse, 2)}, as given "
-        f"{number(first.nrmse, 2)}."
+        f"{squared_error(of=left)} over whole runs of unseen logs they remove {laws[0].worth}; "
+        f"with them the NRMSE there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
     ]
 
 
@@ -114,10 +114,10 @@ def reach_words(law: LearnedLaw) -> str:
     -40 rad/s took "up to 20 %" between the first and the last per cent of the samples. A factor is
     related to its median: what it is most of the time a parameter of the model has taken up.
     """
-    if not law.samples.size or _times_of(law) not in ("", ARRIVING):
+    if not law.samples.size or law.times not in ("", ARRIVING):
         return ""
     low, middle, high = _spread(_values_of(law))
-    if _times_of(law) == "":
+    if law.times == "":
         most, level = max(abs(low), abs(high)), law.form is not None and law.form.name == "dry"
         size = f"{'' if level else 'up to '}{number(most, 2)} {law.port_unit}".rstrip()
         return "" if _shared(law, most) or _unsure(law, most) else size
@@ -126,11 +126,6 @@ def reach_words(law: LearnedLaw) -> str:
         return ""
     most = more if more > -less else less
     return f"up to {percent(abs(most))} {'more' if most > 0 else 'less'}"
-
-
-def _times_of(law: LearnedLaw) -> str:
-    """By what a law is multiplied, as it is told."""
-    return law.form.times if law.form and not law.together else law.curve.times
 
 
 def _values_of(law: LearnedLaw) -> np.ndarray:

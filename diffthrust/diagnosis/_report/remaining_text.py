@@ -34,6 +34,7 @@ from diffthrust.diagnosis._report.error_text import (
 from diffthrust.diagnosis._report.text import (
     amount,
     an_effect,
+    copied_fit,
     errors_of,
     judged_errors,
     model_words,
@@ -109,7 +110,7 @@ def other_model_words(diag: Findings) -> list[str]:
     other = next((other for other in diag.other_models if other.better), None)
     if other is None:
         return []
-    reached = diag.laws[-1].reported if diag.laws else diag.fit
+    reached = copied_fit(diag)
     low, high = distinct_numbers(fit_errors(other.best).nrmse, fit_errors(reached).nrmse)
     logs = errors_of(diag)[0].removeprefix("the ")
     found = " with all that was found" if diag.best or diag.laws else ""
@@ -140,7 +141,7 @@ def remaining_words(diag: Findings) -> str:
     enters = "it enters at" if remaining.manner == "adds" else "it scales what passes"
     still = "Structure still remains" if diag.best else "Structure remains"
     # on the maps of a T200 a drive that changes with speed, as is told here, changes nothing
-    only = "" if diag.laws else "; no curve of it that was tried makes whole runs surely better"
+    only = "" if diag.laws else "; no curve of it that was tried was worth keeping"
     return (
         f"{still} that none of the effects tried explains: from one {sample_word(diag)} to the "
         f"next {enters} {place_words(diag.model, remaining.port)} and depends on "

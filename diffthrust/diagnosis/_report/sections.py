@@ -36,6 +36,7 @@ from diffthrust.diagnosis._report.summary import TO_COPY, summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
     beyond_bound,
+    copied_fit,
     measured,
     model_words,
     parameter_words,
@@ -368,12 +369,14 @@ def _cautions(diag: Findings) -> Section:
 
 
 def unfinished_words(diag: Findings) -> list[str]:
-    """The stages whose fit is not what it should be."""
+    """The fits that are not what they should be, of the stages and with what was learned."""
+    fits = {f"of stage {i} ({stage_words(diag, i)})": s.fit for i, s in enumerate(diag.stages)}
+    if diag.laws:
+        fits["with what was learned"] = copied_fit(diag)
     return [
-        f"The fit of stage {i} ({stage_words(diag, i)}) has the status "
-        f"'{stage.fit.status.value}': {stage.fit.message}"
-        for i, stage in enumerate(diag.stages)
-        if not stage.fit.status.ok
+        f"The fit {which} has the status '{fit.status.value}': {fit.message}"
+        for which, fit in fits.items()
+        if not fit.status.ok
     ]
 
 

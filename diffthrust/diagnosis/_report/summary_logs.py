@@ -14,7 +14,12 @@ from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._mended import MeasuredMend
 from diffthrust.diagnosis._report.budget import Part, as_part
 from diffthrust.diagnosis._report.doubts import grave_doubts, open_readings
-from diffthrust.diagnosis._report.text import ran_away, stopped_parameters, vanished_words
+from diffthrust.diagnosis._report.text import (
+    copied_fit,
+    ran_away,
+    stopped_parameters,
+    vanished_words,
+)
 from diffthrust.estimation._status import Status
 
 _SUSPECT = {
@@ -28,6 +33,8 @@ _SUSPECT = {
     "sentinel": "{} has samples that mark lost ones",
 }
 """What a doubt comes to, by its kind."""
+_FALLS = 0.005
+"""Display: a smaller share of an error is none."""
 _UNFINISHED = {
     Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
     Status.STARTS_DISAGREE: "the last fit depends on where it starts",
@@ -94,26 +101,30 @@ def _mends(diag: Findings) -> Part:
     turned a sound gyroscope.
     """
     first = diag.helpful_mends[0]
+    others = [reading.words for reading in open_readings(diag, first)]
     of_doubt = {mend.reading.words: mend for mend in diag.mends_of(first.doubt)}
     runs = "unseen" if first.unseen else "training"
-    readings = [f"with {first.reading.words} the {runs} error falls by {_falls(first)}"]
-    for reading in open_readings(diag, first):
-        other = of_doubt.get(reading.words)
-        by = f" by {_falls(other)}" if other and other.after.nrmse < other.before.nrmse else ""
-        readings.append(f"with {reading.words}{by}")
-    words = ", or ".join(readings)
-    if len(readings) > 1:
-        words += ": look which of them is true"
-    mended = joined([first.reading.words, *(r.words for r in open_readings(diag, first))], "or")
-    return as_part(
-        (10, f"First mend the logs, then diagnose again: {words}"),
-        (13, f"First diagnose again with {mended}"),
-    )
+    falls = f"with {first.reading.words} the {runs} error {_falls(first)}"
+    begin, look = "First mend the logs, then diagnose again", ": look which of them is true"
+    if not others:
+        wordings = [f"{begin}: {falls}"]
+    else:
+        all_fall = ", ".join(f"with {words} it {_falls(of_doubt.get(words))}" for words in others)
+        wordings = [
+            f"{begin}: {falls}, {all_fall}{look}",
+            f"{begin}: {falls}, or it is {joined(others, 'or')}{look}",
+        ]
+    mended = joined([first.reading.words, *others], "or")
+    parts = [(10 + k, words) for k, words in enumerate(wordings)]
+    return as_part(*parts, (13, f"First diagnose again with {mended}"))
 
 
-def _falls(mend: MeasuredMend) -> str:
-    """By how much of itself the error over whole runs falls with a mend."""
-    return percent(1.0 - mend.after.nrmse / mend.before.nrmse)
+def _falls(mend: MeasuredMend | None) -> str:
+    """What the error over whole runs does with a mend."""
+    if mend is None:
+        return "was not tried"
+    falls = 1.0 - mend.after.nrmse / mend.before.nrmse
+    return f"falls by {percent(falls)}" if falls > _FALLS else "does not fall"
 
 
 def _ran_away(diag: Findings) -> Part:
@@ -154,12 +165,12 @@ def _odd_logs(diag: Findings) -> Part:
 
 def _caution(diag: Findings) -> Part:
     """That the fit that is copied may not be what it should."""
-    status = (diag.laws[-1].reported if diag.laws else diag.fit).status
+    status = copied_fit(diag).status
     if not status.ok:
         whole = f"Caution: {_UNFINISHED[status]}"
         short = ": ".join(whole.split(": ")[:2])
         return as_part((6, whole), (11, short)) if short != whole else as_part((11, whole))
-    if not diag.fit.coarse:
+    if diag.laws or not diag.fit.coarse:  # a law is fitted with as fine steps as it needs
         return ()
     return as_part((11, "Caution: the last fit needs finer integrator steps"))
 

@@ -11,6 +11,7 @@ from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.error_text import GIVEN, LEFT, WITHOUT, judged_logs, squared_error
 from diffthrust.diagnosis._report.text import (
     adding_little,
+    copied_fit,
     leading,
     stage_words,
 )
@@ -183,7 +184,7 @@ def ranking_rows(diag: Findings) -> Rows:
 def stage_parameter_rows(diag: Findings) -> Rows:
     """Each parameter as given and at the last stage, or with what was learned: as it is copied."""
     first = diag.stages[0].fit
-    last = diag.laws[-1].reported if diag.laws else diag.fit
+    last = copied_fit(diag)
     shown = [first] if last is first else [first, last]
     units = {name: e.shown[2] for fit in shown for name, e in fit.parameters.items()}
     rows = (

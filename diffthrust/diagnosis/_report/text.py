@@ -115,6 +115,11 @@ def adding_little(diag: Findings) -> tuple[str, ...]:
     )
 
 
+def copied_fit(diag: Findings) -> Fit:
+    """The fit whose numbers are copied: with what was learned, if anything was."""
+    return diag.laws[-1].reported if diag.laws else diag.fit
+
+
 def stage_words(diag: Findings, index: int) -> str:
     """What a stage added: "as given", "+ command dead band", "lever_arm freed"; "- ..." if lost."""
     if index == 0:

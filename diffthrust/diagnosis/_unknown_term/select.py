@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import drop, refitted_stage
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
-from diffthrust.diagnosis._explained_share import helps, matters, negligible
+from diffthrust.diagnosis._explained_share import helps, matters
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
@@ -64,8 +64,8 @@ def learned_law(
 ) -> tuple[SearchResult, LearnedLaw] | None:
     """The law that no known effect expresses, if structure is proven; ``None`` if none is sure.
 
-    It must make whole unseen runs surely better (training runs, if no log is unseen). Effects that
-    were found without it are sought again beside it.
+    Whole runs must surely be better with it, by the rule for effects (`helps`). Effects that were
+    found without it are sought again beside it.
 
     Args:
         context: what the search worked with.
@@ -137,7 +137,7 @@ def _learned_beside(
     best = min(fitted, key=_doubt)
     if instead and not error_within(best.fit, instead, SETTINGS.unknown_term.hopeless_error):
         return None
-    if negligible(best.worth, best.worth.everywhere or best.worth):
+    if _changes_little(best, baseline):
         return None
     law = try_closed_forms(context, baseline, trial, best)
     plain = None if explained else memoryless_variant(likely, law.curve)
@@ -145,6 +145,24 @@ def _learned_beside(
         law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
     law = refined(context, baseline, law)
     return law if helps(law.worth) else None
+
+
+def _changes_little(law: LearnedLaw, baseline: Fit) -> bool:
+    """Whether neither training nor unseen runs lose a share of squared error that counts.
+
+    In all, or of a channel.
+    """
+    before, after, limits = baseline.train, law.fit.train, SETTINGS.whole_runs
+    trained = 1.0 - (after.nrmse / before.nrmse) ** 2
+    channels = [
+        1.0 - (after.channels[n].nrmse / error.nrmse) ** 2 if error.nrmse > 0 else 0.0
+        for n, error in before.channels.items()
+    ]
+    channels += [channel.share for channel in law.worth.channels.values()]
+    return (
+        max(trained, law.worth.share) <= limits.negligible_share
+        and max(channels) <= limits.one_channel_share
+    )
 
 
 def _relearned_beside(

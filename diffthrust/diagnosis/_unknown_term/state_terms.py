@@ -329,7 +329,7 @@ def _laws(
     if not math.isfinite(fit.train.nrmse):
         return ()
     worth = worth_between_fits(context, baseline, fit)
-    if not worth.sure:
+    if not worth.sure:  # of unseen runs alone: the terms were chosen by all of the training runs
         return ()
     estimated = {effect.name: effect for effect in fit.model.effects}
     ranges = _ranges(fit.model, search.records, [*dict.fromkeys(t.state for t in search.terms)])
