@@ -328,7 +328,8 @@ def _table(
     models = len(next(iter(logs[0].values()))) - 1
     for name in names:
         measured = np.concatenate([log[name][0] for log in logs if name in log])
-        unit[name] = float(np.nanvar(measured)) * np.isfinite(measured).sum()
+        measured = measured[np.isfinite(measured)]
+        unit[name] = float(np.var(measured)) * measured.size if measured.size else 0.0
     limits, table = SETTINGS.whole_runs, []
     for log in logs:
         size = len(next(iter(log.values()))[0])

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import partial
 from threading import RLock
 from typing import NamedTuple
@@ -89,8 +90,9 @@ class Programs:
         together: Collection[str] = (),
     ) -> None:
         self.substeps, self.noise_model, self.within = substeps, noise_model, within
-        self.model, self.records, self.unseen = model, tuple(records), tuple(unseen)
+        self.model, self.records = model, tuple(records)
         self.channels = measured_outputs(model, records)
+        self.unseen = tuple(_with_channels(record, self.channels) for record in unseen)
         self.places = places_of(model, records[0], self.channels)
         self.constants = tuple(constants)
         self.candidates = {effect.name: effect for effect in candidates}
@@ -223,3 +225,10 @@ class Programs:
             for name in names
         ]
         return sum(sorted(sizes, reverse=True)[:most])
+
+
+def _with_channels(record: Record, channels: Sequence[str]) -> Record:
+    """An unseen record, without a reading of what only the training logs measure."""
+    nothing = np.full(record.time.size, np.nan)
+    measured = {**dict.fromkeys(channels, nothing), **record.measured}
+    return replace(record, measured=measured, noise={**dict.fromkeys(channels), **record.noise})

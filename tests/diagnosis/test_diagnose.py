@@ -189,6 +189,18 @@ def test_nothing_is_named_where_nothing_is_missing():
 
 
 @pytest.mark.thorough
+def test_an_unseen_log_may_lack_a_channel():
+    """A load cell was out of the water: it ended in an error of zip()."""
+    *train, unseen = logs(command_deadband=0.4)
+    less = {"speed": unseen.measured["speed"]}
+    unseen = unseen.replaced(time=unseen.time, inputs=dict(unseen.inputs), measured=less)
+    diag = dft.diagnose(dft.Thruster(), train, holdout=[unseen], candidates=FEW, experiment=False)
+    assert diag.added == ("command_deadband",)
+    assert "The speed error on" in diag.summary
+    assert "thrust error" not in diag.summary
+
+
+@pytest.mark.thorough
 def test_an_effect_of_the_user_is_found_without_unseen_logs():
     rng = np.random.default_rng(3)
     model = dft.Thruster() + SquareRootDrag(size=2.0)
