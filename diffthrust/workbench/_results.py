@@ -224,7 +224,7 @@ class Results:
         )
         if diagnosis is not None and diagnosis.laws:
             laws = "; ".join(f"{law.effect.name}: {law.worth}" for law in diagnosis.laws)
-            words = f"What each removes of the squared error: {laws}."
+            words = f"What each removes of the squared error that is left without it: {laws}."
             self.learned.text = f"<p>{escape(words)}</p>{_picture(diagnosis.plot_learned)}"
         if diagnosis is not None and diagnosis.experiment is not None:
             proposed = diagnosis.experiment

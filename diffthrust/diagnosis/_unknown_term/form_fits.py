@@ -64,7 +64,7 @@ def try_closed_forms(
     """A law with the closed forms that were fitted in its curve's place, and its name if one fits.
 
     A form names the law if whole unseen runs err as little with it, but for a tenth (a curve bends
-    as noise does), and if it is surely worth something there.
+    as noise does), and if whole runs surely err less with it (`helps`).
 
     Args:
         context: what the search works with.
