@@ -98,10 +98,6 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
     LearnedLaw,
     TriedForm,
 )
-from diffthrust.diagnosis._linear_response import (  # private: the test alone
-    project_out,
-    score_test,
-)
 from diffthrust.diagnosis._mended import MeasuredMend  # private: made by hand
 from diffthrust.diagnosis._missing import (  # private: made by hand
     Missing,
@@ -190,6 +186,10 @@ from diffthrust.diagnosis._report.text import (  # private: each sentence alone
 from diffthrust.diagnosis._residual_structure import (  # private: the basis of that law
     hats,
     knots_of,
+)
+from diffthrust.diagnosis._score_test import (  # private: the test alone
+    project_out,
+    score_test,
 )
 from diffthrust.diagnosis._screening import (  # private: the screen alone
     edge_of,

@@ -19,11 +19,11 @@ import numpy as np
 from diffthrust._support.lag import lagged
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._linear_response import score_test
 from diffthrust.diagnosis._missing import (
     Remaining,
     SignalForm,
 )
+from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._linearise import slopes_at
 from diffthrust.simulation._record import are_tables
