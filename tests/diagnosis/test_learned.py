@@ -594,8 +594,9 @@ def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
     assert data[0]["form"] == diag.laws[0].form.name
     assert 0.5 < data[0]["worth"]["share"] <= 1.0
     assert "Learned: at the port" in diag.details
-    assert "what passes is scaled by a curve of speed" in diag.details
-    assert "What is added is a hump of speed" in diag.details  # its name is not a factor's
+    assert diag.laws[0].curve.times == "value"  # and its form adds: told as its form is
+    assert "a curve of speed is added" in diag.details
+    assert "It is a hump of speed" in diag.details
     assert "another form: its factor is a hump of speed" in diag.details
     diag.save(tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
