@@ -19,9 +19,10 @@ def lagged(first: np.ndarray, toward: np.ndarray, kept: np.ndarray) -> np.ndarra
     Returns:
         ``(n + 1, d)``.
     """
-    from scipy.linalg.lapack import dtbtrs  # slow to import
+    from scipy.linalg import get_lapack_funcs  # slow to import
 
     band = np.zeros((2, kept.size + 1))
     band[1, :-1] = -kept
     driven = np.concatenate([first[None], (1.0 - kept)[:, None] * toward])
-    return dtbtrs(band, np.asfortranarray(driven), uplo="L", diag="U", overwrite_b=True)[0]
+    (tbtrs,) = get_lapack_funcs(("tbtrs",), (band,))
+    return tbtrs(band, np.asfortranarray(driven), uplo="L", diag="U", overwrite_b=True)[0]
