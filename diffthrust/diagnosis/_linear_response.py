@@ -128,8 +128,9 @@ class LinearResponse:
         information[size:, :size] = information[:size, size:].T
         gradient[size:] += (self.tight * self.own).ravel()
         energy = sum(float(np.sum(batch.weighted**2)) for batch in own.batches)
-        cost, none = np.asarray(own.cost + self._pull(self.own)), np.zeros((gradient.size, 0))
-        return Quadratic(cost, gradient, information, np.asarray(energy), own.sigma, none)
+        cost = np.asarray(own.cost + self._pull(self.own))
+        without_scores = np.zeros((gradient.size, 0))  # `scores` gives those that are tested
+        return Quadratic(cost, gradient, information, np.asarray(energy), own.sigma, without_scores)
 
     def after(
         self,

@@ -476,7 +476,7 @@ def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"with {words} it falls by {fall} %"
 
 
-@claim(r"Copy the line of the true one, which stands below\.")
+@claim(r"How to mend either stands below\.")
 def _either_line(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     missing = [r.line for r in diag.helpful_mends[0].doubt.readings if r.line not in diag.details]
     if missing:

@@ -204,7 +204,7 @@ def test_another_mistake_that_a_doubt_may_come_from_is_told(worth, error, said):
         f"error falls by 60 %{said}."
     )
     assert diag.summary.splitlines()[0] == line
-    copied = "Copy the line of the true one, which stands below."
+    copied = "How to mend either stands below."
     assert (copied in diag.summary.splitlines()) is bool(said)
     assert ("Mend: [channels.a] b Or: [channels.a] b" in diag.details) is bool(said)
     assert claims.contradictions(diag, text=diag.summary) == []

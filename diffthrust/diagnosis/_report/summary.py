@@ -303,7 +303,7 @@ def _next(diag: Findings) -> Part:
     """What to write, or which record to make."""
     if mends := diag.helpful_mends:
         if open_readings(diag, mends[0]):
-            return as_part((10, "Copy the line of the true one, which stands below"))
+            return as_part((10, "How to mend either stands below"))
         line = mends[0].reading.line.partition(", or ")[0].rstrip(".")
         table, _, key = line.partition("] ")  # "[channels.thrust] scale = -1"
         return as_part((10, f"Copy under {table}]: {key}" if key else f"Copy: {line}"))

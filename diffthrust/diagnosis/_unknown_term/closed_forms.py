@@ -153,7 +153,7 @@ FORMS = (
     ),
     Form(
         "rise and fall", "a * (x / c) * exp((1 - (x / c)**2) / 2)", 0,
-        "grows with {x} up to {c} to either side and falls beyond",
+        "peaks at {c} of {x} to either side and fades beyond",
     ),
     Form("hump", "a * exp(-((x - b) / c)**2)", 0, "is a hump of {x} about {b}, {c} to either side"),
     Form(

@@ -77,12 +77,14 @@ def _horizons(context: SearchContext) -> tuple[float | None, ...]:
     return (*(longest / parts for parts in _SEGMENTS), None)
 
 
-def worth_between_fits(context: SearchContext, *fits: Fit) -> Worth:
-    """The share of the first of two fits' whole-run error that the second removes.
+def worth_between_fits(context: SearchContext, baseline: Fit, updated: Fit) -> Worth:
+    """The share of a fit's whole-run error that another removes.
 
     On unseen logs if there are any, and on all of them.
     """
-    trained, unseen = ([_runs_of(context, fit, part) for fit in fits] for part in (True, False))
+    trained, unseen = (
+        [_runs_of(context, fit, part) for fit in (baseline, updated)] for part in (True, False)
+    )
     return shares_by_steps(trained, unseen, [[1]])[0]
 
 
