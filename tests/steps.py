@@ -103,6 +103,7 @@ from diffthrust.diagnosis._missing import (  # private: made by hand
     Missing,
     Remaining,
     SignalForm,
+    after_effects,
 )
 from diffthrust.diagnosis._missing_signal import (  # private: against a known law
     NONE,
@@ -329,6 +330,7 @@ __all__ = [
     "added_bound_words",
     "admission_module",
     "adopted",
+    "after_effects",
     "alike_by_shares",
     "an_effect",
     "as_estimated",

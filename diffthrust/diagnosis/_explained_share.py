@@ -178,7 +178,7 @@ def shares_of_steps(
 # -- what a share allows to say --------------------------------------------------------------------
 
 
-def matters(worth: Worth, everywhere: Worth) -> bool:
+def matters(worth: Worth, everywhere: Worth, driven: str = "") -> bool:
     """Whether whole runs are surely better by an effect: in all, or one channel and none worse.
 
     A channel that no model explains weighs most in the sum, and hides what an effect does to the
@@ -189,6 +189,10 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
         worth: on unseen logs; must not be negligible.
         everywhere: on training and unseen logs together, which must be sure: a few unseen logs
             seldom are, and random forces may last for as long as one of them.
+        driven: the measured channel in which it enters, where that is known: one channel alone
+            speaks for it only if this one is surely better, too. A curve in the surge of a
+            BlueBoat, which removes 24 % of the squared yaw rate error, removed of that of surge
+            31 % (-12 % to 89 %).
     """
     if not (math.isfinite(worth.share) and math.isfinite(everywhere.share)):
         return False  # a run diverges: of the NGS with a curve that helped in all the others
@@ -199,12 +203,13 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
         joint.above_zero and min(joint.share, worth.channels.get(name, joint).share) > least
         for name, joint in everywhere.channels.items()
     )
-    return alone and not harms(everywhere)
+    entered = everywhere.channels.get(driven, everywhere).above_zero if driven else True
+    return alone and entered and not harms(everywhere)
 
 
-def helps(worth: Worth) -> bool:
+def helps(worth: Worth, driven: str = "") -> bool:
     """Whether a change `matters`, by its share of unseen logs and that of all."""
-    return matters(worth, worth.everywhere or worth)
+    return matters(worth, worth.everywhere or worth, driven)
 
 
 def negligible(worth: Worth, everywhere: Worth) -> bool:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from diffthrust._support.results import Brief
-from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._explained_share import Worth, helps
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
@@ -70,6 +70,8 @@ class LearnedLaw(Brief):
         signal_unit: the unit of the signal; "" where it is not known.
         channel: the channel of the model in whose unit the signal is; "" for none.
         port_unit: the unit of the signal at the port.
+        driven: the measured channel that the port drives, or whose rate; "" if that is not
+            measured.
         together: whether its closed form was fitted in the place of a curve, with those of the
             other laws: worth and evidence are those of all of them, and the curve only draws it.
     """
@@ -86,6 +88,7 @@ class LearnedLaw(Brief):
     signal_unit: str = ""
     channel: str = ""
     port_unit: str = ""
+    driven: str = ""
     together: bool = False
 
     @property
@@ -97,6 +100,11 @@ class LearnedLaw(Brief):
     def form(self) -> TriedForm | None:
         """The closed form that names the law; ``None`` if none is as good as the curve."""
         return self.forms[0] if self.named else None
+
+    @property
+    def helps(self) -> bool:
+        """Whether whole runs surely err less with it, in all or in one channel, and none more."""
+        return helps(self.worth, self.driven)
 
     @property
     def alike(self) -> tuple[TriedForm, ...]:

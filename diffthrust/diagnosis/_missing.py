@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from diffthrust._support.results import Brief
-from diffthrust._support.words import number
+from diffthrust._support.words import humanize, joined, number
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.logs._written import ShownUnits
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
 
@@ -24,6 +26,7 @@ class SignalForm:
         past: its mean over about so many seconds [s] up to now.
         wave: waves along it, so long each, in its unit.
         unit: of a wave's length.
+        after: the effects through which an input has gone before, in words.
 
     Example:
         >>> str(SignalForm("speed", rate=True)), str(SignalForm("command", past=2.0))
@@ -35,13 +38,32 @@ class SignalForm:
     past: float | None = None
     wave: float | None = None
     unit: str = ""
+    after: str = field(default="", compare=False)
 
     def __str__(self) -> str:
+        return f"{self._words}{self.after}"
+
+    @property
+    def _words(self) -> str:
         if self.wave is not None:
             return f"{self.name}, repeating every {number(self.wave, 2)} {self.unit}".rstrip()
         if self.past is not None:
             return f"the last {self.past:.2g} s of {self.name}"
         return f"d({self.name})/dt" if self.rate else self.name
+
+
+def after_effects(effects: Iterable[Effect], inputs: Collection[str]) -> str:
+    """Through which effects inputs have gone before they are what the model reads, in words.
+
+    With the thrusters of a BlueBoat exchanged a curve of left_force is one of the logged
+    right_force, and was checked against the other.
+
+    Example:
+        >>> after_effects([dft.effects.SwappedThrusters()], ["left_force"])
+        ' (after swapped thrusters)'
+    """
+    names = [humanize(effect.name) for effect in effects if {*effect.ports} & {*inputs}]
+    return f" (after {joined(names)})" if names else ""
 
 
 @dataclass(frozen=True, repr=False)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,9 +23,11 @@ from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, sid
 from diffthrust.diagnosis._missing import (
     Remaining,
     SignalForm,
+    after_effects,
 )
 from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.models._base.effect import Effect
 from diffthrust.simulation._linearise import slopes_at
 from diffthrust.simulation._record import are_tables
 
@@ -46,10 +49,12 @@ class ObservedSignals(NamedTuple):
     Args:
         paths: inputs and states, predicted one step ahead.
         ports: the signal at each port of the model as it was given.
+        effects: those of the trial: inputs on the paths have gone through them.
     """
 
     paths: Sequence[Mapping[str, np.ndarray]]
     ports: Sequence[Mapping[str, np.ndarray]]
+    effects: Sequence[Effect] = ()
 
 
 class Suspect(NamedTuple):
@@ -132,7 +137,11 @@ def likelihood_ratio(coefficients: np.ndarray, covariance: np.ndarray) -> float:
 
 def observed_signals(fitter: CandidateFitter, trial: TrialFit) -> ObservedSignals:
     """What a trial observes of the training logs."""
-    return ObservedSignals(trial.path, fitter.readings(trial))
+    effects = (
+        *fitter.model.effects,
+        *(fitter.candidates[n] for n in trial.effects if n in fitter.candidates),
+    )
+    return ObservedSignals(trial.path, fitter.readings(trial), effects)
 
 
 def candidate_signals(
@@ -148,7 +157,10 @@ def candidate_signals(
     common = set.intersection(*(set(path) for path in paths))
     names = [n for n in (*model.inputs, *model.optional_inputs) if n in common]
     names += [n for n in model.states if n in common and n in fitter.channels]
-    out = {SignalForm(n): [path[n] for path in paths] for n in dict.fromkeys(names)}
+    out = {
+        SignalForm(n, after=after_effects(observed.effects, [n])): [path[n] for path in paths]
+        for n in dict.fromkeys(names)
+    }
     if are_tables(fitter.records):
         return out
     for driving in fitter.places:
@@ -329,15 +341,15 @@ def _past(
     signals: Mapping[SignalForm, Sequence[np.ndarray]], step: float
 ) -> dict[SignalForm, list[np.ndarray]]:
     """Running means of inputs and states, and of their squares, over some recent samples."""
-    plain = {f.name: s for f, s in signals.items() if f.name != "time" and not f.rate}
+    plain = {f: s for f, s in signals.items() if f.name != "time" and not f.rate}
     out = {
-        SignalForm(name, past=samples * step): [exponential_mean(v, samples) for v in series]
-        for name, series in plain.items()
+        replace(form, past=samples * step): [exponential_mean(v, samples) for v in series]
+        for form, series in plain.items()
         for samples in _MEAN_SAMPLES
     }
-    for name, series in plain.items():
+    for form, series in plain.items():
         # from zero, for what is cold at the start
         squares = (np.concatenate([[0.0], values**2]) for values in series)
         heat = [exponential_mean(values, _HEAT_SAMPLES)[1:] for values in squares]
-        out[SignalForm(f"{name}**2", past=_HEAT_SAMPLES * step)] = heat
+        out[replace(form, name=f"{form.name}**2", past=_HEAT_SAMPLES * step)] = heat
     return out

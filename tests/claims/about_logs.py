@@ -182,3 +182,17 @@ def _reread(run: wr.Run, sources: Any) -> wr.Run:
         inputs={n: new.get(n, x) for n, x in run.inputs.items()},
         measured={n: new.get(n, x) for n, x in run.measured.items()},
     )
+
+
+@claim(r"Look which of these is true, and mend that alone(?:, for [^:]+? alone)?: "
+       r"(?P<lines>[^\n]+?)(?= (?:First the logs|What follows)\b|$)")  # fmt: skip
+def _either_mend(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    """All readings of one doubt, but for those whose mend does harm."""
+    tried = {id(mend.reading): mend for mend in diag.mends}
+    for doubt in (mend.doubt for mend in diag.helpful_mends):
+        told = [r for r in doubt.readings if f"{r.words}, {r.line}" in m["lines"]]
+        missed = [r for r in doubt.readings if r not in told]
+        harmful = all(id(r) in tried and tried[id(r)].worth.high <= 0 for r in missed)
+        if len(told) > 1 and harmful:
+            return
+    yield f"doubts: {[d.readings for d in diag.doubts]}"

@@ -135,7 +135,8 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield from _adds_little(said.name, diag)
     shares = all_shares(worth)
     sure = [w.low >= SURE or any(c.low >= SURE for c in w.channels.values()) for w in shares]
-    if (m["label"] != "Perhaps") != (not shares or any(sure)):
+    believed = (not shares or any(sure)) and not _provisional(diag)
+    if m["label"] != "Adds little" and (m["label"] == "Found") != believed:
         yield f"{said.name} is worth {worth}"
     if moving := re.search(MOVING, m["what"]):
         yield from moving_water(moving, diag)
@@ -152,6 +153,20 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for word, way in ((" more", 1), (" less", -1)):
         if f" %{word}" in m["what"] and not any(way * e.value > 0 for e in values.values()):
             yield f"{said.name}: {values} is not{word}"
+
+
+def _provisional(diag: Any) -> bool:
+    """Whether the fit that is copied did not end, or errs no less than constants would."""
+    fit = diag.laws[-1].reported if diag.laws else diag.fit
+    blind = all(not error_of(diag.judged, name)[1] < 1.0 for name in diag.judged.errors.channels)
+    return blind or fit.status.value in ("not_converged", "simulation_failed")
+
+
+@claim(r"Next: fit again(?: from more starts|, from more starts or with constants held that you "
+       r"know)\.")  # fmt: skip
+def _fit_again(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if not _provisional(diag):
+        yield "its fit has ended"
 
 
 def _adds_little(name: str, diag: Any) -> Iterator[str]:

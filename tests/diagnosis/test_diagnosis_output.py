@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
 
+import claims
 import made_diagnosis as made
 import numpy as np
 import pytest
@@ -143,7 +144,15 @@ def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     assert words not in " ".join(caution_words(diag))  # once is enough
     top = diagnosis_page(diag).replace("&#39;", "'").partition("<details>")[0]
     assert words in top
-    assert "Caution: the last fit did not converge: fit again before copying." in diag.summary
+    lines = diag.summary.splitlines()
+    assert "Caution: the last fit did not converge." in lines
+    assert "Next: fit again, from more starts or with constants held that you know." in lines
+    assert sum(line.startswith("Perhaps: ") for line in lines) == 2
+    assert not any(line.startswith(("Found: ", "Copy: ")) for line in lines)
+    assert claims.contradictions(diag, text=diag.summary) == []
+    converged = replace(bad, status=dft.Status.CONVERGED)
+    diag = replace(full, stages=(*full.stages[:2], replace(full.stages[2], fit=converged)))
+    assert claims.contradictions(diag, text="\n".join(lines)) != []
 
 
 def test_a_page_begins_with_the_answer_and_the_lines_to_copy_and_folds_all_tables(full, sketched):

@@ -540,6 +540,18 @@ def test_a_law_is_judged_as_an_effect_is():
     assert not helps(Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned))  # a run diverges
 
 
+def test_a_law_must_help_in_the_channel_in_which_it_enters():
+    """A curve in a BlueBoat's surge removed a quarter of the squared yaw rate error, and none of
+    its own surely."""
+    alone = {"surge": Worth(0.31, -0.12, 0.89), "yaw_rate": Worth(0.24, 0.1, 0.4)}
+    drowned = Worth(0.07, -0.01, 0.2, alone)
+    worth = Worth(0.1, -0.3, 0.4, alone, everywhere=drowned)
+    assert helps(worth)
+    assert helps(worth, "yaw_rate")
+    assert not helps(worth, "surge")
+    assert helps(Worth(0.2, 0.1, 0.3, alone), "surge")  # in all channels it is sure
+
+
 @pytest.mark.parametrize(("low", "refusal"), [(-0.01, Refusal.NO_BETTER_RUNS), (0.005, None)])
 def test_a_constant_needs_whole_runs_that_bear_its_value_out(monkeypatch, low, refusal):
     """A T200's maps wanted a rate of 0.03 1/s for 0.1; whole runs err the same from 0.1 to 0.75."""

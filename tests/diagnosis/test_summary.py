@@ -18,6 +18,7 @@ from steps import (
     SignalForm,
     Wording,
     Worth,
+    after_effects,
     channel_that_counts,
     effect_words,
     figures_in,
@@ -206,7 +207,9 @@ def test_another_mistake_that_a_doubt_may_come_from_is_told(worth, error, said):
     assert diag.summary.splitlines()[0] == line
     copied = "How to mend either stands below."
     assert (copied in diag.summary.splitlines()) is bool(said)
-    assert ("Mend: [channels.a] b Or: [channels.a] b" in diag.details) is bool(said)
+    either = "; or ".join(f"{each}, [channels.a] b" for each in words)
+    told = f"Look which of these is true, and mend that alone: {either}"
+    assert (told in diag.details) is bool(said)
     assert claims.contradictions(diag, text=diag.summary) == []
     assert claims.contradictions(diag, text=line.replace("60 %", "50 %")) != []
     if said:
@@ -232,6 +235,20 @@ def test_a_rate_is_told_in_words():
     diag = made.unexplained()
     told = replace(diag, remaining=replace(diag.remaining, signal=rate))
     assert "that depends on how fast speed changes." in told.summary
+    assert claims.contradictions(told, text=told.summary) == []
+
+
+def test_an_input_is_named_with_the_effects_that_it_has_gone_through():
+    """With a BlueBoat's thrusters exchanged "left_force" was held against the wrong column."""
+    assert after_effects([dft.effects.SwappedThrusters()], ["left_force"]) == (
+        " (after swapped thrusters)"
+    )
+    assert after_effects([dft.effects.SwappedThrusters()], ["surge"]) == ""
+    signal = SignalForm("speed", after=" (after swapped thrusters)")
+    assert signal == SignalForm("speed")
+    diag = made.unexplained()
+    told = replace(diag, remaining=replace(diag.remaining, signal=signal))
+    assert "that depends on speed (after swapped thrusters)." in told.summary
     assert claims.contradictions(told, text=told.summary) == []
 
 

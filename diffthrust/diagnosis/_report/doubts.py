@@ -55,10 +55,12 @@ def mend_words(mend: MeasuredMend) -> str:
 
 def mend_line(diag: Findings, mend: MeasuredMend) -> str:
     """What to write, and for which logs; either line where another reading may be the true one."""
-    lines = " Or: ".join(reading.line for reading in (mend.reading, *open_readings(diag, mend)))
-    if not mend.doubt.logs:
-        return f"Mend: {lines}"
-    return f"Mend, for {joined(mend.doubt.logs)} alone: {lines}"
+    where = f", for {joined(mend.doubt.logs)} alone" if mend.doubt.logs else ""
+    others = open_readings(diag, mend)
+    if not others:
+        return f"Mend{where}: {mend.reading.line}"
+    lines = "; or ".join(f"{each.words}, {each.line}" for each in (mend.reading, *others))
+    return f"Look which of these is true, and mend that alone{where}: {lines}"
 
 
 def open_readings(diag: Findings, mend: MeasuredMend) -> list[Reading]:

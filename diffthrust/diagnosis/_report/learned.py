@@ -12,12 +12,13 @@ from diffthrust.diagnosis._candidates import place_words, words_and_unit
 from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+from diffthrust.diagnosis._missing import after_effects
 from diffthrust.diagnosis._report.error_text import GIVEN, WITHOUT, judged_logs, squared_error
 from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
-from diffthrust.effects._grammar import expression_of
+from diffthrust.effects._grammar import Expression, expression_of
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
@@ -179,6 +180,11 @@ def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
     """What a law is a function of, "the last 2 s of command**2", as an effect estimates it."""
     estimated = effect or law.curve
     expression = expression_of(law.curve.signal)
+    others = (e for e in law.fit.model.effects if e.name != law.curve.name)
+    return f"{_signal_words(law, estimated, expression)}{after_effects(others, expression.places)}"
+
+
+def _signal_words(law: LearnedLaw, estimated: Curve | Formula, expression: Expression) -> str:
     if NUMBER in expression.places:
         (name,) = (n for n in expression.places if n not in estimated.given)
         length = number(2 * math.pi / getattr(estimated, NUMBER), 2)

@@ -24,6 +24,7 @@ from diffthrust.diagnosis._report.text import (
     errors_of,
     judged_errors,
     leading,
+    provisional,
     ran_away,
     rival_words,
     unmeasured_rivals,
@@ -93,11 +94,12 @@ def _effects(diag: Findings) -> Part:
     """
     small = adding_little(diag)
     names = [name for name in leading(diag) if name not in small]
-    lines, rivals = [], rival_words(diag)
+    lines, rivals, shaky = [], rival_words(diag), provisional(diag)
     for name in names:
         worth = diag.worth.get(name)
         sure = worth is None or surely_removes(worth)
-        lines.append(f"{'Found' if sure else 'Perhaps'}: {effect_words(name, diag.fit)}")
+        label = "Found" if sure and not shaky else "Perhaps"
+        lines.append(f"{label}: {effect_words(name, diag.fit)}")
     count, wordings = len(lines), []
     doubts = [f", or it is {rivals[name]}" if name in rivals else "" for name in names]
     hedged = [line + doubt for line, doubt in zip(lines, doubts, strict=True)]
@@ -106,7 +108,8 @@ def _effects(diag: Findings) -> Part:
         if any(doubts[:k]):
             wordings.append((4, ".\n".join([*hedged[:k], *also])))
         wordings.append(((11, 11, 10)[k] if k < 3 else 7, ".\n".join([*lines[:k], *also])))
-    return as_part(*wordings, (13, f"Found: {counted(count, 'effect')}, see below"))
+    label = "Perhaps" if shaky else "Found"
+    return as_part(*wordings, (13, f"{label}: {counted(count, 'effect')}, see below"))
 
 
 def _small(diag: Findings) -> Part:
@@ -310,6 +313,9 @@ def _next(diag: Findings) -> Part:
     if ran_away(diag):
         words = "Next: check signs, units and the sense of angles"
         return as_part((9, f"{words}, or hold a mass that you know"), (10, words))
+    if (diag.best or diag.laws) and provisional(diag):
+        words = "Next: fit again, from more starts or with constants held that you know"
+        return as_part((9, words), (10, "Next: fit again from more starts"))
     lines = (6, f"Copy: the lines under '{TO_COPY}'"), (10, "Copy the lines below")
     if diag.laws:
         return as_part(*lines)

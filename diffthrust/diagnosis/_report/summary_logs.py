@@ -38,7 +38,7 @@ _FALLS = 0.005
 _UNFINISHED = {
     Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
     Status.STARTS_DISAGREE: "the last fit depends on where it starts",
-    Status.NOT_CONVERGED: "the last fit did not converge: fit again before copying",
+    Status.NOT_CONVERGED: "the last fit did not converge",
     Status.SIMULATION_FAILED: "the last fit could not be simulated",
 }
 

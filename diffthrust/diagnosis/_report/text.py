@@ -13,6 +13,7 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._runaway import farthest_runaway
+from diffthrust.estimation._status import Status
 from diffthrust.models._base.effect import EFFECTS, Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
@@ -118,6 +119,16 @@ def adding_little(diag: Findings) -> tuple[str, ...]:
 def copied_fit(diag: Findings) -> Fit:
     """The fit whose numbers are copied: with what was learned, if anything was."""
     return diag.laws[-1].reported if diag.laws else diag.fit
+
+
+def provisional(diag: Findings) -> bool:
+    """Whether effects rest on a fit that did not end, or that follows no channel at all.
+
+    An Otter's thruster had its "zero off by -493 rpm" by a fit that did not converge; least squares
+    put it at -37.
+    """
+    blind = all(not e.nrmse < 1.0 for e in judged_errors(diag)[1].channels.values())
+    return blind or copied_fit(diag).status in (Status.NOT_CONVERGED, Status.SIMULATION_FAILED)
 
 
 def stage_words(diag: Findings, index: int) -> str:

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.diagnosis._explained_share import Worth, helps
-from diffthrust.diagnosis._innovations_fit import TrialFit
+from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._residual_structure import downstream_ports
 from diffthrust.diagnosis._search_state import SearchContext, few_substeps
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._stage_shares import shares_by_steps
@@ -167,7 +168,14 @@ def fit_curve(
         signal_unit=unit_of(curve.signal, units),
         channel=channel_of(curve.signal, baseline.model),
         port_unit=units[ARRIVING],
+        driven=_driven_channel(context.fitter, curve.port),
     )
+
+
+def _driven_channel(fitter: CandidateFitter, port: str) -> str:
+    """The measured channel that a port drives, or whose rate; "" if that is not measured."""
+    target = next(p.target for p in fitter.places if port in (p.port, *downstream_ports(fitter, p)))
+    return target if target in fitter.channels else ""
 
 
 def term_of(context: SearchContext, trial: TrialFit, curve: Curve) -> Term:
@@ -218,7 +226,7 @@ def _with_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> Learn
 
 
 def _is_hopeless(fit: Fit, rival: LearnedLaw | None) -> bool:
-    if rival is None or not helps(rival.worth):
+    if rival is None or not rival.helps:
         return False
     return fit.train.nrmse > SETTINGS.whole_runs.equivalent_error * rival.fit.train.nrmse
 

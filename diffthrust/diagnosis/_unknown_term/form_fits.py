@@ -82,8 +82,8 @@ def try_closed_forms(
     law = replace(law, forms=tuple(tried), named=False)
     if not tried or not _may_name(tried[0], law):
         return law
-    worth = worth_between_fits(context, baseline, tried[0].fit)
-    return replace(law, named=True, worth=worth) if helps(worth) else law
+    named = replace(law, named=True, worth=worth_between_fits(context, baseline, tried[0].fit))
+    return named if named.helps else law
 
 
 def _leading_form(context: SearchContext, tried: Sequence[TriedForm]) -> TriedForm:
@@ -134,7 +134,8 @@ def _fitted_forms(
             match.form.name, effect, fit, bic, criterion, match.times, match.reference,
             match.form.companion,
         )  # fmt: skip
-        if _does_as_well(context, fit, law) and helps(worth_between_fits(context, baseline, fit)):
+        worth = worth_between_fits(context, baseline, fit)
+        if _does_as_well(context, fit, law) and helps(worth, law.driven):
             enough = min(enough, _parameter_count(match))
             least_criterion = min(least_criterion, criterion)
 

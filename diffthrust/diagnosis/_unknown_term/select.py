@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admission import drop, refitted_stage
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
-from diffthrust.diagnosis._explained_share import helps, matters
+from diffthrust.diagnosis._explained_share import matters
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
@@ -97,7 +97,7 @@ def learned_law(
             relearned = _relearned_beside(
                 context, stage.fit, reduced.state.current.trial, relearned
             )
-        if relearned and helps(relearned.worth) and error_within(relearned.reported, last.fit, 1.0):
+        if relearned and relearned.helps and error_within(relearned.reported, last.fit, 1.0):
             search, law = reduced, relearned
         elif base is not last:
             return None  # it was learned in the place of the effects, and loses against them
@@ -128,7 +128,7 @@ def _learned_beside(
         return None
     likeliest = fit_curve(context, baseline, trial, likely[0])
     explained = likeliest is not None and reaches_noise_floor(context, trial, likeliest.fit)
-    sure = likeliest is not None and helps(likeliest.worth)
+    sure = likeliest is not None and likeliest.helps
     rival = None if explained else rival_of(likely, sure)
     challenger = fit_curve(context, baseline, trial, rival, likeliest) if rival else None
     fitted = [law for law in (likeliest, challenger) if law is not None]
@@ -144,7 +144,7 @@ def _learned_beside(
     if plain and plain is not rival and (memoryless := fit_curve(context, baseline, trial, plain)):
         law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
     law = refined(context, baseline, law)
-    return law if helps(law.worth) else None
+    return law if law.helps else None
 
 
 def _changes_little(law: LearnedLaw, baseline: Fit) -> bool:
@@ -182,7 +182,7 @@ def _relearned_beside(
 
 def _doubt(law: LearnedLaw) -> tuple[bool, float]:
     """Sort key: laws that surely remove error first, then the least error over whole runs."""
-    return not helps(law.worth), law.reported.train.nrmse
+    return not law.helps, law.reported.train.nrmse
 
 
 def _place(context: SearchContext, remaining: Remaining) -> DrivingPort:
