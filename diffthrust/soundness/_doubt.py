@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 
 DOUBT_KINDS = (
@@ -25,6 +26,11 @@ DOUBT_KINDS = (
     "runaway",
 )
 """What may be wrong with a channel, the graver mistakes first; "runaway" is of a parameter."""
+
+
+_LONGEST_STAMP = 1e5
+"""Display: of stamps of a clock that counts since 1970 the first four digits say nothing: an
+Otter's compass stood still "from t = 1.714e+09 s on"."""
 
 
 @dataclass(frozen=True)
@@ -158,3 +164,15 @@ class Doubt:
     def to_json(self) -> dict[str, str]:
         """Plain data."""
         return {name: getattr(self, name) for name in ("channel", "kind", "evidence", "mend")}
+
+
+def moment(log: Log, time: float) -> str:
+    """A time stamp in words; since the log's start where four digits do not show it.
+
+    Example:
+        >>> moment(log, log.time[0])
+        't = 0.000 s'
+    """
+    if abs(time) < _LONGEST_STAMP:
+        return f"t = {number(time)} s"
+    return f"{number(time - float(log.time[0]))} s after its start"

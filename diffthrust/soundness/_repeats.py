@@ -12,7 +12,7 @@ from diffthrust._support.words import joined, number
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import Railed
 from diffthrust.logs._written import ShownUnits
-from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubt import Doubt, moment
 
 _LEAST = 20
 """Samples of one value from which on a sensor may be stuck or clipped."""
@@ -228,7 +228,7 @@ def _stopped(log: Log, stuck: Sequence[_Stuck]) -> Doubt:
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: for {length} samples from t = {number(begin)} s on {at} {stay} as "
+        f"{log.name}: for {length} samples from {moment(log, begin)} on {at} {stay} as "
         f"{'it is' if len(stuck) == 1 else 'they are'}, while inputs or other readings move.",
         "leave these samples empty (nan), or cut the log there.",
         also=tuple(s.channel for s in stuck[1:]),

@@ -9,7 +9,7 @@ import numpy as np
 from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import stretches
-from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubt import Doubt, moment
 from diffthrust.soundness._repeats import as_written, width_shown
 
 _CODES = (
@@ -58,7 +58,7 @@ def _jumps(
             channel,
             "sentinel",
             f"{log.name}: {channel} drops to exactly 0 for {int(away.sum())} samples and comes "
-            f"back, from t = {number(_first(log, where, away))} s on, by jumps and while the drive "
+            f"back, from {moment(log, _first(log, where, away))} on, by jumps and while the drive "
             "is far from its stop: the sensor was away.",
             f"leave these samples of {channel} empty (nan), or cut the log there; other zeros "
             "may be true.",
@@ -93,7 +93,7 @@ def _jumps(
             f"{log.name}: {int(gross.sum())} samples of {channel} stand alone, "
             f"{width_shown(log, channel, float(height[gross].max()))} and less from their "
             f"neighbours, where all others lie within {width_shown(log, channel, span)}; the first "
-            f"at t = {number(_first(log, where, gross))} s.",
+            f"at {moment(log, _first(log, where, gross))}.",
             'leave them empty (nan), or fit with loss = "student_t", which forgives them.',
         )
 
@@ -143,7 +143,7 @@ def _sentinel(log: Log, channel: str, where: np.ndarray, coded: np.ndarray) -> D
         channel,
         "sentinel",
         f"{log.name}: {channel} jumps {times} to exactly {number(written)} and back, the first "
-        f"time at t = {number(_first(log, where, coded))} s: that is how a logger writes a missing "
+        f"time at {moment(log, _first(log, where, coded))}: that is how a logger writes a missing "
         "value.",
         f'[logs] missing_values = ["{written:g}"], or read_log(..., '
         f'missing_values=["{written:g}"]).',

@@ -11,7 +11,7 @@ from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import stretches
 from diffthrust.models._base.model import Model
-from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubt import Doubt, moment
 from diffthrust.soundness._mends import STEPS, clock_line, unit_line
 from diffthrust.soundness._record import Record
 from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie, correlation, trailing
@@ -33,8 +33,8 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
             "time",
             "gap",
             f"{log.name}: {gaps.size} {'gap' if gaps.size == 1 else 'gaps'} in time, the longest "
-            f"of {number(float(steps[longest]), 3)} s after t = {number(float(log.time[longest]))}"
-            f" s, where samples are otherwise {number(log.step, 3)} s apart.",
+            f"of {number(float(steps[longest]), 3)} s after {moment(log, float(log.time[longest]))}"
+            f", where samples are otherwise {number(log.step, 3)} s apart.",
             "cut the log there (log.slice, or start and stop under [logs]) and give both parts.",
         )
     for channel, values in log.measured.items():

@@ -239,6 +239,9 @@ def test_a_recorder_that_stands_still_is_one_doubt(boat):
     assert (doubt.channel, doubt.kind, doubt.also) == ("surge", "stuck", ("yaw_rate", "heading"))
     assert "for 100 samples from t = 30.00 s on surge at " in doubt.evidence
     assert doubt.evidence.endswith("stay as they are, while inputs or other readings move.")
+    since_1970 = changed(boat, time=lambda t: t + 1.7e9, surge=still, yaw_rate=still, heading=still)
+    (doubt,) = doubts(since_1970, None)
+    assert "for 100 samples from 30.00 s after its start on surge at " in doubt.evidence
 
 
 def test_a_sentinel_is_told_as_the_file_has_it(tmp_path, log):
