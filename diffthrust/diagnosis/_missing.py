@@ -52,17 +52,20 @@ class SignalForm:
         return f"d({self.name})/dt" if self.rate else self.name
 
 
-def after_effects(effects: Iterable[Effect], inputs: Collection[str]) -> str:
+def after_effects(model: Model, effects: Iterable[Effect], signals: Collection[str]) -> str:
     """Through which effects inputs have gone before they are what the model reads, in words.
 
     With the thrusters of a BlueBoat exchanged a curve of left_force is one of the logged
-    right_force, and was checked against the other.
+    right_force, and was checked against the other. Effects on channels act on readings, not on
+    states.
 
     Example:
-        >>> after_effects([dft.effects.SwappedThrusters()], ["left_force"])
+        >>> swapped = [dft.effects.SwappedThrusters()]
+        >>> after_effects(dft.Vessel(drive="twin"), swapped, ["left_force"])
         ' (after swapped thrusters)'
     """
-    names = [humanize(effect.name) for effect in effects if {*effect.ports} & {*inputs}]
+    inputs = ({*signals} & {*model.inputs, *model.optional_inputs}) - {*model.states}
+    names = [humanize(effect.name) for effect in effects if {*effect.ports} & inputs]
     return f" (after {joined(names)})" if names else ""
 
 

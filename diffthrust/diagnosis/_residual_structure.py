@@ -158,7 +158,7 @@ def candidate_signals(
     names = [n for n in (*model.inputs, *model.optional_inputs) if n in common]
     names += [n for n in model.states if n in common and n in fitter.channels]
     out = {
-        SignalForm(n, after=after_effects(observed.effects, [n])): [path[n] for path in paths]
+        SignalForm(n, after=after_effects(model, observed.effects, [n])): [p[n] for p in paths]
         for n in dict.fromkeys(names)
     }
     if are_tables(fitter.records):

@@ -240,10 +240,11 @@ def test_a_rate_is_told_in_words():
 
 def test_an_input_is_named_with_the_effects_that_it_has_gone_through():
     """With a BlueBoat's thrusters exchanged "left_force" was held against the wrong column."""
-    assert after_effects([dft.effects.SwappedThrusters()], ["left_force"]) == (
-        " (after swapped thrusters)"
-    )
-    assert after_effects([dft.effects.SwappedThrusters()], ["surge"]) == ""
+    boat, swapped = dft.Vessel(drive="twin"), [dft.effects.SwappedThrusters()]
+    assert after_effects(boat, swapped, ["left_force"]) == " (after swapped thrusters)"
+    assert after_effects(boat, swapped, ["surge"]) == ""
+    offset = [dft.effects.SpeedSensorOffset()]  # moves the reading, not the speed
+    assert after_effects(dft.Thruster(), offset, ["speed"]) == ""
     signal = SignalForm("speed", after=" (after swapped thrusters)")
     assert signal == SignalForm("speed")
     diag = made.unexplained()

@@ -181,7 +181,8 @@ def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
     estimated = effect or law.curve
     expression = expression_of(law.curve.signal)
     others = (e for e in law.fit.model.effects if e.name != law.curve.name)
-    return f"{_signal_words(law, estimated, expression)}{after_effects(others, expression.places)}"
+    after = after_effects(law.fit.model, others, expression.places)
+    return f"{_signal_words(law, estimated, expression)}{after}"
 
 
 def _signal_words(law: LearnedLaw, estimated: Curve | Formula, expression: Expression) -> str:
