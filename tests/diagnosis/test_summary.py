@@ -324,6 +324,23 @@ def test_what_adds_little_is_told_behind_the_error_that_another_effect_removes()
     assert claims.contradictions(told, text=wrong) != []
 
 
+def test_what_adds_little_is_told_behind_the_error_that_a_law_removes():
+    """An EMPS had a thrust "reported 0.0056 s late" above a friction that removes 98 %."""
+    curve = dft.effects.Curve("drive", "speed", -60.0, 60.0, unit="rad/s^2", shape=(3.0,))
+    law = LearnedLaw(
+        curve, made.found().fit, SURE, 9.0, samples=np.linspace(-50.0, 50.0, 101),
+        signal_unit="rad/s", port_unit="rad/s^2",
+    )  # fmt: skip
+    told = replace(made.found(), worth={"command_deadband": WEAK}, laws=(law,))
+    lines = told.summary.splitlines()
+    small = "Adds little: commands within ±0.398 V do nothing."
+    assert not any(line.startswith("Found: ") for line in lines)
+    at = [k for k, line in enumerate(lines) if line.startswith(("Found in the drive: ", small))]
+    assert len(at) == 2
+    assert lines[at[1]] == small
+    assert small not in replace(told, laws=()).summary
+
+
 @pytest.mark.parametrize(("share", "told"), [(0.03, False), (0.6, True)])
 def test_a_signal_that_explains_next_to_nothing_is_not_told_as_the_cause(share, told):
     diag = made.unexplained()

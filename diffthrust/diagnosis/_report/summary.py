@@ -94,6 +94,8 @@ def _effects(diag: Findings) -> Part:
     """
     small = adding_little(diag)
     names = [name for name in leading(diag) if name not in small]
+    if not names:
+        return ()
     lines, rivals, shaky = [], rival_words(diag), provisional(diag)
     for name in names:
         worth = diag.worth.get(name)

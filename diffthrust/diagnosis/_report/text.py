@@ -108,10 +108,14 @@ def leading(diag: Findings) -> tuple[str, ...]:
 
 
 def adding_little(diag: Findings) -> tuple[str, ...]:
-    """The effects that surely remove something beside the first, no tenth of the squared error."""
+    """The effects that surely remove something, and no tenth of the squared error.
+
+    Beside the first, or beside what was learned: an EMPS had "the thrust is reported 0.0056 s late"
+    (2 %) above a friction that removes 98 %.
+    """
     return tuple(
         name
-        for name in leading(diag)[1:]
+        for name in leading(diag)[0 if diag.laws else 1 :]
         if (worth := diag.worth.get(name)) and surely_removes(worth) and adds_little(worth)
     )
 
