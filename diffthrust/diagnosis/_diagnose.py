@@ -21,7 +21,7 @@ from diffthrust.diagnosis._findings import (
     verdict_evidence,
 )
 from diffthrust.diagnosis._mend_trials import measured_mends
-from diffthrust.diagnosis._mended import undone_by
+from diffthrust.diagnosis._mended import mends_lead, undone_by
 from diffthrust.diagnosis._outcome import (
     add_change,
     add_headroom,
@@ -128,8 +128,26 @@ def diagnose(
     records, unseen_records = bind(model, train), bind(model, unseen)
     say = reporter(progress)
     context, state = start_search(given, records, unseen_records, candidates, seed, say)
+    first = state.stages[0]
+    mends = measured_mends(context, first)
+    unused = unused_channels(context.given, (*records, *unseen_records))
+    origin, notes = provenance(fit, first.fit, train, unseen)
+    known = {
+        "model": context.given,
+        "mends": mends,
+        "unused": unused,
+        "notes": (*notes, *unused_notes(context.given, unused)),
+        "origin": origin,
+        "seconds": context.clock.seconds,
+    }
+    # who names effects wants these tried
+    if asks_for_all(candidates) and mends_lead(first.fit.doubts, mends, bool(first.judged.hints)):
+        say("done", 1.0)
+        _, selection, assessment, _ = assessed(context, SearchResult(state, (), ()))
+        return Diagnosis(
+            verdict="unexplained", sought=False, **vars(selection), **vars(assessment), **known
+        )
     baseline = state.current.trial
-    mends = measured_mends(context, state.stages[0])
     context, search = searched(context, state)
     # what the first model lacks is judged with errors clipped as they are at the end
     baseline = replace(baseline, clip=search.state.current.trial.clip)
@@ -150,12 +168,9 @@ def diagnose(
     possible = still_possible(context, search.state, law) if opened else {}
     proposed = proposal(context, search, possible, limits) if experiment else None
     others = other_models(context, search.state, law, asks_for_all(candidates))
-    unused = unused_channels(context.given, (*records, *unseen_records))
     say("done", 1.0)
-    origin, notes = provenance(fit, selection.stages[0].fit, train, unseen)
     return Diagnosis(
         verdict=verdict,
-        model=context.given,
         **vars(selection),
         **vars(assessment),
         missing=missing,
@@ -163,12 +178,8 @@ def diagnose(
         laws=laws,
         possible=possible,
         experiment=proposed,
-        seconds=context.clock.seconds,
-        mends=mends,
         other_models=others,
-        unused=unused,
-        notes=(*notes, *unused_notes(context.given, unused)),
-        origin=origin,
+        **known,
     )
 
 

@@ -271,21 +271,23 @@ class Findings(Selection, Assessment):
             library that the same channels feed, the one that errs least first.
         unused: channels of the logs that neither the model nor a known effect reads in it, with the
             effects and models that do.
+        sought: whether effects were sought: none are in logs that are to be mended first.
         notes: what the user should know besides.
         origin: when and with which versions it was made, and of which logs.
     """
 
     verdict: Verdict
     model: Model
-    missing: tuple[Missing, ...]
+    missing: tuple[Missing, ...] = ()
     left: tuple[Missing, ...] = ()
     laws: tuple[LearnedLaw, ...] = ()
     possible: Mapping[str, Worth] = field(default_factory=dict)
-    experiment: Experiment | None
+    experiment: Experiment | None = None
     seconds: Mapping[str, float]
     mends: tuple[MeasuredMend, ...] = ()
     other_models: tuple[OtherModel, ...] = ()
     unused: Mapping[str, str] = field(default_factory=dict)
+    sought: bool = True
     notes: tuple[str, ...] = ()
     origin: Origin | None = field(default=None, repr=False)
 

@@ -140,12 +140,13 @@ class Diagnosis(Result, Findings):
 
         Example:
             >>> list(diag.to_json())[:4]
-            ['schema', 'verdict', 'doubts', 'added']
+            ['schema', 'verdict', 'sought', 'doubts']
         """
         remaining, headroom = self.remaining, self.headroom
         return {
             "schema": 1,
             "verdict": self.verdict,
+            "sought": self.sought,
             "doubts": [
                 doubt.to_json() | {"mends": [mend.to_json() for mend in self.mends_of(doubt)]}
                 for doubt in self.doubts
@@ -202,6 +203,8 @@ class Diagnosis(Result, Findings):
 
 def _why_none(diag: Findings) -> str:
     """Why a diagnosis has no learned law."""
+    if not diag.sought:
+        return "the logs are to be mended first"
     if diag.changed:
         return "the size of an added effect changes"
     if diag.verdict == "unexplained":

@@ -323,7 +323,7 @@ def start_search(
     with clock("compile"):
         constants = constants_of(first.model, wanted)
         fitter, trial = compiled_fitter(first, effects, constants, train, unseen)
-    mend_first = any(doubt.kind in ("sign", "exchanged") for doubt in first.doubts)
+    mend_first = any(doubt.contrary for doubt in first.doubts)
     context = SearchContext(
         first.model, fitter, tuple(unseen), refit, guess, say, clock, mend_first
     )

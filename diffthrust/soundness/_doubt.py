@@ -118,6 +118,16 @@ class Doubt:
     also: tuple[str, ...] = ()
 
     @property
+    def contrary(self) -> bool:
+        """Whether the channel moves against the others: its sign is doubted, or its column.
+
+        Example:
+            >>> dft.soundness.Doubt("thrust", "sign", "It is turned.", "scale = -1").contrary
+            True
+        """
+        return self.kind in ("sign", "exchanged")
+
+    @property
     def harmless(self) -> bool:
         """Whether fits allow for it already, so that nothing is to be mended.
 

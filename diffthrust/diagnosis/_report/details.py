@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from diffthrust._support.words import capitalised, humanize, joined
 from diffthrust.diagnosis._findings import Findings
-from diffthrust.diagnosis._report.doubts import leading_doubt_words
+from diffthrust.diagnosis._report.doubts import grave_doubts, leading_doubt_words
 from diffthrust.diagnosis._report.error_text import (
     gain_words,
     growth_words,
@@ -43,6 +43,8 @@ def details(diag: Findings) -> str:
         'The basic thruster lacks a command dead band of ±0.40 V: with it the speed error on
         unseen logs falls from 5.6 to 0.30 rad/s (NRMSE 0.33 to 0.018).'
     """
+    if not diag.sought:
+        return " ".join([*leading_doubt_words(diag), f"{capitalised(level_words(diag))}."])
     sentences = [
         *leading_doubt_words(diag),
         *hint_words(diag),
@@ -69,7 +71,8 @@ def details(diag: Findings) -> str:
 
 def hint_words(diag: Findings) -> list[str]:
     """Channels that move against the model, where no doubt on the logs says so with a mend."""
-    if diag.helpful_mends or not diag.before.hints:
+    doubted = any(doubt.contrary for doubt in grave_doubts(diag))
+    if diag.helpful_mends or doubted or not diag.before.hints:
         return []
     return ["A channel may not mean what its name says:", *diag.before.hints[:_HINTS]]
 

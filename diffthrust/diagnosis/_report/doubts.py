@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from diffthrust._support.words import capitalised, distinct_numbers, humanize, joined
 from diffthrust.diagnosis._findings import Findings
-from diffthrust.diagnosis._mended import MeasuredMend, best_mends
+from diffthrust.diagnosis._mended import MeasuredMend, best_mends, unjudged
 from diffthrust.soundness._doubt import Doubt, Reading
 
 _GRAVE = ("sign", "exchanged", "unit", "time_base", "lag", "stuck", "saturated", "sentinel")
@@ -19,19 +19,27 @@ def leading_doubt_words(diag: Findings) -> list[str]:
         f"First the logs: {mend.doubt.evidence} {mend_words(mend)} {mend_line(diag, mend)}"
         for mend in diag.helpful_mends[:_NAMED]
     ]
-    if sentences:
+    if not diag.sought:
+        sentences.append("No effect was sought in logs that are to be mended first.")
+    elif sentences:
         sentences.append("What follows is said of the logs as they are: mend them first.")
-    sentences += [_doubt_words(doubt) for doubt in grave_doubts(diag)[:_NAMED]]
-    return sentences
+    return [*sentences, *(_doubt_words(doubt) for doubt in grave_doubts(diag)[:_NAMED])]
 
 
 def grave_doubts(diag: Findings) -> list[Doubt]:
-    """The graver doubts that no fit to mended logs has judged."""
-    measured = {(mend.doubt.channel, mend.doubt.kind) for mend in diag.mends}
+    """The graver doubts of which a mistake is left that no fit to mended logs has judged.
+
+    None for which a mend helps, for that leads. Of a BlueBoat the sign of a yaw rate was judged,
+    and helped for nothing certain, and the exchange of left and right, which it may be as well,
+    was not.
+    """
+    helped = {(mend.doubt.channel, mend.doubt.kind) for mend in diag.helpful_mends}
     return [
         doubt
         for doubt in diag.doubts
-        if doubt.kind in _GRAVE and (doubt.channel, doubt.kind) not in measured
+        if doubt.kind in _GRAVE
+        and (doubt.channel, doubt.kind) not in helped
+        and (unjudged(doubt, diag.mends) or not doubt.readings)
     ]
 
 

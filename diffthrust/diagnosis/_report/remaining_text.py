@@ -53,7 +53,7 @@ def undecided_words(diag: Findings) -> list[str]:
     Nothing of the kind while a sign looks wrong: of a Kingfisher with its heading turned nothing
     was undecided that this mend did not decide.
     """
-    if any(doubt.kind in ("sign", "exchanged") for doubt in grave_doubts(diag)):
+    if any(doubt.contrary for doubt in grave_doubts(diag)):
         return ["Undecided as long as the doubts on the logs stand: mend them first."]
     logs, errors = judged_errors(diag)
     name = next(iter(diag.far), next(iter(errors.channels)))

@@ -67,7 +67,7 @@ def summary(diag: Findings) -> str:
     ]
     # of logs to be mended first it may be the same mistake: two thrusters of a BlueBoat steered
     # "with -6 % of the logged moment" below a turned yaw rate
-    below = diag.helpful_mends or ran_away(diag)
+    below = diag.helpful_mends or ran_away(diag) or not diag.sought
     return within_budget([*doubtful(diag), *([] if below else found), _next(diag)])
 
 
@@ -312,6 +312,8 @@ def _next(diag: Findings) -> Part:
         line = mends[0].reading.line.partition(", or ")[0].rstrip(".")
         table, _, key = line.partition("] ")  # "[channels.thrust] scale = -1"
         return as_part((10, f"Copy under {table}]: {key}" if key else f"Copy: {line}"))
+    if not diag.sought:
+        return as_part((10, "How to mend either stands below"))
     if ran_away(diag):
         words = "Next: check signs, units and the sense of angles"
         return as_part((9, f"{words}, or hold a mass that you know"), (10, words))

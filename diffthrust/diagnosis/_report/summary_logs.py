@@ -45,6 +45,8 @@ _UNFINISHED = {
 
 def doubtful(diag: Findings) -> list[Part]:
     """What comes first: whether the logs are sound, and what of the given to look at."""
+    if not diag.sought:
+        return [_logs(diag), _unsought(diag)]
     return [
         _sound(diag),
         _logs(diag),
@@ -92,6 +94,14 @@ def _logs(diag: Findings) -> Part:
     if diag.before.hints:
         return as_part((11, "Check the logs: a channel may not mean what its name says"))
     return ()
+
+
+def _unsought(diag: Findings) -> Part:
+    """That nothing else was looked for; where a mend helps, its line says to diagnose again."""
+    if diag.helpful_mends:
+        return ()
+    whole = "No effect was sought: mend the logs, then diagnose again"
+    return as_part((9, whole), (11, "No effect was sought"))
 
 
 def _mends(diag: Findings) -> Part:
