@@ -98,7 +98,10 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
     LearnedLaw,
     TriedForm,
 )
-from diffthrust.diagnosis._mended import MeasuredMend  # private: made by hand
+from diffthrust.diagnosis._mended import (  # private: made by hand
+    MeasuredMend,
+    mends_lead,
+)
 from diffthrust.diagnosis._missing import (  # private: made by hand
     Missing,
     Remaining,
@@ -388,6 +391,7 @@ __all__ = [
     "log_rows",
     "matters",
     "mend_trials_module",
+    "mends_lead",
     "missed",
     "missing_figure",
     "missing_words",

@@ -493,9 +493,23 @@ def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"How to mend either stands below\.")
 def _either_line(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    missing = [r.line for r in diag.helpful_mends[0].doubt.readings if r.line not in diag.details]
-    if missing:
+    helpful = [mend.doubt for mend in diag.helpful_mends]
+    contrary = [d for d in diag.doubts if d.kind in ("sign", "exchanged")]
+    (doubt, *_) = helpful or contrary
+    missing = [r.line.rstrip(".") for r in doubt.readings if r.line.rstrip(".") not in diag.details]
+    if missing or not (helpful or not diag.sought):
         yield f"the details lack {missing}"
+
+
+@claim(r"No effect was sought(?:: mend the logs, then diagnose again| in logs that are to be "
+       r"mended first)?\.")  # fmt: skip
+def _unsought(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.added or diag.ranking or diag.laws or diag.possible:
+        yield f"tried: {[c.effect for c in diag.ranking]}"
+    if not any(d.kind in ("sign", "exchanged") for d in diag.doubts):
+        yield f"doubts: {[d.kind for d in diag.doubts]}"
+    if page and page.hidden is not None and not page.mistaken:
+        yield "the logs are sound"
 
 
 @claim(r"First diagnose again with (?P<what>[^\n]+?)\.")

@@ -1,10 +1,12 @@
 """What a mend of the logs is worth: told of fits that several starts reach, or not at all."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import made_diagnosis as made
 import numpy as np
 import pytest
-from steps import FitRuns, FittedStage, mend_trials_module
+from steps import FitRuns, FittedStage, MeasuredMend, Worth, mend_trials_module, mends_lead
 
 import diffthrust as dft
 
@@ -77,6 +79,31 @@ def test_nothing_is_told_of_a_reading_whose_fits_do_not_agree(measured):
     mends, asked = measured(ended(1.0, 3), ended(0.5, 1), ended(0.4, 1))
     assert mends == ()
     assert len(asked) == 2  # the logs as they are are not fitted for nothing
+
+
+@pytest.mark.parametrize(
+    ("judged", "share", "hinted", "leads"),
+    [
+        (("turned",), 0.5, False, True),
+        (("turned",), 0.05, False, False),
+        (("turned",), 0.05, True, True),  # its other reading may be the true one
+        (("turned", "exchanged"), 0.05, True, False),
+        ((), 0.0, True, True),
+        ((), 0.0, False, False),
+    ],
+)
+def test_mends_lead_where_one_helps_or_channels_move_against_the_model(
+    judged, share, hinted, leads
+):
+    errors = made.found().judged.errors
+    worth = Worth(share, 0.8 * share, 1.2 * share)
+    mends = [
+        MeasuredMend(DOUBT, reading, errors, errors, worth, True)
+        for reading in READINGS
+        if reading.words in judged
+    ]
+    assert mends_lead([DOUBT], mends, hinted) is leads
+    assert not mends_lead([replace(DOUBT, kind="stuck")], [], True)
 
 
 def test_the_other_reading_of_its_doubt_is_told(measured):

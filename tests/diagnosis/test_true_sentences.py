@@ -113,6 +113,44 @@ def test_made(name):
     assert claims.contradictions(diag, page) == []
 
 
+def turned():
+    """The thruster with a dead band, with a load cell that counts the other way."""
+    model, train, unseen, page = dead_band()
+
+    def reread(measured):
+        return {**measured, "thrust": -measured["thrust"]}
+
+    train, unseen = (
+        [log.replaced(measured=reread(log.measured)) for log in logs] for logs in (train, unseen)
+    )
+    page.train, page.unseen = (
+        [wr.replace(run, measured=reread(run.measured)) for run in runs]
+        for runs in (page.train, page.unseen)
+    )
+    page.mistaken = True
+    return model, train, unseen, page
+
+
+@pytest.mark.thorough
+def test_nothing_is_sought_in_logs_that_are_to_be_mended_first():
+    """Half an hour of search on a BlueBoat ended in thrusters that steer with -0 %."""
+    model, train, unseen, page = turned()
+    diag = dft.diagnose(model, train, holdout=unseen, experiment=False)
+    assert not diag.sought
+    assert (diag.verdict, diag.added, diag.ranking, diag.laws) == ("unexplained", (), (), ())
+    first, *_ = diag.summary.splitlines()
+    assert first.startswith("First mend the logs, then diagnose again: with the sign of thrust rev")
+    assert claims.contradictions(diag, page) == []
+    assert "No effect was sought in logs that are to be mended first." in " ".join(
+        diag.report().split()
+    )
+    assert diag.to_json()["sought"] is False
+    named = dft.diagnose(
+        model, train, holdout=unseen, candidates=["linear_damping"], experiment=False
+    )
+    assert named.sought
+
+
 def emps():
     folder = data_folder("emps")
     logs = [
