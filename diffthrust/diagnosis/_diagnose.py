@@ -51,6 +51,7 @@ from diffthrust.estimation._arguments import (
 )
 from diffthrust.estimation._origin import Origin, origin_of, same_logs
 from diffthrust.estimation._result import Fit
+from diffthrust.estimation._runaway import farthest_runaway
 from diffthrust.estimation._status import Status
 from diffthrust.experiments._request import checked_limits
 from diffthrust.logs._log import Log
@@ -140,10 +141,12 @@ def diagnose(
         "origin": origin,
         "seconds": context.clock.seconds,
     }
+    failing = bool(first.judged.hints or farthest_runaway(first.fit, first.fit.guess))
     # who names effects wants these tried
-    if asks_for_all(candidates) and mends_lead(first.fit.doubts, mends, bool(first.judged.hints)):
+    if asks_for_all(candidates) and mends_lead(first.fit.doubts, mends, failing):
         say("done", 1.0)
         _, selection, assessment, _ = assessed(context, SearchResult(state, (), ()))
+        assessment = replace(assessment, remaining=None)  # it is of the mistake
         return Diagnosis(
             verdict="unexplained", sought=False, **vars(selection), **vars(assessment), **known
         )

@@ -63,21 +63,21 @@ def best_mends(mends: Sequence[MeasuredMend]) -> tuple[MeasuredMend, ...]:
     return tuple(sorted(best.values(), key=lambda mend: -mend.worth.share))
 
 
-def mends_lead(doubts: Sequence[Doubt], mends: Sequence[MeasuredMend], hinted: bool) -> bool:
+def mends_lead(doubts: Sequence[Doubt], mends: Sequence[MeasuredMend], failing: bool) -> bool:
     """Whether logs are to be mended before anything is sought in them.
 
     Where a sign or an exchange of channels is doubted, and a mend helps, or one of the mistakes it
-    may come from has no fit that could be judged while the model moves against the channels, too.
-    On the BlueBoat as it was logged half an hour of search ended in thrusters that "steer with -0 %
-    of the logged moment", and in a moment of inertia of 0.02 kg m^2.
+    may come from has no fit that could be judged while the model fails, too. On the BlueBoat as it
+    was logged half an hour of search ended in thrusters that "steer with -0 % of the logged
+    moment", and in a moment of inertia of 0.02 kg m^2.
 
     Args:
         doubts: on the logs.
         mends: the mends that were measured.
-        hinted: whether channels move opposite to the model over whole runs.
+        failing: whether the model moves opposite to channels over whole runs, or ran away.
     """
     helped = any(mend.helps and mend.doubt.contrary for mend in mends)
-    return helped or (hinted and any(unjudged(d, mends) for d in doubts if d.contrary))
+    return helped or (failing and any(unjudged(d, mends) for d in doubts if d.contrary))
 
 
 def unjudged(doubt: Doubt, mends: Sequence[MeasuredMend]) -> list[Reading]:

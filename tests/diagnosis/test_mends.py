@@ -82,7 +82,7 @@ def test_nothing_is_told_of_a_reading_whose_fits_do_not_agree(measured):
 
 
 @pytest.mark.parametrize(
-    ("judged", "share", "hinted", "leads"),
+    ("judged", "share", "failing", "leads"),
     [
         (("turned",), 0.5, False, True),
         (("turned",), 0.05, False, False),
@@ -92,9 +92,7 @@ def test_nothing_is_told_of_a_reading_whose_fits_do_not_agree(measured):
         ((), 0.0, False, False),
     ],
 )
-def test_mends_lead_where_one_helps_or_channels_move_against_the_model(
-    judged, share, hinted, leads
-):
+def test_mends_lead_where_one_helps_or_the_model_fails(judged, share, failing, leads):
     errors = made.found().judged.errors
     worth = Worth(share, 0.8 * share, 1.2 * share)
     mends = [
@@ -102,7 +100,7 @@ def test_mends_lead_where_one_helps_or_channels_move_against_the_model(
         for reading in READINGS
         if reading.words in judged
     ]
-    assert mends_lead([DOUBT], mends, hinted) is leads
+    assert mends_lead([DOUBT], mends, failing) is leads
     assert not mends_lead([replace(DOUBT, kind="stuck")], [], True)
 
 

@@ -9,6 +9,7 @@ from diffthrust.soundness._doubt import Doubt, Reading
 
 _GRAVE = ("sign", "exchanged", "unit", "time_base", "lag", "stuck", "saturated", "sentinel")
 """Kinds of doubts that the summary names: what a channel means, and which samples are readings."""
+UNSOUGHT = "No effect was sought in logs that are to be mended first."
 _NAMED = 2
 """Doubts that the summary names; the report lists all."""
 
@@ -20,7 +21,7 @@ def leading_doubt_words(diag: Findings) -> list[str]:
         for mend in diag.helpful_mends[:_NAMED]
     ]
     if not diag.sought:
-        sentences.append("No effect was sought in logs that are to be mended first.")
+        sentences.append(UNSOUGHT)
     elif sentences:
         sentences.append("What follows is said of the logs as they are: mend them first.")
     return [*sentences, *(_doubt_words(doubt) for doubt in grave_doubts(diag)[:_NAMED])]

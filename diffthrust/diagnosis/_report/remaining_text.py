@@ -20,7 +20,7 @@ from diffthrust.diagnosis._explained_share import SureShare, sure_share
 from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._missing import Missing, Remaining
 from diffthrust.diagnosis._other_models import errors_of as fit_errors
-from diffthrust.diagnosis._report.doubts import grave_doubts
+from diffthrust.diagnosis._report.doubts import UNSOUGHT, grave_doubts
 from diffthrust.diagnosis._report.error_text import (
     LEFT,
     error_size,
@@ -124,6 +124,8 @@ def other_model_words(diag: Findings) -> list[str]:
 def remaining_words(diag: Findings) -> str:
     """What none of the effects tried explains: where it enters and on what it depends."""
     remaining = diag.remaining
+    if not diag.sought:
+        return UNSOUGHT
     if diag.changed:
         return _changed_words(diag, diag.changed)
     if remaining is None:
