@@ -83,13 +83,17 @@ def diagnose(
     dropped. At the end signals of unknown form are tried at each port: if the errors still depend
     on a signal of the model, or a channel contradicts it, the verdict is "unexplained".
 
+    Nothing is sought (`sought`) in logs of which a sign or an exchange of channels is doubted, if
+    fits to mended logs err surely less, or the model fails on them as they are: they are to be
+    mended first.
+
     Args:
         fit: a fit, or a model that is fitted first.
         logs: training logs.
         holdout: unseen logs: they guard against effects that only imitate noise.
         candidates: names or objects of effects to try, and names of constants that the model holds;
             all of both that fit the model where ``None``. The word "all" stands for these:
-            ``["all", MyEffect()]``.
+            ``["all", MyEffect()]``. Those that are named alone are sought in any logs.
         experiment: propose a test that would separate effects that these logs cannot.
         limits: lowest and highest value of each input in that test, in the model's unit; by default
             the range of the training logs.

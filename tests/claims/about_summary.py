@@ -491,7 +491,7 @@ def _mend_first(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"with {words} it falls by {fall} %"
 
 
-@claim(r"How to mend either stands below\.")
+@claim(r"How to mend (?:either|them) stands below\.")
 def _either_line(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     helpful = [mend.doubt for mend in diag.helpful_mends]
     contrary = [d for d in diag.doubts if d.kind in ("sign", "exchanged")]

@@ -313,7 +313,7 @@ def _next(diag: Findings) -> Part:
         table, _, key = line.partition("] ")  # "[channels.thrust] scale = -1"
         return as_part((10, f"Copy under {table}]: {key}" if key else f"Copy: {line}"))
     if not diag.sought:
-        return as_part((10, "How to mend either stands below"))
+        return as_part((10, "How to mend them stands below"))
     if ran_away(diag):
         words = "Next: check signs, units and the sense of angles"
         return as_part((9, f"{words}, or hold a mass that you know"), (10, words))

@@ -174,7 +174,8 @@ def fit_curve(
 
 def _driven_channel(fitter: CandidateFitter, port: str) -> str:
     """The measured channel that a port drives, or whose rate; "" if that is not measured."""
-    target = next(p.target for p in fitter.places if port in (p.port, *downstream_ports(fitter, p)))
+    near = (p.target for p in fitter.places if port in (p.port, *downstream_ports(fitter, p)))
+    target = next(near, "")
     return target if target in fitter.channels else ""
 
 
