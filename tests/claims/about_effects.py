@@ -171,20 +171,16 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{name} is detectable"
     said = (
         rf"([^,()]+?) \((?:it would remove ({WORTH}) of the squared (?:([a-zA-Z ]+?) )?error "
-        rf"(?:of all channels )?that is left( on training and unseen logs)?|(no sure effect)"
-        rf"|whole runs of [a-z ]+? (surely err more))"
+        rf"(?:of all channels )?that is left( on training and unseen logs)?|(no sure gain))"
     )
-    for words, text, channel, everywhere, nothing, more in re.findall(said, m["list"]):
+    for words, text, channel, everywhere, nothing in re.findall(said, m["list"]):
         first = re.sub(r"^and ", "", words.strip()).partition(" or ")[0]
         names = _named(first, diag.worth)
-        if more or (names and diag.worth[names[0]].high < 0):
-            if not (more and names and diag.worth[names[0]].high < 0):
-                yield f"{first} removes {[diag.worth[n] for n in names]}"
-        elif not nothing:
+        if not nothing:
             whole = {n: _of(diag.worth[n], channel.replace(" ", "_"), everywhere) for n in names}
             yield from _removes(first, text, names, whole)
         elif not names or diag.worth[names[0]].low >= SURE:
-            yield f"{first} has an effect on whole runs"
+            yield f"{first} has a gain over whole runs"
 
 
 @claim(rf"Possible, judged by whole runs alone, with the share of the squared error of all "
