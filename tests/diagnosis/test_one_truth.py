@@ -236,7 +236,7 @@ def test_errors_from_sample_to_sample_are_held_against_runs_of_the_same_logs():
     assert diag.fit.holdout.channels["thrust"].rmse > 1.02 * trained
     far = replace(diag, one_step={"thrust": trained / 4.01})
     (words,) = growth_words(far)
-    assert f"whole runs of the training logs to {trained:.2g} N" in words
+    assert f"whole runs of the training logs it errs by {trained:.2g} N (RMS)" in words
     assert growth_words(replace(diag, one_step={"thrust": trained / 3.99})) == []
     # where structure remains that says why: and of a boat, "the last reading" did as well
     assert growth_words(replace(far, verdict="unexplained")) == []

@@ -212,7 +212,7 @@ def growth_words(diag: Findings) -> list[str]:
     size, unit = errors.channels[name].shown
     return [
         f"From one sample to the next the {humanize(name)} is mostly predicted to within "
-        f"{with_unit(size / growth[name], unit)}, over whole runs of the training logs to "
-        f"{with_unit(size, unit)}: no signal of these logs surely explains the difference. It is a "
-        "disturbance, a lasting error of a sensor, or physics that these logs do not show."
+        f"{with_unit(size / growth[name], unit)}; over whole runs of the training logs it errs by "
+        f"{with_unit(size, unit)} (RMS): no signal of these logs surely explains the difference. "
+        "It is a disturbance, a lasting error of a sensor, or physics that these logs do not show."
     ]

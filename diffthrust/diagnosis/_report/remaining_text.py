@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from diffthrust._support.words import (
     an,
     capitalised,
@@ -24,12 +22,10 @@ from diffthrust.diagnosis._report.doubts import UNSOUGHT, grave_doubts
 from diffthrust.diagnosis._report.error_text import (
     LEFT,
     error_size,
-    growth_of,
     judged_logs,
     levels,
     sample_word,
     squared_error,
-    trained_errors,
 )
 from diffthrust.diagnosis._report.text import (
     amount,
@@ -58,7 +54,6 @@ def undecided_words(diag: Findings) -> list[str]:
     logs, errors = judged_errors(diag)
     name = next(iter(diag.far), next(iter(errors.channels)))
     error = errors.channels[name]
-    multiple = number(growth_of(diag, trained_errors(diag)).get(name, math.nan), 2)
     cause, recurring = "these logs cannot tell a disturbance from missing physics", None
     if recurring := diag.recurring.get(name):
         cause = f"where logs repeat their inputs, {recurring} of its square recurs"
@@ -72,9 +67,8 @@ def undecided_words(diag: Findings) -> list[str]:
             "recur are physics, the others are a disturbance."
         )
     return [
-        f"Undecided: over whole runs of {logs} the {humanize(name)} error is {error_size(error)}; "
-        f"over those of the training logs it is {multiple} times that from one "
-        f"{sample_word(diag)} to the next; {cause}.",
+        f"Undecided: over whole runs of {logs} the {humanize(name)} error is {error_size(error)}, "
+        f"far above that from one {sample_word(diag)} to the next; {cause}.",
         *possible_words(diag),
         deciding,
     ]
