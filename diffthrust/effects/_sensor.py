@@ -1,7 +1,10 @@
 """Effects between what the thruster does and what its sensors report, on the whole series."""
 
+from collections.abc import Collection
+
+from diffthrust._support.words import number
 from diffthrust.effects._recorded import delayed, lagged
-from diffthrust.models._base.component import registered
+from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
@@ -137,6 +140,10 @@ class ThrustSensorLag(Effect):
         """The thrust as reported."""
         return lagged(s.time, value, self.time_constant)
 
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
+        """What it is of a model that takes the thrust from the log."""
+        return _acting_late(model, f"lags by {number(self.time_constant, 2)} s behind")
+
 
 @registered
 class ThrustSensorDelay(Effect):
@@ -163,3 +170,16 @@ class ThrustSensorDelay(Effect):
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust as reported."""
         return delayed(s.time, value, self.delay)
+
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
+        """What it is of a model that takes the thrust from the log."""
+        return _acting_late(model, f"acts {number(self.delay, 2)} s after")
+
+
+def _acting_late(model: Component, how: str) -> str:
+    """How the thrust that a model takes from the log comes after the logged one; "" for others.
+
+    Of the axis of EMPS "the thrust is reported 0.0056 s late" stood where it acts as much later.
+    """
+    inputs = {*getattr(model, "inputs", ()), *getattr(model, "optional_inputs", ())}
+    return f"the thrust {how} what is logged" if "thrust" in inputs else ""

@@ -554,3 +554,17 @@ def test_a_fit_that_ran_away_is_told_first_and_nothing_is_found_by_it():
     of_an_effect = replace(last, fit=replace(last.fit, parameters=wide))
     assert "ran away" not in replace(diag, stages=(first, of_an_effect)).summary
     assert claims.contradictions(diag, text=lines[0])  # not said of values that are near
+
+
+def test_a_thrust_from_the_log_is_not_reported_late_but_acts_late():
+    """Of the axis of EMPS "the thrust is reported 0.0056 s late" had the direction reversed."""
+    delay, lag = dft.effects.ThrustSensorDelay(delay=0.0056), dft.effects.ThrustSensorLag()
+    axis = dft.AxisVehicle()
+    assert delay.consequence(axis) == "the thrust acts 0.0056 s after what is logged"
+    assert lag.consequence(axis) == "the thrust lags by 0.10 s behind what is logged"
+    assert delay.consequence(dft.Thruster()) == lag.consequence(dft.Thruster()) == ""
+    time = 0.01 * np.arange(300)
+    step = dft.Log(time, {"thrust": np.where(time > 1.0, 50.0, 0.0)}, units={"thrust": "N"})
+    late = dft.simulate(axis + dft.effects.ThrustSensorDelay(delay=0.1), step)["velocity"]
+    moves = [float(time[np.argmax(v > 1e-9)]) for v in (dft.simulate(axis, step)["velocity"], late)]
+    assert moves[1] - moves[0] == pytest.approx(0.1, abs=0.011)

@@ -254,6 +254,10 @@ def _thruster_fastest(p: Mapping[str, float]) -> float:
     most = 16.0 if p["nominal"] == 16.0 else 5.0
     rate = 2.0 * np.sqrt(p["alpha"] * p["beta"] * most) + p["linear"]
     rate += 1.0 / p["drive_lag"] if p["drive_lag"] else 0.0
+    if p["flow_loss"]:  # without it fits with a strong axial flow overflow
+        w = np.sqrt(p["beta"] * most / p["alpha"])
+        flow = 1.0 + p["flow_loss"] * w + 20.0 * np.sqrt(0.1 * p["ct"]) * w
+        rate += flow / p["flow_mass"]
     return rate + (p["coulomb"] / p["width"] if p["coulomb"] else 0.0)
 
 
