@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -21,12 +22,13 @@ from diffthrust.diagnosis._findings import (
     verdict_evidence,
 )
 from diffthrust.diagnosis._mend_trials import measured_mends
-from diffthrust.diagnosis._mended import mends_lead, undone_by
+from diffthrust.diagnosis._mended import MeasuredMend, mends_lead, undone_by
 from diffthrust.diagnosis._outcome import (
     add_change,
     add_headroom,
     add_law,
     add_state_terms,
+    as_given,
     assessed,
     missing_before_and_after,
     still_possible,
@@ -121,13 +123,7 @@ def diagnose(
     model = fit.model if isinstance(fit, Fit) else fit
     check_arguments(model, train, FitOptions(seed=seed))
     check_switch("experiment", experiment)
-    for name, pair in by_input("limits", limits, model, "(low, high)").items():
-        if name not in model.inputs:
-            raise InputError(
-                f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",
-                "Correct the name.",
-            )
-        checked_limits(name, pair)
+    _check_limits(limits, model)
     given = fit if isinstance(fit, Fit) else adopted(fit, train)
     model = given.model if isinstance(given, Fit) else given
     records, unseen_records = bind(model, train), bind(model, unseen)
@@ -135,30 +131,53 @@ def diagnose(
     context, state = start_search(given, records, unseen_records, candidates, seed, say)
     first = state.stages[0]
     mends = measured_mends(context, first)
-    unused = unused_channels(context.given, (*records, *unseen_records))
-    origin, notes = provenance(fit, first.fit, train, unseen)
-    known = {
-        "model": context.given,
-        "mends": mends,
-        "unused": unused,
-        "notes": (*notes, *unused_notes(context.given, unused)),
-        "origin": origin,
-        "seconds": context.clock.seconds,
-    }
     failing = bool(first.judged.hints or farthest_runaway(first.fit, first.fit.guess))
     # who names effects wants these tried
-    if asks_for_all(candidates) and mends_lead(first.fit.doubts, mends, failing):
-        say("done", 1.0)
-        _, selection, assessment, _ = assessed(context, SearchResult(state, (), ()))
-        assessment = replace(assessment, remaining=None)  # it is of the mistake
-        return Diagnosis(
-            verdict="unexplained", sought=False, **vars(selection), **vars(assessment), **known
-        )
+    wrong = asks_for_all(candidates) and mends_lead(first.fit.doubts, mends, failing)
+    found = (
+        as_given(context, state)
+        if wrong
+        else _sought(context, state, candidates, mends, experiment, limits)
+    )
+    unused = unused_channels(context.given, (*records, *unseen_records))
+    say("done", 1.0)
+    origin, notes = provenance(fit, first.fit, train, unseen)
+    return Diagnosis(
+        **found,
+        model=context.given,
+        sought=not wrong,
+        seconds=context.clock.seconds,
+        mends=mends,
+        unused=unused,
+        notes=(*notes, *unused_notes(context.given, unused)),
+        origin=origin,
+    )
+
+
+def _check_limits(limits: Mapping[str, tuple[float, float]] | None, model: Model) -> None:
+    for name, pair in by_input("limits", limits, model, "(low, high)").items():
+        if name not in model.inputs:
+            raise InputError(
+                f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",
+                "Correct the name.",
+            )
+        checked_limits(name, pair)
+
+
+def _sought(
+    context: SearchContext,
+    state: SearchState,
+    candidates: Candidates | None,
+    mends: Sequence[MeasuredMend],
+    experiment: bool,
+    limits: Mapping[str, tuple[float, float]] | None,
+) -> dict[str, Any]:
+    """What a search finds, and what follows from it: fields of `Diagnosis`."""
     baseline = state.current.trial
     context, search = searched(context, state)
     # what the first model lacks is judged with errors clipped as they are at the end
     baseline = replace(baseline, clip=search.state.current.trial.clip)
-    say("what none of the effects tried explains", SOUGHT)
+    context.say("what none of the effects tried explains", SOUGHT)
     outcome = add_law(context, assessed(context, search), baseline)
     outcome = add_change(context, add_state_terms(context, outcome))
     outcome = add_headroom(context, outcome)
@@ -173,21 +192,17 @@ def diagnose(
     law = laws[0] if laws else None
     opened = verdict in ("undecided", "unexplained")
     possible = still_possible(context, search.state, law) if opened else {}
-    proposed = proposal(context, search, possible, limits) if experiment else None
-    others = other_models(context, search.state, law, asks_for_all(candidates))
-    say("done", 1.0)
-    return Diagnosis(
-        verdict=verdict,
+    return {
         **vars(selection),
         **vars(assessment),
-        missing=missing,
-        left=left,
-        laws=laws,
-        possible=possible,
-        experiment=proposed,
-        other_models=others,
-        **known,
-    )
+        "verdict": verdict,
+        "missing": missing,
+        "left": left,
+        "laws": laws,
+        "possible": possible,
+        "experiment": proposal(context, search, possible, limits) if experiment else None,
+        "other_models": other_models(context, search.state, law, asks_for_all(candidates)),
+    }
 
 
 def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext, SearchResult]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from diffthrust.diagnosis._changed_size import changed_size
 from diffthrust.diagnosis._criteria import held_values
@@ -91,6 +91,23 @@ def assessed(
     if is_open:
         assessment = set_aside(context, last, assessment, others)
     return Outcome(search, selection, assessment)
+
+
+def as_given(context: SearchContext, state: SearchState) -> dict[str, Any]:
+    """The model as given against logs in which nothing is sought: fields of `Diagnosis`.
+
+    No log is accused, and no structure is told: both may be the mistake.
+    """
+    first = state.stages[0]
+    selection = selection_of(context, SearchResult(state, (), ()))
+    assessment = Assessment(
+        before=first.judged,
+        after=first.judged,
+        trained=(first.trained, first.trained),
+        one_step=one_step_sizes(context.fitter, state.current.trial),
+        remaining=None,
+    )
+    return {**vars(selection), **vars(assessment), "verdict": "unexplained"}
 
 
 def selection_of(context: SearchContext, search: SearchResult) -> Selection:

@@ -34,18 +34,22 @@ SURE = 5e-4
 
 @claim(rf"Of the squared (?:(?P<channel>[a-zA-Z ]+?) )?error (?:of all channels )?as given over "
        rf"whole runs of (?P<logs>unseen logs|the training logs|training and unseen logs) "
-       rf"(?:each removes: )?(?P<list>.+? {WORTH})\.")  # fmt: skip
+       rf"(?:each removes, added in this order: )?(?P<list>.+? {WORTH})\.")  # fmt: skip
 def _each_removes(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     channel, everywhere = _whole(m)
     shares = re.findall(rf"(?:^|, |and )([^,()]+?)(?: removes?)? ({WORTH})", m["list"])
     if sum(shares_in(text)[0] for _, text in shares) > 1.0 + 0.005 * len(shares):
         yield "more is removed than there is"
     whole = {n: w for n in diag.worth if (w := _of(diag.worth[n], channel, everywhere))}
+    said = []
     for words, text in shares:
         names = [n for n in diag.added if n in whole and _shared(n, diag) == words.strip()]
+        said += names[:1]
         yield from _removes(words, text, names, whole)
         if page and names:
             yield from _plainly(names, text, channel, everywhere, diag, page)
+    if said != sorted(said, key=diag.added.index):
+        yield "they were added in another order"
 
 
 def _whole(m: re.Match) -> tuple[str, bool]:

@@ -172,7 +172,10 @@ def test_what_matters_leads_and_what_does_not_is_told_as_such():
     )  # fmt: skip
     text = diag.details
     assert text.index("an actuator lag") < text.index("a command dead band of")
-    assert "actuator lag 70 % (60 % to 80 %) and command dead band 20 % (10 % to 30 %)" in text
+    assert (
+        "each removes, added in this order: command dead band 20 % (10 % to 30 %) and actuator lag "
+        "70 % (60 % to 80 %)"
+    ) in text
     assert "Left out: a thrust sensor lag (it would remove 1 % (0.5 % to 2 %) of" in text
     assert contradictions(diag) == []
     alike = replace(diag, detectable_groups=(("thrust_sensor_lag", "thrust_sensor_delay"),))

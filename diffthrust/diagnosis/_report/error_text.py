@@ -78,7 +78,7 @@ def worth_words(diag: Findings) -> list[str]:
     parts = _parts(diag)
     sentences = [
         f"Of the {squared_error(channel)} over whole runs of {judged_logs(diag, everywhere)} "
-        f"{_removed_words(shares)}."
+        f"{_removed_words(shares, ', added in this order')}."
         for (channel, everywhere), shares in _by_whole(parts).items()
         if len(diag.added) > 1 or channel or everywhere
     ]
@@ -107,9 +107,13 @@ def worth_words(diag: Findings) -> list[str]:
 
 
 def _parts(diag: Findings) -> dict[str, Worth]:
-    """The shares of the added effects, by effect in words, or by effects that have one together."""
+    """The shares of the added effects, by effect in words, or by effects that have one together.
+
+    In the order in which they were added, for each is of what those before it had left: of an NGS
+    thruster, whose load exponent removes 86 %, the dead band after it 2 %, and alone 86 % as well.
+    """
     parts: dict[str, Worth] = {}
-    for name in leading(diag):
+    for name in diag.added:
         if worth := diag.worth.get(name):
             together = worth.together or (name,)
             parts[" and ".join(map(humanize, together)) + " together" * bool(worth.together)] = (
@@ -127,9 +131,9 @@ def _by_whole(worths: Mapping[str, Worth]) -> dict[tuple[str, bool], list[tuple[
     return wholes
 
 
-def _removed_words(shares: list[tuple[str, Worth]]) -> str:
+def _removed_words(shares: list[tuple[str, Worth]], order: str = "") -> str:
     if len(shares) > 1:
-        return f"each removes: {joined(f'{words} {worth}' for words, worth in shares)}"
+        return f"each removes{order}: {joined(f'{words} {worth}' for words, worth in shares)}"
     ((words, worth),) = shares
     return f"{words} {'remove' if words.endswith(' together') else 'removes'} {worth}"
 
