@@ -208,8 +208,10 @@ from diffthrust.diagnosis._search_state import (  # private: trials without a di
     CurrentModel,
     FittedStage,
     Refit,
+    SearchContext,
     SearchState,
     compiled_fitter,
+    with_finer_steps,
 )
 from diffthrust.diagnosis._set_aside import (  # private: with a fit that ended badly
     upheld,
@@ -320,6 +322,7 @@ __all__ = [
     "Refusal",
     "Remaining",
     "Rung",
+    "SearchContext",
     "SearchState",
     "SignalForm",
     "Size",
@@ -465,6 +468,7 @@ __all__ = [
     "with_candidates",
     "with_companion",
     "with_equivalents",
+    "with_finer_steps",
     "with_jump",
     "within_budget",
     "words_in",

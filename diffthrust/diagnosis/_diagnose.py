@@ -41,6 +41,7 @@ from diffthrust.diagnosis._search_state import (
     SearchContext,
     SearchState,
     start_search,
+    with_finer_steps,
 )
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._verdict import verdict_of
@@ -215,7 +216,7 @@ def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext,
     context, state = add_periodic_force(context, state)
     while True:
         while not done(state):
-            state = step(context, state)
+            context, state = with_finer_steps(context, step(context, state))
             if state.exhausted:
                 context, state = add_periodic_force(context, state)
         state = with_shares_beside_others(context, state)

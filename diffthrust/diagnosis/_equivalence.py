@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -184,7 +185,7 @@ def errs_as_little(worth: Worth, everywhere: Worth) -> bool:
     """
     most = 1.0 - 1.0 / SETTINGS.whole_runs.equivalent_error**2
     shares = (each for w in (worth, everywhere) for each in (w, *w.channels.values()))
-    return all(each.share <= most for each in shares)
+    return all(-math.inf < each.share <= most for each in shares)  # without it runs may diverge
 
 
 def refuted(effect: Worth, rival: Worth, ahead: SimulationChange) -> bool:

@@ -216,6 +216,7 @@ def _with_candidate(
             train,
             unseen,
             state.current.trial,
+            fitter.programs.substeps,
         )
     refit = replace(context.refit, train=_begun(context.refit.train, starts))
     context = replace(context, fitter=wider, unseen=unseen, refit=refit)

@@ -367,22 +367,59 @@ def compiled_fitter(
     train: Sequence[Record],
     unseen: Sequence[Record],
     present: TrialFit | None = None,
+    least_substeps: int = 1,
 ) -> tuple[CandidateFitter, TrialFit]:
     """The fitter, and its first trial: the model as it is, or with the effects of ``present``.
 
-    A model whose fit has failed is tried alone first, before all its candidates are compiled.
+    A model whose fit has failed is tried alone first, before all its candidates are compiled. An
+    effect that is present may need more integrator steps a sample than the model of the fit.
     """
     if fit.status is Status.SIMULATION_FAILED:
         alone = CandidateFitter(Programs(fit.model, [], train, [], fit.substeps, fit.noise_model))
         if not math.isfinite(alone.base().cost):
             raise _not_finite(fit, [], train)
-    for substeps in dict.fromkeys((few_substeps(fit, train), fit.substeps)):
+    enough = (max(few_substeps(fit, train), least_substeps), max(fit.substeps, least_substeps))
+    for substeps in dict.fromkeys(enough):
         programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
         fitter = CandidateFitter(programs)
         first = fitter.base(present.effects, present.values) if present else fitter.base()
         if math.isfinite(first.cost):
             return fitter, first
     raise _not_finite(fit, effects, train)
+
+
+def with_finer_steps(
+    context: SearchContext, state: SearchState
+) -> tuple[SearchContext, SearchState]:
+    """The search with as many integrator steps a sample as the runs of its last stage need.
+
+    Trials have as many as the model as given needs. The water in the duct of an NGS thruster needs
+    16, and with one its trials ran away: a speed sensor offset passed for a command offset, with
+    which the training runs surely err less.
+    """
+    fitter, fit = context.fitter, state.stages[-1].fit
+    present, records = fitter.programs.substeps, fitter.records
+    if fit.substeps <= present:
+        return context, state
+    coarse = pooled_errors(runs_over(fit.model, records, initial=fit.initial, substeps=present))
+    if coarse.nrmse <= SETTINGS.whole_runs.equivalent_error * fit.train.nrmse:
+        return context, state
+    trial, values = state.current.trial, fit.model.parameters
+    fitted = {name: values[name].value for name in trial.values if name in values}
+    try:
+        with context.clock("compile"):
+            finer, settled = compiled_fitter(
+                state.stages[0].fit,
+                [*fitter.candidates.values()],
+                fitter.constants,
+                records,
+                context.unseen,
+                replace(trial, values={**trial.values, **fitted}),
+                least_substeps=few_substeps(fit, records),
+            )
+    except InputError:  # its trials overflow with these, too
+        return context, state
+    return replace(context, fitter=finer), replace(state, current=CurrentModel(finer, settled))
 
 
 def few_substeps(fit: Fit, train: Sequence[Record]) -> int:

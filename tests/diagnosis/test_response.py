@@ -16,6 +16,8 @@ from steps import (
     Programs,
     Refit,
     Refusal,
+    SearchContext,
+    SearchState,
     bind,
     change_between,
     error_changes,
@@ -32,6 +34,7 @@ from steps import (
     unrefuted,
     why_untestable,
     with_equivalents,
+    with_finer_steps,
     worths_between,
 )
 from trajectories import runs_over
@@ -252,6 +255,36 @@ def test_a_rival_that_lowers_nothing_over_whole_runs_is_told_from_an_effect(know
     # a lag of zero does nothing to whole runs: they have no say in what else it may be
     friction = {name: settled_trial(trials, name)}
     assert unrefuted(context, without, rival, friction) == [name]
+
+
+@pytest.mark.thorough
+def test_trials_take_as_many_integrator_steps_as_the_last_stage_needs():
+    """The moving water of an NGS thruster needs 16, and its trials had one: all ran away."""
+    given, rng, effect = dft.Thruster(), np.random.default_rng(7), "axial_flow"
+    truth = (given + effect).replace({f"{effect}.loss": 1.0, f"{effect}.mass": 1.0})
+    logs = []
+    for _ in range(3):
+        command = inputs.low_passed_random(MOMENTS, 2.0, rng)
+        run = dft.simulate(truth, dft.Log(MOMENTS, {"command": command}), substeps=16)
+        seen = {n: run[n] + size * rng.standard_normal(MOMENTS.size)
+                for n, size in (("speed", 0.3), ("thrust", 0.2))}  # fmt: skip
+        logs.append(dft.Log(MOMENTS, {"command": command}, seen))
+    train, unseen = (tuple(bind(given, each)) for each in (logs[:2], logs[2:]))
+    refit = Refit(train, unseen, {"seed": 0}, Clock())
+    first, stage = FittedStage((), *refit(given)), FittedStage((effect,), *refit(truth, starts=1))
+    programs = Programs(given, [dft.effects.EFFECTS[effect]()], train, unseen, 1)
+    coarse = CandidateFitter(programs)
+    context = SearchContext(given, coarse, unseen, refit, {}, lambda *_: None, Clock())
+    current = CurrentModel(coarse, settled_trial(coarse, effect))
+    state = SearchState(current, (first, stage), {})
+
+    finer, updated = with_finer_steps(context, state)
+    assert 1 < finer.fitter.programs.substeps <= stage.fit.substeps
+    assert updated.current.trial.cost < state.current.trial.cost - 10.0
+    trial = fitted_to_runs(finer.fitter, stage)
+    change = change_between(finer.fitter, trial, trial)
+    assert change.after.train.nrmse == pytest.approx(stage.train.nrmse, rel=0.02)
+    assert with_finer_steps(finer, updated) == (finer, updated)
 
 
 @pytest.mark.thorough
