@@ -47,10 +47,8 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     wald,
 )
 from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and on given trials
-    alike_by_shares,
-    errs_as_little,
     near_over_whole_runs,
-    refuted,
+    told_apart,
     unrefuted,
     with_equivalents,
 )
@@ -337,7 +335,6 @@ __all__ = [
     "admission_module",
     "adopted",
     "after_effects",
-    "alike_by_shares",
     "an_effect",
     "as_estimated",
     "as_formula",
@@ -364,7 +361,6 @@ __all__ = [
     "edge_of",
     "effect_words",
     "error_changes",
-    "errs_as_little",
     "evidence",
     "explainable",
     "explained_share",
@@ -425,7 +421,6 @@ __all__ = [
     "recurring_shares",
     "refitted_rivals",
     "refusing",
-    "refuted",
     "regression",
     "regressors_of",
     "residual_structure_module",
@@ -452,6 +447,7 @@ __all__ = [
     "surely_less",
     "term_along",
     "through_filters",
+    "told_apart",
     "trial_programs_module",
     "unexplained_line",
     "unrefuted",

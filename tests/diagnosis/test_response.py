@@ -18,10 +18,10 @@ from steps import (
     Refusal,
     SearchContext,
     SearchState,
+    Worth,
     bind,
     change_between,
     error_changes,
-    errs_as_little,
     fitted_beside,
     fitted_to_runs,
     near_over_whole_runs,
@@ -30,6 +30,7 @@ from steps import (
     search_state_module,
     shift_of,
     simulation_fitter,
+    told_apart,
     trial_programs_module,
     unrefuted,
     why_untestable,
@@ -250,11 +251,15 @@ def test_a_rival_that_lowers_nothing_over_whole_runs_is_told_from_an_effect(know
     fit = dft.fit(dft.Thruster() + name, known.train, holdout=known.unseen, starts=2)
     stage = SimpleNamespace(effects=(name,), fit=fit)
     context, lag = SimpleNamespace(fitter=trials), {rival: settled_trial(trials, rival)}
-    assert unrefuted(context, stage, name, lag) == []
+
+    def worth(share):
+        return Worth(share, share, share, dict.fromkeys(trials.channels, Worth(share, 0.0, 1.0)))
+
+    assert unrefuted(context, stage, name, worth(0.5), lag) == []
     without = SimpleNamespace(effects=(rival,), fit=known.stage.fit)
     # a lag of zero does nothing to whole runs: they have no say in what else it may be
     friction = {name: settled_trial(trials, name)}
-    assert unrefuted(context, without, rival, friction) == [name]
+    assert unrefuted(context, without, rival, worth(0.0), friction) == [name]
 
 
 @pytest.mark.thorough
@@ -309,8 +314,8 @@ def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkey
         assert near_over_whole_runs(context, later, effect, ()) == {}
         rivals = {other: settled_trial(trials, other)}
         refitted = refitted_rivals(context, stages[1], effect, rivals)
-        little = [r for r, s in refitted.items() if errs_as_little(*worths_between(s, stages[1]))]
-        assert little == alike
+        worths = {rival: worths_between(s, stages[1]) for rival, s in refitted.items()}
+        assert [r for r, ahead in worths.items() if not told_apart(None, *ahead)] == alike
 
 
 @pytest.mark.thorough

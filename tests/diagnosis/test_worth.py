@@ -1,7 +1,7 @@
 """What an effect is worth over whole runs, and how sure that is."""
 
+import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,16 +11,14 @@ from steps import (
     ChannelError,
     Errors,
     Worth,
-    alike_by_shares,
-    errs_as_little,
     explained_share,
     far_above_noise,
     harms,
     matters,
     negligible,
-    refuted,
     sure_share,
     surely_less,
+    told_apart,
 )
 
 
@@ -190,42 +188,40 @@ def test_readings_of_a_held_sensor_make_errors_that_last_no_surer():
     assert np.mean(held) > 0.85 * np.mean(every)
 
 
-def test_a_rival_removes_the_error_of_the_same_channel():
-    """A quadratic drag was named as what exchanged thrusters may be."""
-
-    def worth(surge, yaw_rate):
-        shares = {"surge": Worth(surge, surge, surge), "yaw_rate": Worth(yaw_rate, yaw_rate, 1)}
-        return Worth(0.5, 0.4, 0.6, shares)
-
-    rivals = {"quadratic_surge_drag": worth(0.9, 0.1), "rudder_lag": worth(0.1, 0.85)}
-    assert alike_by_shares(worth(0.1, 0.9), rivals) == ["rudder_lag"]
-    assert alike_by_shares(Worth(0.5, 0.4, 0.6), dict.fromkeys("ab", Worth(0.49, 0, 1))) == [
-        "a",
-        "b",
-    ]
+def alike(share):
+    return Worth(share, share - 0.05, share + 0.05)
 
 
-def test_a_rival_is_refuted_where_whole_runs_are_surely_better_with_the_effect():
+def test_a_rival_is_told_from_an_effect_where_whole_runs_are_surely_better_with_the_effect():
     """A surge drag that lowers nothing was named as what the wind at the Esso Osaka may be."""
-    wind, drag, other = (Worth(share, share - 0.05, share + 0.05) for share in (0.75, 0.1, 0.74))
-
-    def ahead(low):
-        return SimpleNamespace(worth=Worth(0.7, low, 0.8), everywhere=Worth(0.7, low, 0.8))
-
-    assert refuted(wind, drag, ahead(0.6))
-    assert not refuted(wind, drag, ahead(-0.1))  # it may be chance
-    assert not refuted(wind, other, ahead(0.6))  # within a tenth of the error
+    wind, ahead = alike(0.75), alike(0.7)
+    assert told_apart(wind, ahead, ahead)
+    near = alike(0.15)
+    assert not told_apart(wind, near, near)  # within a tenth of the error
 
 
-@pytest.mark.parametrize(("thrust", "alike"), [(0.15, True), (0.7, False)])
-def test_a_rival_must_err_as_little_in_every_channel(thrust, alike):
+def test_a_rival_of_a_small_effect_must_do_what_this_does():
+    """In the place of an NGS thruster's command offset, 11 %, stood what removes 4 % of it."""
+    offset, ahead, nothing = alike(0.11), Worth(0.07, 0.04, 0.12), Worth(-0.005, -0.02, 0.02)
+    assert told_apart(offset, nothing, ahead)
+    assert not told_apart(offset, nothing, Worth(0.07, -0.01, 0.12))  # it may be chance
+    assert not told_apart(None, nothing, ahead)
+    by_channel = {"speed": Worth(-0.03, -0.05, -0.01), "thrust": Worth(0.09, 0.04, 0.16)}
+    all_of_it = Worth(0.02, -0.01, 0.05, by_channel)
+    assert told_apart(replace(offset, channels={"speed": alike(0.0), "thrust": alike(0.12)}),
+                      nothing, all_of_it)  # fmt: skip
+
+
+@pytest.mark.parametrize(("thrust", "apart"), [(0.15, False), (0.7, True)])
+def test_a_rival_must_err_as_little_in_every_channel(thrust, apart):
     """A saturation, thrust error 3.6 N, was named as what a weaker thrust astern (2.0) may be."""
     by_channel = {"speed": Worth(0.02, -0.1, 0.1), "thrust": Worth(thrust, -0.1, 0.9)}
     everywhere, unseen = Worth(0.1, -0.1, 0.2, by_channel), Worth(0.1, -0.1, 0.2)
-    assert errs_as_little(unseen, everywhere) is alike
-    assert errs_as_little(everywhere, unseen) is alike
-    assert not errs_as_little(Worth(0.18, -0.1, 0.3), unseen)  # 1.1 times the error leaves 0.174
-    assert errs_as_little(Worth(-3.0, -9.0, -1.0), unseen)  # the rival is ahead
+    assert told_apart(None, unseen, everywhere) is apart
+    assert told_apart(None, everywhere, unseen) is apart
+    assert told_apart(None, Worth(0.18, -0.1, 0.3), unseen)  # 1.1 times the error leaves 0.174
+    assert not told_apart(None, Worth(-3.0, -9.0, -1.0), unseen)  # the rival is ahead
+    assert told_apart(None, Worth(-math.inf, -math.inf, -math.inf), unseen)  # nothing is known
 
 
 def test_errors_are_surely_less_in_one_channel_where_no_other_suffers():
