@@ -11,7 +11,7 @@ import numpy as np
 from reference import equations
 from reference import whole_runs as wr
 
-from .about_errors import SIMULATED
+from .about_errors import SIMULATED, amplitudes, currents
 from .page import Page
 from .parsing import (
     NUMBER,
@@ -320,6 +320,16 @@ def _form(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for number in re.findall(rf"= ({NUMBER})", m[0].rpartition(", with ")[2]):
         if not any(is_said(number, size, 1e-9) for size in sizes):
             yield f"no number of a law is {number}"
+
+
+@claim(r"Beside what was learned: (?P<what>.+?)\.(?=\s|$)")
+def _beside_the_law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    last = diag.laws[-1].reported
+    sizes = [e.shown[0] for n, e in last.parameters.items() if n.rpartition(".")[0] in diag.added]
+    sizes += amplitudes(last) + currents(last)
+    for number in re.findall(rf"(?<![\w.^]){NUMBER}(?!\^)", re.sub(r"\(.*?\)", "", m["what"])):
+        if not any(is_said(number, value, 1e-9) for value in sizes):
+            yield f"beside what was learned no parameter is {number}"
 
 
 @claim(r"Superfluous beside it: [\w ,]+?\.")

@@ -135,7 +135,8 @@ def currents(fit: Any) -> list[float]:
 
 @claim(r"The (?P<model>[^:.]+?) lacks (?P<what>[^:]+?): with (?:it|them) (?P<gain>the .+?)\.")
 def _lacks(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    named = re.sub(r"\(these logs cannot tell it from .*?\)", "", m["what"])
+    named = re.sub(r"; these logs cannot tell it from .*?\)", ")", m["what"])
+    named = re.sub(r"\(these logs cannot tell it from .*?\)", "", named)
     if uneven := re.search(UNEVEN, named):
         named = named.replace(uneven[0], "")
         yield from uneven_thrusters(uneven, diag)

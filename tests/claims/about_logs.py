@@ -92,9 +92,9 @@ def _odd(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "every log was recorded alike"
 
 
-@claim(rf"Log (?P<log>.+?) goes where most training logs do not \((?P<what>[^()]+)\), and what the "
-       rf"model lacks there shows in it: (?P<evidence>.+?)\. It carries (?P<share>{SHARE}) of the "
-       r"squared (?P<channel>.+?) error of all logs\.")  # fmt: skip
+@claim(rf"Log (?P<log>.+?) goes where at most half of the training logs do \((?P<what>[^()]+)\), "
+       rf"and what the model lacks there shows in it: (?P<evidence>.+?)\. It carries "
+       rf"(?P<share>{SHARE}) of the squared (?P<channel>.+?) error of all logs\.")  # fmt: skip
 def _beyond(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     odd = next((o for o in diag.odd_logs if o.log == m["log"]), None)
     if odd is None or not is_said(m["share"].removesuffix(" %"), 100 * odd.share):

@@ -16,6 +16,7 @@ from steps import (
     MeasuredMend,
     OddLog,
     SignalForm,
+    Stage,
     Wording,
     Worth,
     after_effects,
@@ -339,6 +340,39 @@ def test_what_adds_little_is_told_behind_the_error_that_a_law_removes():
     assert len(at) == 2
     assert lines[at[1]] == small
     assert small not in replace(told, laws=()).summary
+
+
+def test_the_number_of_an_effect_beside_a_law_is_told_where_it_is_another():
+    """An EMPS's delay of 0.0056 s stood in for its friction: 0.0030 s beside the curve of it."""
+    first = made.found()
+    curve = dft.effects.Curve("drive", "speed", -60.0, 60.0, unit="rad/s^2", shape=(3.0,))
+    width = "command_deadband.half_width"
+    estimate = replace(first.fit.parameters[width], value=0.2)
+    beside = replace(first.fit, parameters={**first.fit.parameters, width: estimate})
+    law = LearnedLaw(
+        curve, first.fit, SURE, 9.0, samples=np.linspace(-50.0, 50.0, 101),
+        signal_unit="rad/s", port_unit="rad/s^2",
+    )  # fmt: skip
+    diag = replace(first, verdict="unexplained", remaining=made.unexplained().remaining,
+                   worth={"command_deadband": SURE}, laws=(replace(law, fit=beside),))  # fmt: skip
+    assert "Beside what was learned: a command dead band of ±0.20 V." in diag.details
+    assert claims.contradictions(diag, text="Beside what was learned: it is 0.3 V.") != []
+    assert "Beside what was learned" not in replace(diag, laws=(law,)).details
+
+
+def test_what_looks_alike_stands_in_the_brackets_of_an_effect():
+    group = ("command_deadband", "static_friction")
+    assert (
+        "lacks a command dead band of ±0.398 V (these logs cannot tell it from static friction): "
+    ) in replace(made.found(), groups=(group,)).details
+    fit, effect = made.found().fit, dft.effects.AxialFlow(loss=0.1)
+    estimate = replace(fit.parameters["command_deadband.half_width"], value=0.1)
+    model = dft.Thruster() + effect
+    flow = replace(fit, model=model, parameters=dict.fromkeys(model.parameters, estimate))
+    stages = made.found().stages[0], Stage(("axial_flow",), flow)
+    groups = (("axial_flow", "static_friction"),)
+    lacking = replace(made.found(), best=(effect,), groups=groups, stages=stages)
+    assert "; these logs cannot tell it from static friction): " in lacking.details
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.03, False), (0.6, True)])

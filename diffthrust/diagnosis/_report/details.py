@@ -88,12 +88,7 @@ def _verdict_sentences(diag: Findings) -> list[str]:
     model = model_words(diag.model)
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
-        rivals = rival_words(diag)
-        lacking = joined(
-            sized_words(name, diag.fit)
-            + (f" (these logs cannot tell it from {rivals[name]})" if name in rivals else "")
-            for name in leading(diag)
-        )
+        lacking = joined(_lacking_words(diag, name) for name in leading(diag))
         return [f"The {model} lacks {lacking}: with {them} {gain_words(diag)}."]
     if diag.verdict == "undecided":
         return undecided_words(diag)
@@ -102,6 +97,15 @@ def _verdict_sentences(diag: Findings) -> list[str]:
     if diag.held:  # `held_words` says it, and follows
         return []
     return [f"The {model} lacks something that none of the effects tried explains."]
+
+
+def _lacking_words(diag: Findings, name: str) -> str:
+    """An effect with its numbers, and with what these logs cannot tell from it."""
+    size, rivals = sized_words(name, diag.fit), rival_words(diag).get(name)
+    if not rivals:
+        return size
+    unsure = f"these logs cannot tell it from {rivals})"
+    return f"{size.removesuffix(')')}; {unsure}" if size.endswith(")") else f"{size} ({unsure}"
 
 
 def _adequate_words(diag: Findings, model: str) -> str:

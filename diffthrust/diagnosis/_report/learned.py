@@ -14,6 +14,7 @@ from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._missing import after_effects
 from diffthrust.diagnosis._report.error_text import GIVEN, WITHOUT, judged_logs, squared_error
+from diffthrust.diagnosis._report.text import copied_fit, leading, sized_words
 from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
@@ -72,7 +73,21 @@ def learned_words(diag: Findings) -> list[str]:
         if law.superfluous:
             names = joined(humanize(name) for name in law.superfluous)
             sentences.append(f"Superfluous beside it: {names}.")
-    return sentences
+    return [*sentences, *_changed_words(diag)]
+
+
+def _changed_words(diag: Findings) -> list[str]:
+    """The effects whose numbers are others beside what was learned.
+
+    A delay of 0.0056 s, which stood in for the friction of an EMPS, is 0.0030 s beside its curve.
+    """
+    if not diag.laws:
+        return []
+    last = copied_fit(diag)
+    present = {effect.name for effect in last.model.effects}
+    sizes = {n: sized_words(n, last) for n in leading(diag) if n in present}
+    changed = [size for name, size in sizes.items() if size != sized_words(name, diag.fit)]
+    return [f"Beside what was learned: {joined(changed)}."] if changed else []
 
 
 def _left(diag: Findings) -> str:

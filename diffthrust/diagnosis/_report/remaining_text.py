@@ -223,8 +223,8 @@ def _odd_log(odd: OddLog) -> str:
     )
     if odd.beyond:
         return (
-            f"Log {odd.log} goes where most training logs do not ({joined(odd.beyond)}), and what "
-            f"the model lacks there shows in it: {carries}."
+            f"Log {odd.log} goes where at most half of the training logs do "
+            f"({joined(odd.beyond)}), and what the model lacks there shows in it: {carries}."
         )
     # of six runs of steps, unseen by a fit to ramps, three were told to be checked
     advice = ". Check how it was recorded" * odd.accused
