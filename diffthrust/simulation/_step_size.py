@@ -23,6 +23,12 @@ by 90 times its sensor noise, 32 steps a sample were taken where 8 change a thou
 all that followed took four times as long."""
 
 
+_OF_SPREAD = 0.01
+"""What counts as noise where a log measures nothing, as a share of an output's spread: the
+integration error is then a ten-thousandth of it, which no plot shows. With one step a sample the
+thrust of a planned run left the finite numbers where the water in a duct was fast."""
+
+
 class CoarseStepWarning(UserWarning):
     """The integration step is too coarse for the model at these parameters.
 
@@ -91,6 +97,8 @@ def choose_substeps(
 ) -> int:
     """The fewest integrator steps per sample that keep the error below the sensor noise.
 
+    Where the log measures nothing, below a ten-thousandth of the spread of each output.
+
     Args:
         model: the model at the parameters in question.
         log: the log.
@@ -139,7 +147,7 @@ def fewest_steps(
     by how much the model errs, by channel (root mean square): where this is far above the sensor
     noise, steps that change a third of a hundredth of it are fine enough.
     """
-    if not model.all_states or len(record.original) < 2 or not record.measured:
+    if not model.all_states or len(record.original) < 2:
         return StepChoice(1, {})
 
     def simulated(substeps: int) -> Mapping[str, np.ndarray]:
@@ -147,16 +155,17 @@ def fewest_steps(
             return existing[substeps]
         return simulate_fixed(model, record, initial, substeps)
 
-    noise, substeps, coarse = _noise_levels(record), 1, simulated(1)
+    substeps, coarse = 1, simulated(1)
+    noise = _noise_levels(record)
     for name, remaining in (residual or {}).items():
         if np.isfinite(remaining):
             noise[name] = max(noise[name], _SHARE * remaining)
     while True:
         fine = simulated(2 * substeps)
-        errors = _errors(coarse, fine, noise)
+        errors = _errors(coarse, fine, noise or _spreads(model, fine))
         # The error of the coarse one, by comparison with half the step: of order four, the fine one
         # errs by a sixteenth of it.
-        if max(errors.values()) <= tolerance or substeps >= MOST_SUBSTEPS:
+        if max(errors.values(), default=0.0) <= tolerance or substeps >= MOST_SUBSTEPS:
             return StepChoice(substeps, errors, coarse)
         substeps, coarse = 2 * substeps, fine
 
@@ -180,7 +189,8 @@ def warn_if_coarse(record: Record, choice: StepChoice, tolerance: float = _TOLER
         worst = max(choice.errors, key=lambda name: choice.errors[name])
         warnings.warn(
             f"{record.name}: with {choice.substeps} integrator steps per sample the error of "
-            f"'{worst}' is still {choice.errors[worst]:.2g} of the sensor noise (allowed: "
+            f"'{worst}' is still {choice.errors[worst]:.2g} of "
+            f"{'the sensor noise' if record.measured else 'a hundredth of its spread'} (allowed: "
             f"{tolerance:g}). The model is too fast for the log's sample rate at these parameters.",
             CoarseStepWarning,
             stacklevel=4,
@@ -199,6 +209,13 @@ def simulate_chosen(
 def _noise_levels(record: Record) -> dict[str, float]:
     """The noise of each measured output: as the log states it, or by `sensor_noise`."""
     return {n: record.noise[n] or sensor_noise(y) for n, y in record.observed.items()}
+
+
+def _spreads(model: Model, fine: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """What counts as noise of each output that varies, where a log measures none."""
+    with np.errstate(over="ignore", invalid="ignore"):  # too coarse: no number is an error as well
+        spreads = {name: _OF_SPREAD * float(np.std(fine[name])) for name in model.outputs}
+    return {name: spread for name, spread in spreads.items() if spread != 0}
 
 
 def _errors(

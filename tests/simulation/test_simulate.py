@@ -493,6 +493,20 @@ def test_substeps_are_chosen_by_the_error_against_the_noise():
     assert np.sqrt(np.mean((rough["speed"] - coarse.measured["speed"]) ** 2)) > 0.0025 * 0.3
 
 
+def test_the_step_is_chosen_where_a_log_measures_nothing():
+    """A planned run: with one step a sample its speeds were off by hundredths, without a word."""
+    coarse = quick_log(0.4)
+    plan = Log(coarse.time, coarse.inputs, {})
+    found = simulate(dft.Thruster(**JASON), plan)
+    rough = simulate(dft.Thruster(**JASON), plan, substeps=1)
+    for name, truth in coarse.measured.items():
+        error = np.sqrt(np.mean((found[name] - truth) ** 2)) / np.std(truth)
+        assert error < 1e-4
+        assert np.sqrt(np.mean((rough[name] - truth) ** 2)) / np.std(truth) > 10 * error
+    moving = dft.Thruster(**JASON) + dft.effects.AxialFlow(loss=1.0, mass=1.0)
+    assert np.isfinite(simulate(moving, plan)["thrust"]).all()
+
+
 def test_a_grid_too_coarse_for_the_model_is_warned_of():
     time = 0.9 * np.arange(60)
     command = np.where(np.arange(60) % 2 == 0, 1.0, -1.0)
@@ -500,6 +514,8 @@ def test_a_grid_too_coarse_for_the_model_is_warned_of():
     fast = dft.Thruster(alpha=50.0, beta=4e4)
     with pytest.warns(CoarseStepWarning, match=r"with 32 integrator steps .*'speed'"):
         assert dft.simulation.choose_substeps(fast, log) == 32
+    with pytest.warns(CoarseStepWarning, match=r"of a hundredth of its spread \(allowed: 0.01\)"):
+        assert dft.simulation.choose_substeps(fast, Log(time, {"command": command}, {})) == 32
 
 
 # Messages.
