@@ -11,6 +11,10 @@ from diffthrust._support._running.batching import (  # private: runs is_unbatche
     SharedRuns,
     run_stacked,
 )
+from diffthrust._support._running.blas import (  # private: users see the time it saves
+    THREADS,
+    one_blas_thread,
+)
 from diffthrust._support._running.digest import (  # private: likewise
     NoDigest,
     digest,
@@ -38,6 +42,7 @@ from diffthrust._support._running.stored import (  # private: users see what it 
 
 __all__ = [
     "KEPT",
+    "THREADS",
     "NoDigest",
     "NotSent",
     "ProcessDied",
@@ -52,6 +57,7 @@ __all__ = [
     "digest",
     "digests",
     "environment",
+    "one_blas_thread",
     "own_worker",
     "program",
     "programs",

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from diffthrust._support._running.blas import one_blas_thread
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
@@ -64,6 +65,7 @@ from diffthrust.simulation._record import bind
 
 
 @progressing
+@one_blas_thread()
 def diagnose(
     fit: Fit | Model,
     logs: Log | Sequence[Log],

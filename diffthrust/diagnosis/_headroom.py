@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from diffthrust._support._running.blas import one_blas_thread
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import (
     Progress,
@@ -179,6 +180,7 @@ def headroom(
     return headroom_of(learn, judge, seed, subtask(report, 0.1, 1.0))
 
 
+@one_blas_thread()
 def headroom_of(
     learn: Comparison, judge: Comparison | None, seed: int = 0, progress: Progress | None = None
 ) -> Headroom:

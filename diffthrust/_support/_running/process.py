@@ -20,15 +20,15 @@ from concurrent.futures import CancelledError
 from contextlib import suppress
 from typing import Any
 
+from diffthrust._support._running.blas import THREADS
+
 _START_LIMIT = 300.0
 """Seconds that a process may take to import the library, on a busy machine."""
 _DEATH_LIMIT = 60.0
 """Seconds that a process may take to end after it has closed its pipe, before it is killed: its
 exit status names the cause (such as signal 9, out of memory), a kill of ours would hide it. On a
 busy machine the interpreter takes more than five to end."""
-_ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NPROC"), "1"
-)
+_ONE_THREAD = dict.fromkeys((*THREADS, "NPROC"), "1")
 """So that processes do not fight for processors; NPROC is the number of threads of XLA."""
 
 
