@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -109,6 +110,24 @@ class Search:
         """The search with its best optimum a few steps on in a related problem."""
         (best, count), *rivals = self.optima
         return replace(self, optima=((solve(problem, best.z, _LOOK_STEPS, _CLOSE), count), *rivals))
+
+    def upheld(self, problem: Problem, finer: Problem) -> Search | None:
+        """The search without the optima that only the steps of its problem have, if any is left.
+
+        At the edge of its stability a scheme has slopes of its own: of a boat with a rudder inflow
+        a fit ended with an inertia of 0.013 kg m^2 where 0.86 is the optimum, better by 100 in
+        log-likelihood with the steps that it had, and worse by 2400 with half of them.
+
+        Args:
+            problem: that was solved.
+            finer: the same with finer integrator steps.
+        """
+        kept = tuple(
+            (solved, count)
+            for solved, count in self.optima
+            if abs(_cost(solve(finer, solved.z, budget=1)) - _cost(solved)) <= NOTICED
+        )
+        return replace(self, optima=_best_ended(problem, kept)) if kept else None
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
@@ -256,7 +275,7 @@ def _leads(problem: Problem, start: Solved, optimum: Solved) -> bool:
         z = (1.0 - share) * start.z + share * optimum.z
         z[logs] = np.log((1.0 - share) * np.exp(start.z[logs]) + share * np.exp(optimum.z[logs]))
         costs.append(_cost(solve(problem, z, budget=1)))
-    return bool(np.all(np.diff([*costs, _cost(optimum)]) <= 0))
+    return all(after <= before for before, after in pairwise([*costs, _cost(optimum)]))
 
 
 def _close(problem: Problem, z: np.ndarray) -> Solved:

@@ -138,10 +138,11 @@ def optimum_of(
     finer = finer or _searched_finer(task, optimum)
     if finer.needed > finer.substeps:
         finer = _run_on(task, finer)
-    return _polished(task, finer), (
+    refitted = (
         f"The integration step was too coarse at the optimum: refitted with {finer.substeps} "
         "steps per sample.",
     )
+    return _polished(task, finer), refitted * (finer.substeps > optimum.substeps)
 
 
 def _polished(task: Task, optimum: Optimum) -> Optimum:
@@ -238,16 +239,20 @@ def _finer(task: Task, optimum: Optimum, substeps: int) -> Optimum | None:
     """The optimum followed to finer steps; none where it is another one there.
 
     Finer steps move an optimum, and raise no hills: a search that begins anew would do all the work
-    again. But if the errors are larger with them, the coarse steps were what fitted, and where most
-    starts could not be simulated, the coarse steps were what forbade them. The horizon stays. Nor
-    are the caller's guesses begun with again: on the bench of the NGS they took a third of a refit.
+    again. But if the errors are larger with them, the coarse steps were what fitted, and the best
+    of the optima that finer steps uphold is the one, if there is any. Where most starts could not
+    be simulated, the coarse steps were what forbade them. The horizon stays. Nor are the caller's
+    guesses begun with again: on the bench of the NGS they took a third of a refit.
     """
     if optimum.forbidden:
         return None
     problem = optimum.problem.stepped(substeps)
     search = optimum.search.followed(problem, with_guesses=False)
     if optimum.search.improves_on(search):
-        return None
+        upheld = optimum.search.upheld(optimum.problem, problem)
+        if upheld is None or search.improves_on(upheld):
+            return None
+        search, problem = upheld, optimum.problem
     if task.likelihood.corrects:
         search, problem = refined(search, problem)
     parts = (optimum.horizon, optimum.silent, optimum.notes)

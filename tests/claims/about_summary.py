@@ -512,6 +512,12 @@ def _unsought(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "the logs are sound"
 
 
+@claim(r"Its errors as given say nothing: the fit to these logs did not converge\.")
+def _unended(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if diag.sought or diag.fit.status not in ("not_converged", "simulation_failed"):
+        yield f"the fit ended as {diag.fit.status}"
+
+
 @claim(r"First diagnose again with (?P<what>[^\n]+?)\.")
 def _mend_short(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     doubt = diag.helpful_mends[0].doubt

@@ -1,5 +1,7 @@
 """Summaries of diagnoses, on made and on measured logs, held sentence by sentence to the truth."""
 
+from dataclasses import replace
+
 import claims
 import numpy as np
 import pytest
@@ -145,6 +147,13 @@ def test_nothing_is_sought_in_logs_that_are_to_be_mended_first():
         diag.report().split()
     )
     assert diag.to_json()["sought"] is False
+    assert "say nothing" not in diag.details
+    lost = replace(diag.fit, status=dft.Status.NOT_CONVERGED)  # as a Kingfisher's
+    unended = replace(diag, stages=(replace(diag.stages[0], fit=lost),))
+    said = "Its errors as given say nothing: the fit to these logs did not converge."
+    assert unended.details.endswith(said)
+    assert claims.contradictions(diag, page, text=said) != []
+    assert claims.contradictions(unended) == []
     named = dft.diagnose(
         model, train, holdout=unseen, candidates=["linear_damping"], experiment=False
     )

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from hidden import sets
 from problems import build, examine, multistart_module, optimum_module, restarts
 from reference import inputs, noise, thruster, vessel
 from steps import Clock, Refit, bind
@@ -123,6 +124,20 @@ def test_where_coarse_steps_forbid_most_starts_finer_ones_begin_anew():
     assert fit.substeps > 1
     assert fit.status is dft.Status.CONVERGED
     assert fit.checks.starts_agreeing >= 2
+
+
+@pytest.mark.thorough
+def test_an_optimum_that_only_coarse_steps_have_gives_way_to_one_that_finer_steps_uphold():
+    """At the edge of a scheme's stability a boat had an inertia of 0.013 kg m^2 for 0.86."""
+    boat = sets.draw("field-vessel/rudder_inflow", 9303000)
+    fit = dft.fit(boat.model, boat.train, holdout=boat.unseen)
+    fine = dft.fit(boat.model, boat.train, starts=1, substeps=8)
+    assert fit.substeps == 1
+    assert fit.coarse == ()
+    assert not any("too coarse" in note for note in fit.notes)
+    for name, estimate in fine.parameters.items():
+        assert fit.parameters[name].value == pytest.approx(estimate.value, rel=1e-3)
+    assert fit.holdout.nrmse < 0.25  # 0.43 with that inertia
 
 
 @pytest.mark.thorough
