@@ -512,7 +512,7 @@ def _unsought(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "the logs are sound"
 
 
-@claim(r"Its errors as given say nothing: the fit to these logs did not converge\.")
+@claim(r"The errors of the model as given say nothing: its fit to these logs did not converge\.")
 def _unended(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.sought or str(diag.fit.status) not in ("not_converged", "simulation_failed"):
         yield f"the fit ended as {diag.fit.status}"

@@ -150,7 +150,7 @@ def test_nothing_is_sought_in_logs_that_are_to_be_mended_first():
     assert "say nothing" not in diag.details
     lost = replace(diag.fit, status=dft.Status.NOT_CONVERGED)  # as a Kingfisher's
     unended = replace(diag, stages=(replace(diag.stages[0], fit=lost),))
-    said = "Its errors as given say nothing: the fit to these logs did not converge."
+    said = "The errors of the model as given say nothing: its fit to these logs did not converge."
     assert unended.details.endswith(said)
     assert claims.contradictions(diag, page, text=said) != []
     assert claims.contradictions(unended) == []

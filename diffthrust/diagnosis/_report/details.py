@@ -77,7 +77,9 @@ def _level_as_given(diag: Findings) -> str:
     sway of its own, of up to 105 m/s.
     """
     if diag.fit.status in (Status.NOT_CONVERGED, Status.SIMULATION_FAILED):
-        return "Its errors as given say nothing: the fit to these logs did not converge."
+        return (
+            "The errors of the model as given say nothing: its fit to these logs did not converge."
+        )
     return f"{capitalised(level_words(diag))}."
 
 
