@@ -30,6 +30,16 @@ def test_one_thread_where_the_environment_says_nothing_and_as_many_as_before_beh
         assert counts() == {2}
 
 
+def test_two_that_work_side_by_side_leave_as_many_as_before(unsaid):
+    first, second = one_blas_thread(), one_blas_thread()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert counts() == {1}
+    second.__exit__(None, None, None)
+    assert counts() == {2}
+
+
 def test_the_headroom_and_a_diagnosis_work_on_one(unsaid):
     train, unseen = made.logs()
     seen = []

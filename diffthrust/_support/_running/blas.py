@@ -4,10 +4,36 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from threading import Lock
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables of the environment that say on how many threads it works."""
+
+
+class _Limit:
+    """One thread as long as anybody is inside, and as many as before behind the last."""
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._limited = Lock(), 0, ExitStack()
+
+    def enter(self) -> None:
+        import scipy.linalg  # noqa: F401  # has a library of its own, which must be there
+        from threadpoolctl import threadpool_limits
+
+        with self._lock:
+            self._inside += 1
+            if self._inside == 1:
+                self._limited.enter_context(threadpool_limits(1, user_api="blas"))
+
+    def leave(self) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0:
+                self._limited.close()
+
+
+_LIMIT = _Limit()
 
 
 @contextmanager
@@ -17,13 +43,14 @@ def one_blas_thread() -> Iterator[None]:
     OpenBLAS shares each factorisation among all cores, whose threads spin while they wait for each
     other. Where a neighbour works on one of two, the headroom of `examples/bench`, 675
     factorisations of up to 730 rows, took 5.3 s of processor time in 3.0 s on two threads, and
-    1.1 s in 1.1 s on one.
+    1.1 s in 1.1 s on one. The number is one of the whole process: threads of a process that work
+    side by side have it together.
     """
     if any(os.environ.get(name) for name in THREADS):
         yield
         return
-    import scipy.linalg  # noqa: F401  # has a library of its own, which must be there
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, user_api="blas"):
+    _LIMIT.enter()
+    try:
         yield
+    finally:
+        _LIMIT.leave()
