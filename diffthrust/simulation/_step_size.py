@@ -184,8 +184,12 @@ def sufficient_steps(
 
 
 def warn_if_coarse(record: Record, choice: StepChoice, tolerance: float = _TOLERANCE) -> None:
-    """Give a `CoarseStepWarning` where even the finest steps are too coarse."""
-    if max(choice.errors.values(), default=0.0) > tolerance:
+    """Give a `CoarseStepWarning` where even the finest steps are too coarse.
+
+    Not where nothing is measured and the simulation overflows: that is told by itself.
+    """
+    error = max(choice.errors.values(), default=0.0)
+    if error > tolerance and (record.measured or np.isfinite(error)):
         worst = max(choice.errors, key=lambda name: choice.errors[name])
         warnings.warn(
             f"{record.name}: with {choice.substeps} integrator steps per sample the error of "
@@ -212,9 +216,12 @@ def _noise_levels(record: Record) -> dict[str, float]:
 
 
 def _spreads(model: Model, fine: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """What counts as noise of each output that varies, where a log measures none."""
-    with np.errstate(over="ignore", invalid="ignore"):  # too coarse: no number is an error as well
-        spreads = {name: _OF_SPREAD * float(np.std(fine[name])) for name in model.outputs}
+    """What counts as noise of each output that is not zero, where a log measures none."""
+    spreads = {}
+    for name in model.outputs:
+        with np.errstate(over="ignore", invalid="ignore"):  # no number is an error as well
+            largest = float(np.max(np.abs(fine[name])))
+            spreads[name] = _OF_SPREAD * max(float(np.std(fine[name])), 1e-4 * largest)
     return {name: spread for name, spread in spreads.items() if spread != 0}
 
 

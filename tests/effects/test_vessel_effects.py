@@ -345,4 +345,4 @@ def test_a_buoyancy_and_the_zero_of_a_thrust_sensor_are_rivals():
     diag = dft.diagnose(dft.AxisVehicle(), logs[:2], holdout=logs[2], candidates=names,
                         experiment=False)  # fmt: skip
     assert sorted(diag.groups[0]) == names  # in either order: they are the same
-    assert re.search(", or it is a (thrust sensor offset|buoyancy).", diag.summary)
+    assert re.search(", or it is (a thrust sensor offset|buoyancy).", diag.summary)

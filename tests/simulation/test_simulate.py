@@ -514,8 +514,12 @@ def test_a_grid_too_coarse_for_the_model_is_warned_of():
     fast = dft.Thruster(alpha=50.0, beta=4e4)
     with pytest.warns(CoarseStepWarning, match=r"with 32 integrator steps .*'speed'"):
         assert dft.simulation.choose_substeps(fast, log) == 32
+    plan = Log(time, {"command": command}, {})
     with pytest.warns(CoarseStepWarning, match=r"of a hundredth of its spread \(allowed: 0.01\)"):
-        assert dft.simulation.choose_substeps(fast, Log(time, {"command": command}, {})) == 32
+        dft.simulation.choose_substeps(dft.Thruster(alpha=3.0, beta=1e3), plan)
+    assert dft.simulation.choose_substeps(fast, plan) == 32  # overflows, which `simulate` tells
+    with pytest.warns(dft.simulation.SimulationFailedWarning):
+        dft.simulate(fast, plan)
 
 
 # Messages.
