@@ -12,7 +12,7 @@ from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
 from diffthrust.diagnosis import _rival_models as rival_models_module
-from diffthrust.diagnosis import _search_state as search_state_module
+from diffthrust.diagnosis import _search_start as search_start_module
 from diffthrust.diagnosis import _trial_programs as trial_programs_module
 from diffthrust.diagnosis._admission import worths_between  # private: of two stages
 from diffthrust.diagnosis._bounds import (  # private: of one stage
@@ -201,6 +201,10 @@ from diffthrust.diagnosis._screening import (  # private: the screen alone
     probes,
     screened,
 )
+from diffthrust.diagnosis._search_start import (  # private: trials without a diagnosis
+    compiled_fitter,
+    with_finer_steps,
+)
 from diffthrust.diagnosis._search_state import (  # private: trials without a diagnosis
     Clock,
     CurrentModel,
@@ -208,8 +212,6 @@ from diffthrust.diagnosis._search_state import (  # private: trials without a di
     Refit,
     SearchContext,
     SearchState,
-    compiled_fitter,
-    with_finer_steps,
 )
 from diffthrust.diagnosis._set_aside import (  # private: with a fit that ended badly
     upheld,
@@ -429,7 +431,7 @@ __all__ = [
     "runs_lead",
     "score_test",
     "screened",
-    "search_state_module",
+    "search_start_module",
     "shares_by_effect",
     "shift_of",
     "simulation_fitter",

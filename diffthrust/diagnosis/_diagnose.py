@@ -37,12 +37,14 @@ from diffthrust.diagnosis._outcome import (
 from diffthrust.diagnosis._periodic_stage import add_periodic_force
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._rival_models import other_models
+from diffthrust.diagnosis._search_start import (
+    start_search,
+    with_finer_steps,
+)
 from diffthrust.diagnosis._search_state import (
     SOUGHT,
     SearchContext,
     SearchState,
-    start_search,
-    with_finer_steps,
 )
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._verdict import verdict_of
@@ -221,7 +223,7 @@ def searched(context: SearchContext, state: SearchState) -> tuple[SearchContext,
             context, state = with_finer_steps(context, step(context, state))
             if state.exhausted:
                 context, state = add_periodic_force(context, state)
-        state = with_shares_beside_others(context, state)
+        context, state = with_finer_steps(context, with_shares_beside_others(context, state))
         search = with_equivalents(context, state, first)
         if search.exchanged is None:
             return context, search

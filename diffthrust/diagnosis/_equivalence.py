@@ -190,8 +190,9 @@ def told_apart(effect: Worth | None, worth: Worth, everywhere: Worth) -> bool:
     """Whether whole runs tell an effect from a rival in its place, in all or in one channel.
 
     They do where they err by more than a tenth more with the rival; and where it surely does less
-    of what the effect does: of an NGS thruster a command offset removes 11 % of the error that is
-    left without it, so that even nothing in its place errs little more.
+    of what the effect surely does: of an NGS thruster a command offset removes 11 % of the error
+    that is left without it, so that even nothing in its place errs little more. Not where unseen
+    logs err less with the rival.
 
     Args:
         effect: what the effect removes of the error left without it, on all logs, if it is known.
@@ -202,11 +203,12 @@ def told_apart(effect: Worth | None, worth: Worth, everywhere: Worth) -> bool:
     shares = [each for w in (worth, everywhere) for each in (w, *w.channels.values())]
     if not all(-math.inf < each.share <= most for each in shares):
         return True
-    if effect is None:
+    if effect is None or worth.share < -SETTINGS.whole_runs.negligible_share:
         return False
     pairs = [(effect, everywhere)]
-    pairs += [(effect.channels[name], ahead) for name, ahead in everywhere.channels.items()]
-    return any(ahead.sure and not _does_as_much(own, ahead) for own, ahead in pairs)
+    both = effect.channels.keys() & everywhere.channels.keys()
+    pairs += [(effect.channels[name], everywhere.channels[name]) for name in both]
+    return any(own.sure and ahead.sure and not _does_as_much(own, ahead) for own, ahead in pairs)
 
 
 def _does_as_much(effect: Worth, ahead: Worth) -> bool:

@@ -17,12 +17,14 @@ from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._candidates import DrivingPort, words_and_unit
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._rating import Tried, rate
+from diffthrust.diagnosis._search_start import (
+    compiled_fitter,
+)
 from diffthrust.diagnosis._search_state import (
     CurrentModel,
     FittedStage,
     SearchContext,
     SearchState,
-    compiled_fitter,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._spectral_line import (
@@ -216,7 +218,7 @@ def _with_candidate(
             train,
             unseen,
             state.current.trial,
-            fitter.programs.substeps,
+            (fitter.programs.substeps, last.fit.substeps),
         )
     refit = replace(context.refit, train=_begun(context.refit.train, starts))
     context = replace(context, fitter=wider, unseen=unseen, refit=refit)

@@ -24,11 +24,13 @@ from diffthrust.diagnosis._channel_use import models_fed_by
 from diffthrust.diagnosis._explained_share import explained_share
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._other_models import OtherModel, errors_of
+from diffthrust.diagnosis._search_start import (
+    start_search,
+)
 from diffthrust.diagnosis._search_state import (
     FittedStage,
     SearchContext,
     SearchState,
-    start_search,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._stepwise import done, simulation_is_poor, step

@@ -122,12 +122,16 @@ class Search:
             problem: that was solved.
             finer: the same with finer integrator steps.
         """
-        kept = tuple(
-            (solved, count)
-            for solved, count in self.optima
-            if abs(_cost(solve(finer, solved.z, budget=1)) - _cost(solved)) <= NOTICED
-        )
-        return replace(self, optima=_best_ended(problem, kept)) if kept else None
+
+        def holds(solved: Solved) -> bool:
+            return abs(_cost(solve(finer, solved.z, budget=1)) - _cost(solved)) <= NOTICED
+
+        kept = tuple((solved, count) for solved, count in self.optima if holds(solved))
+        if not kept:
+            return None
+        optima = _best_ended(problem, kept)
+        # one that was given up may end at the edge after all
+        return replace(self, optima=optima) if holds(optima[0][0]) else None
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""

@@ -27,6 +27,10 @@ from diffthrust.simulation._step_size import MOST_SUBSTEPS
 
 _MORE = 4
 """Numerics: times as many integrator steps where most starts could not be simulated."""
+_SET_ASIDE = (
+    "An optimum of higher likelihood was set aside: only coarse integrator steps have it, and with "
+    "finer ones it errs more than the one that is reported."
+)
 
 
 class Task(NamedTuple):
@@ -222,7 +226,7 @@ def _run_on(task: Task, optimum: Optimum) -> Optimum:
     Steps that are too coarse for larger values forbid these: on the bench of the NGS a fit ended
     with a loss by axial flow of 2.8 where 2 steps a sample end, of 5.7 with 4, 11 with 8, and 16
     with 16 as with 32 (+- 1.2). Where the likelihood gains nothing more, the logs do not tell such
-    values.
+    values; nor does it where finer steps uphold another optimum alone.
     """
     while optimum.substeps < MOST_SUBSTEPS:
         further = _finer(task, optimum, max(optimum.needed, 2 * optimum.substeps))
@@ -247,15 +251,15 @@ def _finer(task: Task, optimum: Optimum, substeps: int) -> Optimum | None:
     if optimum.forbidden:
         return None
     problem = optimum.problem.stepped(substeps)
-    search = optimum.search.followed(problem, with_guesses=False)
+    search, notes = optimum.search.followed(problem, with_guesses=False), optimum.notes
     if optimum.search.improves_on(search):
         upheld = optimum.search.upheld(optimum.problem, problem)
         if upheld is None or search.improves_on(upheld):
             return None
-        search, problem = upheld, optimum.problem
+        search, problem, notes = upheld, optimum.problem, (*optimum.notes, _SET_ASIDE)
     if task.likelihood.corrects:
         search, problem = refined(search, problem)
-    parts = (optimum.horizon, optimum.silent, optimum.notes)
+    parts = (optimum.horizon, optimum.silent, notes)
     return _ended(task, *with_widths(search, problem), *parts)
 
 

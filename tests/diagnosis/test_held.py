@@ -12,7 +12,7 @@ from steps import (
     constants_in,
     constants_of,
     of_effect,
-    search_state_module,
+    search_start_module,
     stage_words,
     verdict_words,
     with_candidates,
@@ -84,7 +84,7 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
     fit = dft.fit(dft.Vessel(drive="twin"), log, starts=1, doubts=False)
     records = bind(fit.model, [log])
     monkeypatch.setattr(
-        search_state_module, "compiled_fitter", lambda fit, effects, held, *logs: (held, None)
+        search_start_module, "compiled_fitter", lambda fit, effects, held, *logs: (held, None)
     )
     for wanted, held in (
         (None, constants_of(fit.model)),
@@ -92,7 +92,7 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
         ("lever_arm", ("lever_arm",)),
     ):
         assert (
-            search_state_module.start_search(fit, records, (), wanted, 0, lambda *_: None)[0].fitter
+            search_start_module.start_search(fit, records, (), wanted, 0, lambda *_: None)[0].fitter
             == held
         )
 

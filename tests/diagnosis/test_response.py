@@ -27,7 +27,7 @@ from steps import (
     near_over_whole_runs,
     predicted_gains,
     refitted_rivals,
-    search_state_module,
+    search_start_module,
     shift_of,
     simulation_fitter,
     told_apart,
@@ -324,7 +324,7 @@ def test_a_rival_that_whole_runs_prove_better_takes_the_place_of_an_effect(known
     monkeypatch.setattr("diffthrust.diagnosis._equivalence.simulation_is_poor", lambda *_: True)
     given, names = dft.Thruster(), ("coulomb_friction", "actuator_lag")
     logs = tuple(bind(given, each) for each in (known.train, known.unseen))
-    context, state = search_state_module.start_search(given, *logs, names, 0, lambda *_: None)
+    context, state = search_start_module.start_search(given, *logs, names, 0, lambda *_: None)
     first = state.current.trial
     rated = [SimpleNamespace(effect=name, stage=0, delta_bic=-50.0) for name in names]
     friction, lag = names

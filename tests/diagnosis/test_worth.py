@@ -212,6 +212,21 @@ def test_a_rival_of_a_small_effect_must_do_what_this_does():
                       nothing, all_of_it)  # fmt: skip
 
 
+def test_only_what_an_effect_surely_does_tells_a_rival_apart():
+    """A rival that errs a little more in a channel in which the effect does nothing is as good."""
+    losing = {"speed": alike(0.0), "thrust": Worth(0.04, 0.01, 0.07)}
+    ahead = Worth(0.02, -0.01, 0.05, losing)
+    for share in (0.0, -0.3, math.nan):
+        own = Worth(share, share - 0.05, share + 0.05)
+        effect = Worth(0.9, 0.8, 0.95, {"speed": alike(0.9), "thrust": own})
+        assert not told_apart(effect, ahead, ahead)
+    assert not told_apart(Worth(math.nan, math.nan, math.nan), ahead, alike(0.1))
+    # unseen logs err less with the rival, whatever the training logs say
+    better = Worth(-0.15, -0.2, -0.1)
+    assert not told_apart(alike(0.11), better, alike(0.08))
+    assert told_apart(alike(0.11), Worth(0.01, -0.02, 0.04), alike(0.08))
+
+
 @pytest.mark.parametrize(("thrust", "apart"), [(0.15, False), (0.7, True)])
 def test_a_rival_must_err_as_little_in_every_channel(thrust, apart):
     """A saturation, thrust error 3.6 N, was named as what a weaker thrust astern (2.0) may be."""

@@ -1,5 +1,6 @@
 """Fits: recovery, coverage, honest statuses, units, several logs, segments."""
 
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -135,9 +136,28 @@ def test_an_optimum_that_only_coarse_steps_have_gives_way_to_one_that_finer_step
     assert fit.substeps == 1
     assert fit.coarse == ()
     assert not any("too coarse" in note for note in fit.notes)
+    assert sum("only coarse integrator steps have it" in note for note in fit.notes) == 1
     for name, estimate in fine.parameters.items():
         assert fit.parameters[name].value == pytest.approx(estimate.value, rel=1e-3)
     assert fit.holdout.nrmse < 0.25  # 0.43 with that inertia
+
+
+@pytest.mark.parametrize(("slides", "left"), [(False, [0.9]), (True, None)])
+def test_what_finer_steps_uphold_is_looked_at_again_where_it_ends(monkeypatch, slides, left):
+    """A start that was given up may slide to the edge of the steps that it goes on with."""
+    costs = {"coarse": {0.013: 100.0, 0.9: 200.0}, "finer": {0.013: 2500.0, 0.9: 200.0}}
+
+    def at(problem, z):
+        quadratic = SimpleNamespace(cost=costs[problem][z])
+        return SimpleNamespace(z=z, quadratic=quadratic, steps=1)
+
+    def solve(problem, z, budget=None):
+        return at(problem, 0.013 if slides and budget is None else z)
+
+    monkeypatch.setattr(multistart_module, "solve", solve)
+    search = multistart_module.Search(((at("coarse", 0.013), 1), (at("coarse", 0.9), 4)), 8)
+    upheld = search.upheld("coarse", "finer")
+    assert (upheld and [solved.z for solved, _ in upheld.optima]) == left
 
 
 @pytest.mark.thorough

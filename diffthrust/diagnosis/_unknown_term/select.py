@@ -24,13 +24,15 @@ from diffthrust.diagnosis._missing import (
     Remaining,
 )
 from diffthrust.diagnosis._residual_structure import downstream_ports
+from diffthrust.diagnosis._search_start import (
+    compiled_fitter,
+    few_substeps,
+)
 from diffthrust.diagnosis._search_state import (
     LEARNING,
     CurrentModel,
     SearchContext,
     SearchState,
-    compiled_fitter,
-    few_substeps,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_without

@@ -1,0 +1,207 @@
+"""The start of a search: the model as given, fitted, and the programs of its trials."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.progress import Progress, subtask
+from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._search_state import (
+    FITTED,
+    Clock,
+    CurrentModel,
+    FittedStage,
+    Refit,
+    SearchContext,
+    SearchState,
+)
+from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._trial_programs import Programs
+from diffthrust.effects import EFFECTS
+from diffthrust.estimation._fit import FitRuns
+from diffthrust.estimation._horizons import schedule, to_whole_runs
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors
+from diffthrust.simulation._levels import levels_when_asked
+from diffthrust.simulation._record import Record
+from diffthrust.simulation._runs import pooled_errors, runs_over, with_steps
+from diffthrust.simulation._step_size import CoarseStepWarning
+
+_SUBSTEPS = 2
+"""Numerics: integrator steps per sample of the trials: over one sample errors do not accumulate."""
+_ALIKE = 0.02
+"""Numerics: relative change of the whole-run NRMSE above which more steps per sample are taken."""
+
+
+def start_search(
+    fit: Fit | Model,
+    train: Sequence[Record],
+    unseen: Sequence[Record],
+    wanted: Candidates | None,
+    seed: int,
+    say: Progress,
+) -> tuple[SearchContext, SearchState]:
+    """Fit the model as it is, and compile the programs of the trials."""
+    say("fitting the model as it is", 0.0)
+    clock = Clock()
+    options = fit.options if isinstance(fit, Fit) else {}
+    refit = Refit(train, unseen, {"seed": seed, **options}, clock)
+    progress = subtask(say, 0.0, FITTED)
+    if isinstance(fit, Fit):
+        fitted = _with_its_runs(fit, train, unseen)
+        fitted = fitted or refit(fit.model, progress=progress, doubts=True)
+        guess = fit.guess
+    else:
+        fitted = refit(fit, progress=progress, doubts=True)
+        guess = fitted.fit.guess
+    first = fitted.fit
+    refit = replace(refit, first_substeps=few_substeps(first, train))
+    if first.horizon is None:
+        refit = replace(refit, horizon=to_whole_runs(schedule(first.model, train, "auto")))
+    effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
+    levels = levels_when_asked(first.model, train)
+    effects = [effect.scaled(levels) for effect in effects]
+    if len(train) > 1:
+        effects = [effect.differing() for effect in effects]
+    say("compiling the trials", FITTED)
+    with clock("compile"):
+        constants = constants_of(first.model, wanted)
+        fitter, trial = compiled_fitter(first, effects, constants, train, unseen)
+    mend_first = any(doubt.contrary for doubt in first.doubts)
+    context = SearchContext(
+        first.model, fitter, tuple(unseen), refit, guess, say, clock, mend_first
+    )
+    stage = FittedStage((), *fitted)
+    return context, SearchState(CurrentModel(fitter, trial), (stage,), untestable)
+
+
+def _with_its_runs(fit: Fit, train: Sequence[Record], unseen: Sequence[Record]) -> FitRuns | None:
+    """A fit with its runs over the logs of this diagnosis; ``None`` if it is of other logs.
+
+    It is of these logs if its errors agree with those of the runs. Its errors on unseen logs are
+    those of the fit, whose steps may be finer there than on the training logs: a fit of a boat that
+    needed 32 steps a sample where it had 16 was taken for one of other logs, and fitted anew from
+    0.72 to 0.76.
+    """
+    if len(fit.initial) != len(train):
+        return None
+    runs = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
+    if not _agree(fit.train, pooled_errors(runs)):
+        return None
+    if not unseen:
+        return FitRuns(replace(fit, holdout=None) if fit.holdout else fit, runs, ())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoarseStepWarning)  # the fit has warned
+        finer = runs_over(fit.model, unseen, noise=fit.noise_of_runs)
+    unseen_runs = with_steps(fit.model, finer, fit.substeps)
+    errors = [pooled_errors(finer), pooled_errors(unseen_runs)]
+    if fit.holdout is None or not any(_agree(fit.holdout, each) for each in errors):
+        fit = replace(fit, holdout=errors[0])
+    return FitRuns(fit, runs, unseen_runs)
+
+
+def _agree(errors: Errors, others: Errors) -> bool:
+    return errors.nrmse < math.inf and math.isclose(errors.nrmse, others.nrmse, rel_tol=1e-6)
+
+
+def compiled_fitter(
+    fit: Fit,
+    effects: Sequence[Effect],
+    constants: Sequence[str],
+    train: Sequence[Record],
+    unseen: Sequence[Record],
+    present: TrialFit | None = None,
+    steps: Sequence[int] = (),
+) -> tuple[CandidateFitter, TrialFit]:
+    """The fitter, and its first trial: the model as it is, or with the effects of ``present``.
+
+    A model whose fit has failed is tried alone first, before all its candidates are compiled. The
+    ``steps``, of integration a sample, are tried in turn: those of the fit, if not given, but an
+    effect that is present may need more.
+    """
+    if fit.status is Status.SIMULATION_FAILED:
+        alone = CandidateFitter(Programs(fit.model, [], train, [], fit.substeps, fit.noise_model))
+        if not math.isfinite(alone.base().cost):
+            raise _not_finite(fit, [], train)
+    for substeps in dict.fromkeys(steps or (few_substeps(fit, train), fit.substeps)):
+        programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
+        fitter = CandidateFitter(programs)
+        first = fitter.base(present.effects, present.values) if present else fitter.base()
+        if math.isfinite(first.cost):
+            return fitter, first
+    raise _not_finite(fit, effects, train)
+
+
+def with_finer_steps(
+    context: SearchContext, state: SearchState
+) -> tuple[SearchContext, SearchState]:
+    """The search with as many integrator steps a sample as the runs of its last stage need.
+
+    Trials have as many as the model as given needs. The water in the duct of an NGS thruster needs
+    16, and with one its trials ran away: a speed sensor offset passed for a command offset, with
+    which the training runs surely err less.
+    """
+    fitter, fit = context.fitter, state.stages[-1].fit
+    present, records = fitter.programs.substeps, fitter.records
+    if fit.substeps <= present:
+        return context, state
+    coarse = pooled_errors(runs_over(fit.model, records, initial=fit.initial, substeps=present))
+    if coarse.nrmse <= SETTINGS.whole_runs.equivalent_error * fit.train.nrmse:
+        return context, state
+    trial, values = state.current.trial, fit.model.parameters
+    fitted = {name: values[name].value for name in trial.values if name in values}
+    try:
+        with context.clock("compile"):
+            finer, settled = compiled_fitter(
+                state.stages[0].fit,
+                [*fitter.candidates.values()],
+                fitter.constants,
+                records,
+                context.unseen,
+                replace(trial, values={**trial.values, **fitted}),
+                (few_substeps(fit, records), fit.substeps),
+            )
+    except InputError:  # one-step trials overflow where whole runs do not: better coarse than none
+        return context, state
+    return replace(context, fitter=finer), replace(state, current=CurrentModel(finer, settled))
+
+
+def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
+    """The fewest integrator steps per sample that reproduce the whole-run errors of a fit."""
+    substeps = min(_SUBSTEPS, fit.substeps)
+    while substeps < fit.substeps:
+        runs = runs_over(fit.model, train, initial=fit.initial, substeps=substeps)
+        if math.isclose(pooled_errors(runs).nrmse, fit.train.nrmse, rel_tol=_ALIKE):
+            break
+        substeps *= 2
+    return substeps
+
+
+def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
+    """The error if no trial has a finite cost; it names the user's effect that is the cause."""
+    for effect in effects:
+        if type(effect) is EFFECTS.get(effect.name):
+            continue
+        fitter = CandidateFitter(Programs(fit.model, [effect], train, [], fit.substeps))
+        if not math.isfinite(fitter.base().cost):
+            return InputError(
+                f"The effect '{effect.name}' cannot be tried: at its null value the errors or "
+                "their derivatives are not finite.",
+                "Write it so that its derivative at the null is finite (no root or logarithm "
+                "of zero), or leave it out.",
+            )
+    return InputError(
+        f"The '{fit.model}' cannot be simulated along these logs at the parameters of its fit "
+        f"({fit.status.value}): expected finite one-step errors, found none."
+        + (f" {fit.message}" if fit.status is Status.SIMULATION_FAILED else ""),
+        "Give bounds that keep its time constants longer than a fifth of a sample, and check "
+        "the units of the logs.",
+    )
