@@ -211,8 +211,8 @@ class Equivalence:
     Origin: chosen, a dozen times what it has to reach. Lower: a search that creeps is cut off.
     Higher: time."""
     least_share_of_effect: float = 0.9
-    """Where whole runs stay poor, rivals that remove this share of what the effect removes are of
-    its group.
+    """Rivals that surely remove less than this share of what an effect surely removes are told from
+    it.
     Origin: chosen, the tenth by which errors count as equal. Lower: rivals that do less of the
     work. Higher: noise in the parameters separates equals."""
     near_error: float = 1.2

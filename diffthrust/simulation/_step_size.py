@@ -24,9 +24,10 @@ all that followed took four times as long."""
 
 
 _OF_SPREAD = 0.01
-"""What counts as noise where a log measures nothing, as a share of an output's spread: the
-integration error is then a ten-thousandth of it, which no plot shows. With one step a sample the
-thrust of a planned run left the finite numbers where the water in a duct was fast."""
+"""What counts as noise where a log measures nothing, as a share of an output's spread.
+Origin: chosen, so that the tolerance allows a ten-thousandth of the spread, which no plot shows.
+With one step a sample the thrust of a planned run left the finite numbers where the water in a duct
+was fast."""
 
 
 class CoarseStepWarning(UserWarning):
@@ -65,7 +66,8 @@ def step_error(
     """Integration error of each measured output, as a share of its sensor noise.
 
     The error is the root mean square difference to a simulation with half the step, over the
-    sensor noise (the log's own figure, or `sensor_noise`); infinite where either is not finite.
+    sensor noise (the log's own figure, or `sensor_noise`; a hundredth of each output's spread where
+    the log measures nothing); infinite where either is not finite.
 
     Args:
         model: the model at the parameters in question.
@@ -84,7 +86,7 @@ def step_error(
     (record,) = bind(model, [log], compared=False)
     coarse = simulate_fixed(model, record, initial, substeps)
     fine = simulate_fixed(model, record, initial, 2 * substeps)
-    return _errors(coarse, fine, _noise_levels(record))
+    return _errors(coarse, fine, _noise_levels(record) or _spreads(model, fine))
 
 
 def choose_substeps(
@@ -97,7 +99,7 @@ def choose_substeps(
 ) -> int:
     """The fewest integrator steps per sample that keep the error below the sensor noise.
 
-    Where the log measures nothing, below a ten-thousandth of the spread of each output.
+    Where the log measures nothing, a hundredth of an output's spread stands for its sensor noise.
 
     Args:
         model: the model at the parameters in question.
@@ -123,7 +125,8 @@ class StepChoice(NamedTuple):
 
     Args:
         substeps: steps per sample.
-        errors: the integration error that remains, by channel, over its sensor noise.
+        errors: the integration error that remains, by channel, over its sensor noise, or what
+            stands for it where nothing is measured.
         simulated: the simulation with these steps; ``None`` where none was needed to choose them.
     """
 
@@ -158,7 +161,7 @@ def fewest_steps(
     substeps, coarse = 1, simulated(1)
     noise = _noise_levels(record)
     for name, remaining in (residual or {}).items():
-        if np.isfinite(remaining):
+        if np.isfinite(remaining) and name in noise:
             noise[name] = max(noise[name], _SHARE * remaining)
     while True:
         fine = simulated(2 * substeps)
@@ -191,11 +194,12 @@ def warn_if_coarse(record: Record, choice: StepChoice, tolerance: float = _TOLER
     error = max(choice.errors.values(), default=0.0)
     if error > tolerance and (record.measured or np.isfinite(error)):
         worst = max(choice.errors, key=lambda name: choice.errors[name])
+        measured = bool(_noise_levels(record))
+        of, unit = ("the sensor noise", 1.0) if measured else ("its spread", _OF_SPREAD)
         warnings.warn(
             f"{record.name}: with {choice.substeps} integrator steps per sample the error of "
-            f"'{worst}' is still {choice.errors[worst]:.2g} of "
-            f"{'the sensor noise' if record.measured else 'a hundredth of its spread'} (allowed: "
-            f"{tolerance:g}). The model is too fast for the log's sample rate at these parameters.",
+            f"'{worst}' is still {unit * error:.2g} of {of} (allowed: {unit * tolerance:g}). "
+            "The model is too fast for the log's sample rate at these parameters.",
             CoarseStepWarning,
             stacklevel=4,
         )
@@ -211,8 +215,12 @@ def simulate_chosen(
 
 
 def _noise_levels(record: Record) -> dict[str, float]:
-    """The noise of each measured output: as the log states it, or by `sensor_noise`."""
-    return {n: record.noise[n] or sensor_noise(y) for n, y in record.observed.items()}
+    """The noise of each measured output: as the log states it, or by `sensor_noise`.
+
+    Not of one that is read once, at the start.
+    """
+    read = {n: y for n, y in record.observed.items() if np.isfinite(y).sum() > 1}
+    return {n: record.noise[n] or sensor_noise(y) for n, y in read.items()}
 
 
 def _spreads(model: Model, fine: Mapping[str, np.ndarray]) -> dict[str, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from reference import equations
 from reference import whole_runs as wr
 
-from .about_errors import SIMULATED, amplitudes, currents
+from .about_errors import SIMULATED
 from .page import Page
 from .parsing import (
     NUMBER,
@@ -322,14 +322,21 @@ def _form(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"no number of a law is {number}"
 
 
-@claim(r"Beside what was learned: (?P<what>.+?)\.(?=\s|$)")
+@claim(r"Estimated anew beside what was learned: (?P<what>.+?)\.(?=\s|$)")
 def _beside_the_law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    last = diag.laws[-1].reported
-    sizes = [e.shown[0] for n, e in last.parameters.items() if n.rpartition(".")[0] in diag.added]
-    sizes += amplitudes(last) + currents(last)
-    for number in re.findall(rf"(?<![\w.^]){NUMBER}(?!\^)", re.sub(r"\(.*?\)", "", m["what"])):
-        if not any(is_said(number, value, 1e-9) for value in sizes):
-            yield f"beside what was learned no parameter is {number}"
+    last, told = diag.laws[-1].reported, re.findall(rf"(?<![\w.^]){NUMBER}(?!\^)", m["what"])
+    effects = {e.name: e for e in last.model.effects}
+    for name in (n for n in diag.added if in_words(n) in m["what"]):
+        if effects[name].differs or effects[name].over_logs(last.ranges):
+            continue  # told by log, or over the range of the logs
+        own = {n: e for n, e in last.parameters.items() if n.rpartition(".")[0] == name}
+        for full, estimate in own.items():
+            if not estimate.fixed and not any(
+                is_said(number, estimate.shown[0], 1e-9) for number in told
+            ):
+                yield f"{full} is {estimate.shown[0]:.4g} beside what was learned"
+    if not any(in_words(n) in m["what"] for n in diag.added):
+        yield "no added effect is named"
 
 
 @claim(r"Superfluous beside it: [\w ,]+?\.")

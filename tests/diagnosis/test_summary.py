@@ -355,9 +355,11 @@ def test_the_number_of_an_effect_beside_a_law_is_told_where_it_is_another():
     )  # fmt: skip
     diag = replace(first, verdict="unexplained", remaining=made.unexplained().remaining,
                    worth={"command_deadband": SURE}, laws=(replace(law, fit=beside),))  # fmt: skip
-    assert "Beside what was learned: a command dead band of ±0.20 V." in diag.details
-    assert claims.contradictions(diag, text="Beside what was learned: it is 0.3 V.") != []
-    assert "Beside what was learned" not in replace(diag, laws=(law,)).details
+    assert "Estimated anew beside what was learned: a command dead band of ±0.20 V." in diag.details
+    said = "Estimated anew beside what was learned: "
+    assert claims.contradictions(diag, text=f"{said}a command dead band of ±0.30 V.") != []
+    assert claims.contradictions(diag, text=f"{said}an actuator lag of 0.20 s.") != []
+    assert said not in replace(diag, laws=(law,)).details
 
 
 def test_what_looks_alike_stands_in_the_brackets_of_an_effect():
@@ -373,6 +375,15 @@ def test_what_looks_alike_stands_in_the_brackets_of_an_effect():
     groups = (("axial_flow", "static_friction"),)
     lacking = replace(made.found(), best=(effect,), groups=groups, stages=stages)
     assert "; these logs cannot tell it from static friction): " in lacking.details
+    # the brackets of a unit are not those of an effect
+    loss = dft.effects.InflowThrustLoss(loss=0.1)
+    unit = replace(estimate, unit="N s^2/(m rad)", shown_unit="N s^2/(m rad)")
+    model = dft.Thruster() + loss
+    flow = replace(fit, model=model, parameters=dict.fromkeys(model.parameters, unit))
+    stages = made.found().stages[0], Stage((loss.name,), flow)
+    lacking = replace(lacking, best=(loss,), groups=((loss.name, "static_friction"),),
+                      stages=stages)  # fmt: skip
+    assert "N s^2/(m rad) (these logs cannot tell it from static friction): " in lacking.details
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.03, False), (0.6, True)])

@@ -503,6 +503,13 @@ def test_the_step_is_chosen_where_a_log_measures_nothing():
         error = np.sqrt(np.mean((found[name] - truth) ** 2)) / np.std(truth)
         assert error < 1e-4
         assert np.sqrt(np.mean((rough[name] - truth) ** 2)) / np.std(truth) > 10 * error
+    chosen = dft.simulation.choose_substeps(dft.Thruster(**JASON), plan)
+    errors = [dft.simulation.step_error(dft.Thruster(**JASON), plan, n) for n in (chosen, 1)]
+    assert max(errors[0].values()) <= 0.01 < max(errors[1].values())
+    level = Log(coarse.time, {"command": np.full(coarse.time.size, 2.0)}, {})
+    settled = simulate(dft.Thruster(**JASON), level)["speed"][-1]
+    still = {"initial": {"speed": float(settled)}}  # constant but for rounding
+    assert dft.simulation.choose_substeps(dft.Thruster(**JASON), level, **still) == 1
     moving = dft.Thruster(**JASON) + dft.effects.AxialFlow(loss=1.0, mass=1.0)
     assert np.isfinite(simulate(moving, plan)["thrust"]).all()
 
@@ -515,7 +522,7 @@ def test_a_grid_too_coarse_for_the_model_is_warned_of():
     with pytest.warns(CoarseStepWarning, match=r"with 32 integrator steps .*'speed'"):
         assert dft.simulation.choose_substeps(fast, log) == 32
     plan = Log(time, {"command": command}, {})
-    with pytest.warns(CoarseStepWarning, match=r"of a hundredth of its spread \(allowed: 0.01\)"):
+    with pytest.warns(CoarseStepWarning, match=r"of its spread \(allowed: 0.0001\)"):
         dft.simulation.choose_substeps(dft.Thruster(alpha=3.0, beta=1e3), plan)
     assert dft.simulation.choose_substeps(fast, plan) == 32  # overflows, which `simulate` tells
     with pytest.warns(dft.simulation.SimulationFailedWarning):

@@ -76,10 +76,12 @@ def _level_as_given(diag: Findings) -> str:
     A Kingfisher's, with an inertia of 1e17 kg m^2, erred little where each unseen log began at a
     sway of its own, of up to 105 m/s.
     """
-    if diag.fit.status in (Status.NOT_CONVERGED, Status.SIMULATION_FAILED):
-        return (
-            "The errors of the model as given say nothing: its fit to these logs did not converge."
-        )
+    said = {
+        Status.NOT_CONVERGED: "did not converge",
+        Status.SIMULATION_FAILED: "could not be simulated",
+    }
+    if why := said.get(diag.fit.status):
+        return f"The errors of the model as given say nothing: its fit to these logs {why}."
     return f"{capitalised(level_words(diag))}."
 
 
@@ -102,7 +104,11 @@ def _verdict_sentences(diag: Findings) -> list[str]:
     model = model_words(diag.model)
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
-        lacking = joined(_lacking_words(diag, name) for name in leading(diag))
+        alike = rival_words(diag)
+        unsure = {name: f"these logs cannot tell it from {alike[name]}" for name in alike}
+        lacking = joined(
+            sized_words(name, diag.fit, unsure.get(name, "")) for name in leading(diag)
+        )
         return [f"The {model} lacks {lacking}: with {them} {gain_words(diag)}."]
     if diag.verdict == "undecided":
         return undecided_words(diag)
@@ -111,15 +117,6 @@ def _verdict_sentences(diag: Findings) -> list[str]:
     if diag.held:  # `held_words` says it, and follows
         return []
     return [f"The {model} lacks something that none of the effects tried explains."]
-
-
-def _lacking_words(diag: Findings, name: str) -> str:
-    """An effect with its numbers, and with what these logs cannot tell from it."""
-    size, rivals = sized_words(name, diag.fit), rival_words(diag).get(name)
-    if not rivals:
-        return size
-    unsure = f"these logs cannot tell it from {rivals})"
-    return f"{size.removesuffix(')')}; {unsure}" if size.endswith(")") else f"{size} ({unsure}"
 
 
 def _adequate_words(diag: Findings, model: str) -> str:

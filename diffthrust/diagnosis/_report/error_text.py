@@ -109,8 +109,8 @@ def worth_words(diag: Findings) -> list[str]:
 def _parts(diag: Findings) -> dict[str, Worth]:
     """The shares of the added effects, by effect in words, or by effects that have one together.
 
-    In the order in which they were added, for each is of what those before it had left: of an NGS
-    thruster, whose load exponent removes 86 %, the dead band after it 2 %, and alone 86 % as well.
+    In the order in which they were added, for each removes of the given error what those before it
+    had left: of an NGS thruster the load exponent 86 %, the dead band 2 % after it, and alone 86 %.
     """
     parts: dict[str, Worth] = {}
     for name in diag.added:

@@ -29,6 +29,8 @@ _LONGEST_PLACE = 6
 
 _TAKEN_BACK = 2.0
 """Display: a form that reaches so many times as far as its curve has no size of its own."""
+_CHANGED = 0.1
+"""Display: a number that changed by a smaller share of itself is not told anew."""
 
 
 def place_of(model: Model, port: str) -> str:
@@ -83,11 +85,14 @@ def _changed_words(diag: Findings) -> list[str]:
     """
     if not diag.laws:
         return []
-    last = copied_fit(diag)
-    present = {effect.name for effect in last.model.effects}
-    sizes = {n: sized_words(n, last) for n in leading(diag) if n in present}
-    changed = [size for name, size in sizes.items() if size != sized_words(name, diag.fit)]
-    return [f"Beside what was learned: {joined(changed)}."] if changed else []
+    first, last = diag.fit.parameters, copied_fit(diag)
+    changed = {
+        full.rpartition(".")[0]
+        for full, e in last.parameters.items()
+        if full in first and abs(e.value - first[full].value) > _CHANGED * abs(first[full].value)
+    }
+    sizes = [sized_words(name, last) for name in leading(diag) if name in changed]
+    return [f"Estimated anew beside what was learned: {joined(sizes)}."] if sizes else []
 
 
 def _left(diag: Findings) -> str:

@@ -45,8 +45,13 @@ def an_effect(name: str) -> str:
     return an(words) if "_" in name else words  # "wind", "alpha"
 
 
-def sized_words(name: str, fit: Fit) -> str:
+def sized_words(name: str, fit: Fit, *more: str) -> str:
     """An effect with the values that the fit found, and what they come to.
+
+    Args:
+        name: of the effect.
+        fit: the fit.
+        more: what is said of it besides, in the same brackets.
 
     Example:
         >>> sized_words("command_deadband", fit)
@@ -60,21 +65,27 @@ def sized_words(name: str, fit: Fit) -> str:
     effect = next((effect for effect in fit.model.effects if effect.name == name), None)
     form = effect.form if effect else {}
     if effect and (of_logs := effect.over_logs(fit.ranges)):
-        return f"{an_effect(name)} ({of_logs})"
+        return _with_brackets(an_effect(name), of_logs, *more)
     if effect and (by_log := by_log_words(effect, fit)):
-        return f"{an_effect(name)} of {by_log}"
+        return _with_brackets(f"{an_effect(name)} of {by_log}", *more)
     formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
     if effect and effect.free_starts:
         formed += f", {effect.size_words(numbers_by_log(name, effect.free_starts, fit))}"
     consequence = effect.consequence(fit.model, recorded(fit)) if effect else ""
-    meaning = f" ({consequence})" if consequence else ""
     values = {key: measured(e) for key, e in estimates.items()}
     if set(values) == {"half_width"}:
         values["half_width"] = f"±{values['half_width']}"
     if len(values) == 1:
-        return f"{an_effect(name)} of {next(iter(values.values()))}{formed}{meaning}"
+        sized = f"{an_effect(name)} of {next(iter(values.values()))}{formed}"
+        return _with_brackets(sized, consequence, *more)
     listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())
-    return f"{an_effect(name)} ({listed}{formed}){meaning}" if listed else an_effect(name)
+    within = (f"{listed}{formed}", consequence) if listed else ()
+    return _with_brackets(an_effect(name), *within, *more)
+
+
+def _with_brackets(words: str, *within: str) -> str:
+    said = "; ".join(filter(None, within))
+    return f"{words} ({said})" if said else words
 
 
 def by_log_words(effect: Effect, fit: Fit) -> str:
