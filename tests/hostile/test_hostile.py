@@ -194,6 +194,22 @@ def chain() -> bytes:
     return chain_file.chain_bytes(stored, {}, ("a", "b"))
 
 
+@pytest.mark.parametrize("byte", [0x00, 0x01, 0xFF])
+def test_a_chain_does_not_hang_on_a_damaged_heap(chain, byte, tmp_path):
+    """HDF5 read the text of a problem from a damaged heap of strings for ever."""
+    path, at = tmp_path / "chain.h5", chain.index(b"GCOL")
+    path.write_bytes(chain)
+    expected = chain_file.read(path, {})
+    for begin in range(0, 64, 4):
+        data = bytearray(chain)
+        data[at + begin : at + begin + 16] = bytes([byte]) * 16
+        path.write_bytes(data)
+        read: list = []
+        refusal(lambda read=read: read.append(chain_file.read(path, {})))
+        for stored in read:
+            np.testing.assert_array_equal(stored.chain, expected.chain)
+
+
 @common
 @given(
     changes=st.lists(st.tuples(st.floats(0, 1), st.binary(min_size=1, max_size=40)), max_size=3),

@@ -97,8 +97,10 @@ def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...])
         own_group = f.create_group(_OWN)
         text = json.dumps(who, sort_keys=True)
         own_group.attrs["schema"] = _SCHEMA
-        own_group.attrs["coordinates"] = list(labels)
-        own_group.create_dataset("problem", data=text)  # an attribute could not hold a large model
+        # as bytes: HDF5 reads strings of free length from a heap, and a damaged heap for ever
+        own_group.attrs["coordinates"] = np.array([label.encode() for label in labels])
+        # an attribute could not hold a large model
+        own_group.create_dataset("problem", data=np.frombuffer(text.encode(), np.uint8))
         own_group.create_dataset("centre", data=stored.centre)
         own_group.create_dataset("root", data=stored.root)
         for i, name in enumerate(_MARKS if stored.marks else ()):
@@ -205,21 +207,22 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
                     "Name a file that does not exist yet, or that of the run to resume.",
                 )
             g, own_group = f["mcmc"], f[_OWN]
-            text = own_group["problem"][()].decode()
-            a = g.attrs
-            name, words, place, has, spare = (a[f"random_state_{i}"] for i in range(5))
+            text = own_group["problem"][...].tobytes().decode()
+            # the first, its name, is a string for emcee, in the heap
+            words, place, has, spare = (g.attrs[f"random_state_{i}"] for i in range(1, 5))
             marks = [own_group[n][...] for n in _MARKS if n in own_group]
             stored = Stored(
                 chain=g["chain"][...],
                 log_prob=g["log_prob"][...],
                 levels=g["blobs"][...],
                 accepted=g["accepted"][...],
-                random_state=(str(name), words, int(place), int(has), float(spare)),
+                random_state=("MT19937", words, int(place), int(has), float(spare)),
                 centre=own_group["centre"][...],
                 root=own_group["root"][...],
                 marks=tuple(zip(*marks, strict=True)),
             )
-            checksums, labels = own_group["checksums"][...], tuple(own_group.attrs["coordinates"])
+            checksums = own_group["checksums"][...]
+            labels = tuple(label.decode() for label in own_group.attrs["coordinates"])
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         # InputError is a ValueError: the message above must pass as it is
         if isinstance(error, InputError):
