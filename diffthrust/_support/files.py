@@ -56,6 +56,13 @@ def ending(path: Path, *kinds: str) -> str:
     return suffix
 
 
+def existing_folder(path: Path) -> None:
+    """Raise `InputError` where the folder of a file to write is none."""
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise InputError(f"{path}: expected the folder '{folder}', found none.", _ELSEWHERE)
+
+
 def write_page(path: Path, text: str) -> None:
     """Write a page of HTML."""
     ending(path, ".html", ".htm")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from diffthrust._support.errors import Defect, InputError
-from diffthrust._support.files import ending, write_whole
+from diffthrust._support.files import ending, existing_folder, write_whole
 from diffthrust._support.visible import visible
 from diffthrust.cli._interrupt import STOPPED, interrupted, report_stopped
 
@@ -74,12 +74,16 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
 
 
 def file_option(flag: str, metavar: str, help: str, *more: str) -> Any:
-    """An option for a file to write; its ending, that of metavar or more, is checked early."""
+    """An option for a file to write; its ending, that of metavar or more, is checked early.
+
+    So is its folder: a diagnosis of half a minute ended in "No such file or directory".
+    """
 
     def check(path: Path | None) -> Path | None:
         try:
             if path:
                 ending(path, Path(metavar).suffix, *more)
+                existing_folder(path)
         except InputError as error:
             raise typer.BadParameter(str(error)) from None
         return path

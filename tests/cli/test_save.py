@@ -52,3 +52,13 @@ def test_a_posterior_is_saved_and_loaded(tmp_path):
 def test_another_ending_is_refused_before_the_work(command, name, tmp_path):
     run(command, SPEC, "--save", tmp_path / name, status=2)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("option", ["--save", "--report", "--json"])
+def test_a_folder_that_is_not_there_is_refused_before_the_work(option, tmp_path):
+    """A diagnosis of half a minute ended in "No such file or directory"."""
+    path = (tmp_path / "nowhere" / "depth").with_suffix(".html" if "rep" in option else ".json")
+    missing = tmp_path / "no.toml"  # read only after the options
+    result = run("diagnose", missing, option, path, status=2)
+    told = "".join(result.output.split())  # lines are broken anywhere
+    assert f"expectedthefolder'{path.parent}',foundnone" in told
