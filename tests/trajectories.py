@@ -32,6 +32,8 @@ from diffthrust.simulation._levels import (  # private: each alone
     levels_when_asked,
 )
 from diffthrust.simulation._linearise import (  # private: told by no result
+    point_in,
+    slopes,
     slopes_at,
 )
 from diffthrust.simulation._overflow import (  # private: the sentences alone
@@ -107,10 +109,12 @@ __all__ = [
     "measured_outputs",
     "overflow",
     "plain_rate",
+    "point_in",
     "pooled_errors",
     "runs_over",
     "runs_step_choice",
     "sensor_noise",
+    "slopes",
     "slopes_at",
     "starting_point",
     "starting_states",

@@ -13,7 +13,7 @@ redundant.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from diffthrust._support._running.programs import program
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
 from diffthrust.estimation._likelihood import Quadratic, by_blocks, tightness
-from diffthrust.estimation._one_step import batch_passes
+from diffthrust.estimation._one_step import batch_passes, cost_of_errors
 from diffthrust.estimation._problem import Problem
 
 _ABREAST = 32
@@ -42,18 +42,19 @@ class LinearResponse:
 
     Args:
         problem: the logs, at the values of the trial and with its clipped residuals.
+        absent: effects of the problem at their nulls, whose states nothing depends on.
 
     Example:
         >>> response.quadratic(response.to("shaft", series)).information
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, absent: Collection[str] = ()) -> None:
         self.problem = problem
         layout, numbers = problem.layout, problem.numbers
         passed = batch_passes(problem)
         self.errors = [np.asarray(errors) for errors, _ in passed]
         paths = [path for _, path in passed]
-        self.slopes = step_slopes(layout, numbers, problem.start(), paths)
+        self.slopes = step_slopes(layout, numbers, problem.start(), paths, absent)
         # what is each log's own, and how tight those that differ by log are about their means
         self.own = problem.start()[problem.shared :].reshape(len(problem.records), -1)
         self.tight = np.asarray(tightness(layout, numbers))
@@ -165,7 +166,7 @@ class LinearResponse:
                 moved = moved + np.tensordot(step[further], more[i], (0, 1))
             errors.append(moved)
             at += count
-        cost = float(_cost_and_sigma(self.problem.layout, self.problem.numbers, errors)[0])
+        cost = float(cost_of_errors(self.problem.layout, self.problem.numbers, errors)[0])
         return cost + self._pull(self.own + starts)
 
     def _pull(self, own: np.ndarray) -> float:
@@ -219,7 +220,7 @@ class LinearResponse:
     def _weighed(self, errors: Sequence[np.ndarray]) -> _Weighed:
         """The likelihood of some errors, with the derivatives by the trial's own coordinates."""
         layout, batches = self.problem.layout, []
-        cost, sigma = map(np.asarray, _cost_and_sigma(layout, self.problem.numbers, errors))
+        cost, sigma = map(np.asarray, cost_of_errors(layout, self.problem.numbers, errors))
         for batch_errors, slopes in zip(errors, self.slopes, strict=True):
             weights = np.asarray(layout.likelihood.law.weights(batch_errors, sigma))
             root = np.sqrt(weights) / sigma[None, :, None]
@@ -260,11 +261,6 @@ def _scores(rows: np.ndarray, weighted: np.ndarray) -> np.ndarray:
     """The gradient by coordinates, for each block of time of each log, ``(k, B * blocks)``."""
     sums = by_blocks(rows * weighted[:, None], SETTINGS.structure.blocks, np)
     return sums.transpose(1, 0, 2).reshape(sums.shape[1], -1)
-
-
-@program(1)
-def _cost_and_sigma(layout: Any, numbers: Any, errors: Any) -> Any:
-    return layout.cost(numbers, errors)
 
 
 def _response_to(

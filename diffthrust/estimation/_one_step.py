@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
-from diffthrust.estimation._likelihood import apart, named_values, tightness, values_of_log
+from diffthrust.estimation._likelihood import named_values, tightness, values_of_log
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import CLIP, Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.simulation._starts import FIRST_PART
-from diffthrust.simulation._trajectory import Grid
 
 _ROUNDS = 2
 """Rounds of Gauss-Newton for initial states: the errors are nearly linear in them."""
@@ -61,8 +59,23 @@ def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
 
 def batch_passes(problem: Problem, z: np.ndarray | None = None) -> list[tuple[Any, dict[str, Any]]]:
     """Errors ``(B, C, T)``, zero where nothing was measured, and the path of each batch of logs."""
-    z = problem.start() if z is None else z
-    return _pass(problem.layout, problem.numbers, jnp.asarray(z))[0]
+    z = problem.start() if z is None else np.asarray(z)
+    layout, numbers = problem.layout, problem.numbers
+    shared, starts = numbers.split(z, layout.shared)
+    of_all = replace(numbers, batches=())
+    out = []
+    for grid, batch, start in zip(layout.grids, numbers.batches, starts, strict=True):
+        static, logs = replace(layout, grids=(grid,)), replace(batch, start=start)
+        rows = [jax.tree.map(np.asarray, _pass(static, of_all, shared, log)) for log in _each(logs)]
+        out.append(jax.tree.map(lambda *series: np.stack(series), *rows))
+    return out
+
+
+def _each(batch: Batch) -> Iterator[Batch]:
+    """The logs of a batch, one by one."""
+    leaves, tree = jax.tree.flatten(batch)
+    for row in range(len(batch.time)):
+        yield jax.tree.unflatten(tree, [leaf[row] for leaf in leaves])
 
 
 def settled_start(problem: Problem) -> Problem:
@@ -134,7 +147,17 @@ def _settled(problem: Problem, names: Collection[str]) -> Problem:
 
 def cost(problem: Problem) -> float:
     """Negative log-likelihood at the problem's values."""
-    return float(_pass(problem.layout, problem.numbers, jnp.asarray(problem.start()))[1])
+    errors = [errors for errors, _ in batch_passes(problem)]
+    tight, own = np.asarray(tightness(problem.layout, problem.numbers)), problem.start()
+    away = own[problem.shared :].reshape(len(problem.records), -1)
+    likelihood, _ = cost_of_errors(problem.layout, problem.numbers, errors)
+    return float(likelihood) + 0.5 * float(np.sum(tight * away**2))
+
+
+@program(1)
+def cost_of_errors(layout: Layout, numbers: ProblemNumbers, errors: Any) -> Any:
+    """Negative log-likelihood of errors ``(B, C, T)`` by batch, and the noise of each channel."""
+    return layout.cost(numbers, errors)
 
 
 def nrmse(problem: Problem) -> float:
@@ -163,22 +186,12 @@ def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
 
 
 @program(1, quick_compile=True)
-def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> Any:
-    """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
+def _pass(layout: Layout, numbers: ProblemNumbers, shared: Any, log: Batch) -> Any:
+    """Errors ``(C, T)`` and the path of one log: one program serves training and unseen logs."""
     assert isinstance(layout.likelihood, Innovations)
-    observer = layout.likelihood.observer
-    shared, starts = numbers.split(z, layout.shared)
+    observer, (grid,) = layout.likelihood.observer, layout.grids
     values = named_values(layout, numbers, shared)
+    begin = {name: log.start[i] for i, name in enumerate(layout.starts)}
+    states, own = {**log.held, **begin}, values_of_log(layout, numbers, values, log.start)
     limits = Limits(numbers.clip, numbers.reach)
-    out = []
-    for grid, batch, start in zip(layout.grids, numbers.batches, starts, strict=True):
-
-        def one(log: Batch, grid: Grid = grid) -> Any:
-            begin = {name: log.start[i] for i, name in enumerate(layout.starts)}
-            states, own = {**log.held, **begin}, values_of_log(layout, numbers, values, log.start)
-            model = layout.key.model.bind(own)
-            return innovations(observer, model, grid, own, log, states, limits)
-
-        out.append(jax.lax.map(one, replace(batch, start=start)))
-    cost, _ = layout.cost(numbers, [errors for errors, _ in out])
-    return out, cost + apart(layout, numbers, starts)
+    return innovations(observer, layout.key.model.bind(own), grid, own, log, states, limits)

@@ -46,7 +46,7 @@ def _run(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) 
     if spare:
         time, inputs = jax.tree.map(lambda s: np.pad(s, (0, spare), "edge"), (time, inputs))
     substeps = None
-    if grid.padded and grid.substeps > 1:  # one program for all numbers of steps but 1
+    if grid.padded:  # one program for all numbers of steps
         grid, substeps = replace(grid, substeps=0), np.asarray(float(grid.substeps))
     return run_program(compiled_simulation, (key, grid), (values, time, inputs, start, substeps))
 
