@@ -1,12 +1,12 @@
-"""What a diagnosis of measured logs costs, each in a process of its own, from the folder ``tests``.
+"""What diagnoses and fits cost, each in a process of its own, from the folder ``tests``.
 
-    python -m benchmarks.real_diagnoses                        # cold, then with the cache filled
-    python -m benchmarks.real_diagnoses demo ngs --before ../../before
+    python -m benchmarks.diagnoses                        # cold, then with the cache filled
+    python -m benchmarks.diagnoses demo ngs --before ../../before
 
 One row for each case: processor seconds of the process and its children, seconds on the wall, peak
 of memory, memory maps at the end, compilations, verdict and effects. Cold is with an empty
 compilation cache, cached right after it with the same one. ``--before`` runs another checkout by
-turns. Needs the measured logs (`DIFFTHRUST_DATA`), and nothing else running.
+turns. Half of the cases need the measured logs (`DIFFTHRUST_DATA`), and all nothing else running.
 """
 
 from __future__ import annotations
@@ -31,11 +31,12 @@ HEADS = ("case", "version", "cache", "CPU s", "wall s", "peak MB", "maps", "comp
 
 
 class Case(NamedTuple):
-    """Logs to diagnose, and the model to begin with."""
+    """Logs to diagnose, or only to fit, and the model to begin with."""
 
     model: Any
     train: Sequence[Any]
     unseen: Any
+    only_fit: bool = False
 
 
 def demo() -> Case:
@@ -44,6 +45,75 @@ def demo() -> Case:
 
     drawn = sets.draw("clear/command_deadband", 11)
     return Case(drawn.model, drawn.train, drawn.unseen)
+
+
+def vessel() -> Case:
+    """Two logs of a made-up vessel with a quadratic drag of sway."""
+    from hidden import sets
+
+    drawn = sets.draw("vessel/quadratic_sway_drag", 11)
+    return Case(drawn.model, drawn.train, drawn.unseen)
+
+
+def drafted() -> Case:
+    """A bench as a new user logs it: 50 Hz with jitter, samples dropped, a sagging battery."""
+    from hidden import users
+
+    made = users.draw("bench", 300)
+    return Case(made.model, made.train, made.unseen)
+
+
+def sticking() -> Case:
+    """Three logs of 1200 samples of a shaft with Stribeck friction."""
+    import numpy as np
+
+    import diffthrust as dft
+
+    rng, step, logs = np.random.default_rng(5), 0.05, []
+    for _ in range(3):
+        command = np.repeat(rng.uniform(-1.0, 1.0, 60), 20)
+        speed = np.zeros(command.size)
+        for k in range(command.size - 1):
+            w = speed[k]
+            for _ in range(20):
+                friction = np.tanh(w / 0.2) * (6.0 + 6.0 * np.exp(-((w / 8.0) ** 2)))
+                w += step / 20 * (60.0 * command[k] - 0.03 * w * abs(w) - friction)
+            speed[k + 1] = w
+        measured = {
+            "speed": speed + rng.normal(0.0, 0.3, speed.size),
+            "thrust": 0.01 * speed * abs(speed) + rng.normal(0.0, 0.2, speed.size),
+        }
+        logs.append(dft.Log(step * np.arange(command.size), {"command": command}, measured))
+    return Case(dft.Thruster(alpha=0.03, beta=60.0, ct=0.01), logs[:2], logs[2:])
+
+
+def rates() -> Case:
+    """A fit of a boat whose position, heading and yaw rate come at 5, 10 and 50 Hz."""
+    import numpy as np
+
+    import diffthrust as dft
+
+    rng, time = np.random.default_rng(6), 0.02 * np.arange(12_500)
+    true = dft.Vessel(drive="twin", lever_arm=0.3, m11=25.0, m22=30.0, i33=2.0)
+    true = true.replace({"d11": 20.0, "d22": 60.0, "d33": 4.0})
+    logs = []
+    for _ in range(4):
+        inputs = {
+            f"{side}_force": np.repeat(rng.uniform(-5.0, 20.0, 50), 250)
+            for side in ("left", "right")
+        }
+        run = dft.simulate(true, dft.Log(time, inputs))
+        measured = {}
+        for name, every, noise in (
+            ("surge", 10, 0.02),
+            ("heading", 5, 0.01),
+            ("yaw_rate", 1, 0.01),
+        ):
+            values = np.asarray(run[name]) + rng.normal(0.0, noise, time.size)
+            measured[name] = np.where(np.arange(time.size) % every == 0, values, np.nan)
+        logs.append(dft.Log(time, inputs, measured))
+    given = dft.Vessel(drive="twin", lever_arm=0.3)
+    return Case(given, logs, None, only_fit=True)
 
 
 def ngs() -> Case:
@@ -91,7 +161,8 @@ def blueboat() -> Case:
 
 
 CASES: dict[str, Callable[[], Case]] = {
-    one.__name__: one for one in (demo, ngs, t200, esso, blueboat)
+    case.__name__: case
+    for case in (demo, vessel, drafted, sticking, rates, ngs, t200, esso, blueboat)
 }
 
 
@@ -109,7 +180,13 @@ def child(name: str) -> dict[str, Any]:
     import diffthrust as dft
 
     case = CASES[name]()
-    diag = dft.diagnose(case.model, case.train, holdout=case.unseen, experiment=False)
+    if case.only_fit:
+        fit = dft.fit(case.model, case.train)
+        outcome = {"verdict": fit.status.value, "added": [], "unseen": [fit.train.nrmse]}
+    else:
+        diag = dft.diagnose(case.model, case.train, holdout=case.unseen, experiment=False)
+        unseen = [stage.holdout.nrmse for stage in diag.stages]
+        outcome = {"verdict": diag.verdict, "added": list(diag.added), "unseen": unseen}
     wall = time.perf_counter() - begun
     own, others = (
         resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
@@ -121,9 +198,7 @@ def child(name: str) -> dict[str, Any]:
         "peak": (own.ru_maxrss + others.ru_maxrss) / 1024,
         "maps": len(maps.read_text().splitlines()) if maps.exists() else None,
         "compiled": compiled[0],
-        "verdict": diag.verdict,
-        "added": list(diag.added),
-        "unseen": [stage.holdout.nrmse for stage in diag.stages],
+        **outcome,
     }
 
 
@@ -136,7 +211,7 @@ def measured(name: str, tree: Path, cache: str, limit: float) -> dict[str, Any]:
         "JAX_COMPILATION_CACHE_DIR": cache,
         "EQX_ON_ERROR": "nan",
     }
-    words = [sys.executable, "-m", "benchmarks.real_diagnoses", "--child", name]
+    words = [sys.executable, "-m", "benchmarks.diagnoses", "--child", name]
     try:
         ran = subprocess.run(
             words, env=env, cwd=HERE / "tests", capture_output=True, text=True, timeout=limit
@@ -164,7 +239,7 @@ def by_turns(names: Sequence[str], trees: Sequence[Path], limit: float) -> list[
 
 def table(rows: Sequence[dict[str, Any]]) -> Table:
     """All figures, a row for each diagnosis."""
-    drawn = Table(title="Diagnoses of measured logs")
+    drawn = Table(title="Diagnoses and fits")
     for k, head in enumerate(HEADS):
         drawn.add_column(head, justify="right" if 3 <= k <= 7 else "left")
     for row in rows:
@@ -177,7 +252,7 @@ def table(rows: Sequence[dict[str, Any]]) -> Table:
 
 def main(words: Sequence[str] | None = None) -> None:
     """Read the command line, measure, print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.real_diagnoses")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.diagnoses")
     parser.add_argument("cases", nargs="*", help=f"of {', '.join(CASES)}; all by default")
     parser.add_argument("--before", type=Path, help="another checkout, measured by turns")
     parser.add_argument("--limit", type=float, default=1800.0, help="seconds for one diagnosis")
