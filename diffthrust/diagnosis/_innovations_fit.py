@@ -86,6 +86,7 @@ class TrialFit:
         initial_states: the initial states of the logs, concatenated.
         clip: the clip of its errors.
         program: the compiled program.
+        response_problem: builds the problem by whose linear response additions are judged.
     """
 
     effects: tuple[str, ...]
@@ -97,6 +98,7 @@ class TrialFit:
     initial_states: Float[np.ndarray, " starts"] | None
     clip: ResidualClip
     program: Compiled = field(repr=False)
+    response_problem: Callable[[], Problem] = field(repr=False)
 
     @property
     def expected(self) -> float:
@@ -124,7 +126,7 @@ class TrialFit:
     @property
     def at_values(self) -> Problem:
         """The training logs at these values, from these initial states."""
-        return self.clip.on(self.problem.focus(self.names, self.values, self.initial_states))
+        return self._focused(self.problem)
 
     @property
     def unseen(self) -> Problem | None:
@@ -133,6 +135,9 @@ class TrialFit:
         if unseen is None:
             return None
         return with_own_values(self.clip.on(unseen.focus(self.names, self.values)))
+
+    def _focused(self, problem: Problem) -> Problem:
+        return self.clip.on(problem.focus(self.names, self.values, self.initial_states))
 
     @cached_property
     def passed(self) -> list[Pass]:
@@ -147,7 +152,7 @@ class TrialFit:
     @cached_property
     def response(self) -> LinearResponse:
         """The linear response of the errors to additions to the model."""
-        return LinearResponse(self.at_values, self.program.effects - {*self.effects})
+        return LinearResponse(self._focused(self.response_problem()))
 
 
 class CandidateFitter:
@@ -199,9 +204,11 @@ class CandidateFitter:
         problem = clip.on(program.problem.focus(names, values, initial_states))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
+        response_problem = partial(self.programs.response_problem, program, effects, len(names))
         fitted = partial(
-            TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program
-        )
+            TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
+            response_problem=response_problem,
+        )  # fmt: skip
         if not np.isfinite(q.cost):
             return fitted(cost=np.inf, predicted_gain=0.0, initial_states=initial_states)
         low, high = problem.limits()

@@ -13,7 +13,7 @@ redundant.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -42,19 +42,18 @@ class LinearResponse:
 
     Args:
         problem: the logs, at the values of the trial and with its clipped residuals.
-        absent: effects of the problem at their nulls, whose states nothing depends on.
 
     Example:
         >>> response.quadratic(response.to("shaft", series)).information
     """
 
-    def __init__(self, problem: Problem, absent: Collection[str] = ()) -> None:
+    def __init__(self, problem: Problem) -> None:
         self.problem = problem
         layout, numbers = problem.layout, problem.numbers
         passed = batch_passes(problem)
         self.errors = [np.asarray(errors) for errors, _ in passed]
         paths = [path for _, path in passed]
-        self.slopes = step_slopes(layout, numbers, problem.start(), paths, absent)
+        self.slopes = step_slopes(layout, numbers, problem.start(), paths)
         # what is each log's own, and how tight those that differ by log are about their means
         self.own = problem.start()[problem.shared :].reshape(len(problem.records), -1)
         self.tight = np.asarray(tightness(layout, numbers))

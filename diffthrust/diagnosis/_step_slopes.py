@@ -7,7 +7,7 @@ the whole pass follow by a scan of small matrix products.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -76,24 +76,6 @@ class StepSlopes:
     at_samples: Passing
     at_next: Passing
 
-    def _of_states(self, kept: Sequence[int], gone: tuple[str, ...]) -> StepSlopes:
-        """Those of some of the states, without series whose names begin with what is ``gone``."""
-        if not gone:
-            return self
-        at_samples, at_next = (
-            p._replace(series={n: v for n, v in p.series.items() if not n.startswith(gone)})
-            for p in (self.at_samples, self.at_next)
-        )
-        return replace(
-            self,
-            transition=self.transition[:, :, kept][..., kept],
-            push_now=self.push_now[:, :, kept],
-            push_over=self.push_over[:, :, kept],
-            output=self.output[..., kept],
-            at_samples=at_samples,
-            at_next=at_next,
-        )
-
 
 @cache
 def pushed_at(port: str) -> type[Effect]:
@@ -113,28 +95,15 @@ def _push_name(port: str) -> str:
 
 
 def step_slopes(
-    layout: Any,
-    numbers: Any,
-    z: np.ndarray,
-    paths: Sequence[Mapping[str, Any]],
-    absent: Collection[str] = (),
+    layout: Any, numbers: Any, z: np.ndarray, paths: Sequence[Mapping[str, Any]]
 ) -> list[StepSlopes]:
-    """The derivatives by batch, along the paths of a pass at coordinates ``z``.
-
-    The states of effects that are ``absent``, at their nulls, are left out.
-    """
-    out, gone = [], tuple(f"{name}." for name in absent)
+    """The derivatives by batch, along the paths of a pass at coordinates ``z``."""
+    out = []
     for index, slopes in enumerate(_linearised(layout, numbers, z, list(paths))):
         arrays = jax.tree.map(np.asarray, slopes)
         places = (*layout.key.model.ports, *layout.channels, *_input_names(numbers, index))
-        states = sorted(_states(paths[index]))
-        kept = [i for i, name in enumerate(states) if not name.startswith(gone)]
-        out.append(StepSlopes(places, *arrays)._of_states(kept, gone))
+        out.append(StepSlopes(places, *arrays))
     return out
-
-
-def _states(path: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: values for name, values in path.items() if not name.startswith(_RECORDED)}
 
 
 def _input_names(numbers: Any, index: int) -> tuple[str, ...]:
@@ -150,7 +119,8 @@ def _linearised(layout: Any, numbers: Any, z: Any, paths: Any) -> Any:
         def log_slopes(log_and_path: Any, index: int = index) -> Any:
             return _Step(layout, index, numbers, shared, *log_and_path).slopes()
 
-        out.append(jax.lax.map(log_slopes, (replace(batch, start=start), _states(path))))
+        states = {n: v for n, v in path.items() if not n.startswith(_RECORDED)}
+        out.append(jax.lax.map(log_slopes, (replace(batch, start=start), states)))
     return out
 
 

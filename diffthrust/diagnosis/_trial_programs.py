@@ -201,6 +201,12 @@ class Programs:
         width = max(self.width - _ROOM + min(free, _ROOM), least)
         return self._arranged(model, records, width=width)
 
+    def response_problem(
+        self, program: Compiled, effects: Collection[str], numbers: int
+    ) -> Problem:
+        """The problem of a program; over long logs one without the effects that are absent."""
+        return program.problem if self.joint else self.problem(effects, self.records, numbers)
+
     def _program(self, effects: Collection[str], needed: int = 0) -> Compiled:
         effects = {*effects, *self.by_log}
         # any of these effects may be tried, with all its parameters, beside those of a trial

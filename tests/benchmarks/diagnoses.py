@@ -88,7 +88,7 @@ def sticking() -> Case:
 
 
 def rates() -> Case:
-    """A fit of a boat whose position, heading and yaw rate come at 5, 10 and 50 Hz."""
+    """A fit of a boat whose speed, heading and yaw rate come at 5, 10 and 50 Hz."""
     import numpy as np
 
     import diffthrust as dft

@@ -73,13 +73,14 @@ def ratio_row(what: str, ours: float, peer: float, target: str = "") -> tuple[st
 def test_simulation_and_fit_of_one_log():
     log = make_log()
     model = dft.Thruster()
-    key, grid = trajectory_module.Key(model), trajectory_module.Grid((("command", "zero"),))
+    key = trajectory_module.Key(model)
+    grid = trajectory_module.Grid((("command", "zero"),), substeps=0)  # a number, as in a run
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
         {"command": jnp.asarray(log.inputs["command"])},
         {"speed": jnp.asarray(0.0)},
-        None,
+        np.asarray(1.0),
     )
     ours, whole, peer = interleaved(
         lambda: jax.block_until_ready(fixed_step_module.compiled_simulation((key, grid), given)),

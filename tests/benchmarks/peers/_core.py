@@ -18,13 +18,13 @@ from ._problem import GUESS, TRUTH
 def simulation(samples: int) -> Any:
     log, model = log_of(_problem.record(samples)), thruster(TRUTH)
     key = trajectory_module.Key(model)
-    grid = trajectory_module.Grid((("command", "zero"),), uniform=log.even)
+    grid = trajectory_module.Grid((("command", "zero"),), substeps=0, uniform=log.even)
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
         {"command": jnp.asarray(log.inputs["command"])},
         {"speed": jnp.asarray(0.0)},
-        None,
+        np.asarray(1.0),
     )
 
     def run(turn: int) -> np.ndarray:
