@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from compilations import compilations
 from observers import cost, passes, settled_start, with_clip
 from problems import build, errors_at, likelihood_of
 
@@ -54,6 +55,24 @@ def test_passes_are_in_the_order_of_the_logs(problem):
         np.testing.assert_array_equal(one.path["time"], given.time)
         np.testing.assert_array_equal(one.path["u"], given.inputs["u"])
     np.testing.assert_array_equal(passes(problem)[0].errors, found[0].errors)
+
+
+def made_of(logs):
+    words = {"likelihood": "innovations", "noise_model": "white", "loss": "gaussian"}
+    return build(Both(a=0.8), logs, likelihood=likelihood_of(Both(), logs, **words))
+
+
+def test_few_logs_one_by_one_and_many_at_once_have_the_same_passes():
+    logs = [log(20 + i, i) for i in range(10)]
+    before = compilations("_pass")
+    few = [found for part in (logs[:7], logs[7:]) for found in passes(made_of(part))]
+    assert compilations("_pass") - before == 1  # for all of them
+    many = passes(made_of(logs))
+    assert compilations("_pass") - before == 2
+    for one, other in zip(few, many, strict=True):
+        np.testing.assert_allclose(one.errors, other.errors, rtol=1e-12, atol=1e-14)
+        for name, series in one.path.items():
+            np.testing.assert_allclose(series, other.path[name], rtol=1e-12, atol=1e-14)
 
 
 def test_the_cost_is_that_of_the_errors(problem):
