@@ -7,6 +7,8 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, subtask
 from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
@@ -136,6 +138,7 @@ def compiled_fitter(
         fitter = CandidateFitter(programs)
         first = fitter.base(present.effects, present.values) if present else fitter.base()
         if math.isfinite(first.cost):
+            _refuse_blinding(fit, effects, train, first)
             return fitter, first
     raise _not_finite(fit, effects, train)
 
@@ -185,6 +188,31 @@ def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
     return substeps
 
 
+def _refuse_blinding(
+    fit: Fit, effects: Sequence[Effect], train: Sequence[Record], first: TrialFit
+) -> None:
+    """Raise where a user's effect makes the linear response of all others NaN, though it is absent.
+
+    A root of what is zero in some samples is finite, and its slope is not: beside it no effect
+    promised anything, and dry friction that was there went unseen.
+    """
+    own = [effect for effect in effects if type(effect) is not EFFECTS.get(effect.name)]
+    if not own or _has_response(first):
+        return
+    for effect in own:
+        alone = CandidateFitter(Programs(fit.model, [effect], train, [], fit.substeps))
+        if not _has_response(alone.base()):
+            raise _untried(effect)
+
+
+def _has_response(trial: TrialFit) -> bool:
+    return all(
+        bool(np.all(np.isfinite(array)))
+        for s in trial.response.slopes
+        for array in (s.transition, s.push_now, s.push_over, s.output, s.direct, s.jacobian)
+    )
+
+
 def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
     """The error if no trial has a finite cost; it names the user's effect that is the cause."""
     for effect in effects:
@@ -192,16 +220,20 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) ->
             continue
         fitter = CandidateFitter(Programs(fit.model, [effect], train, [], fit.substeps))
         if not math.isfinite(fitter.base().cost):
-            return InputError(
-                f"The effect '{effect.name}' cannot be tried: at its null value the errors or "
-                "their derivatives are not finite.",
-                "Write it so that its derivative at the null is finite (no root or logarithm "
-                "of zero), or leave it out.",
-            )
+            return _untried(effect)
     return InputError(
         f"The '{fit.model}' cannot be simulated along these logs at the parameters of its fit "
         f"({fit.status.value}): expected finite one-step errors, found none."
         + (f" {fit.message}" if fit.status is Status.SIMULATION_FAILED else ""),
         "Give bounds that keep its time constants longer than a fifth of a sample, and check "
         "the units of the logs.",
+    )
+
+
+def _untried(effect: Effect) -> InputError:
+    return InputError(
+        f"The effect '{effect.name}' cannot be tried: at its null value the errors or their "
+        "derivatives are not finite.",
+        "Write it so that its derivative at the null is finite (no root or logarithm of zero), or "
+        "leave it out.",
     )

@@ -230,3 +230,21 @@ class Rooted(dft.Effect):
 def test_an_effect_that_stops_the_trials_is_named():
     with pytest.raises(dft.InputError, match="effect 'rooted' cannot be tried"):
         dft.diagnose(dft.Thruster(), logs(1), candidates=["coulomb_friction", Rooted()])
+
+
+class RootOfCommand(dft.Effect):
+    """An effect whose slope is infinite where the command is zero, also at its null."""
+
+    name = "root_of_command"
+    port = "shaft"
+    size: float = dft.parameter(0.0, "rad/s^2", bounds=(0, None), null=0.0, size=1.0)
+
+    def __call__(self, value, s):
+        return value + self.size * jnp.sqrt(jnp.abs(s.command))
+
+
+def test_an_effect_that_blinds_the_trials_is_named():
+    stops = [log.replaced(inputs={"command": np.where(log.time < 5.0, 0.0, log.inputs["command"])})
+             for log in logs(1)]  # fmt: skip
+    with pytest.raises(dft.InputError, match="effect 'root_of_command' cannot be tried"):
+        dft.diagnose(dft.Thruster(), stops, candidates=["coulomb_friction", RootOfCommand()])
