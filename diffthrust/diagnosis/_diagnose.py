@@ -37,15 +37,8 @@ from diffthrust.diagnosis._outcome import (
 from diffthrust.diagnosis._periodic_stage import add_periodic_force
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._rival_models import other_models
-from diffthrust.diagnosis._search_start import (
-    start_search,
-    with_finer_steps,
-)
-from diffthrust.diagnosis._search_state import (
-    SOUGHT,
-    SearchContext,
-    SearchState,
-)
+from diffthrust.diagnosis._search_start import start_search, with_finer_steps
+from diffthrust.diagnosis._search_state import SOUGHT, SearchContext, SearchState
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._verdict import verdict_of
 from diffthrust.estimation._arguments import (

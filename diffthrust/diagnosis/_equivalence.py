@@ -15,11 +15,7 @@ from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._screening import levels_of, screened
-from diffthrust.diagnosis._search_state import (
-    FittedStage,
-    SearchContext,
-    SearchState,
-)
+from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import (
     change_between,

@@ -26,11 +26,7 @@ from diffthrust.diagnosis._missing import (
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
 from diffthrust.diagnosis._recurrence import recurring_shares
-from diffthrust.diagnosis._search_state import (
-    LEARNING,
-    SearchContext,
-    SearchState,
-)
+from diffthrust.diagnosis._search_state import LEARNING, SearchContext, SearchState
 from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
 from diffthrust.diagnosis._stage_shares import shares_by_effect
 from diffthrust.diagnosis._unknown_term.fit import quick_fit, worth_between_fits

@@ -34,15 +34,8 @@ from diffthrust.diagnosis._innovations_fit import (
 )
 from diffthrust.diagnosis._predicted_gain import Point
 from diffthrust.diagnosis._screening import levels_of, probes
-from diffthrust.diagnosis._search_start import (
-    few_substeps,
-)
-from diffthrust.diagnosis._search_state import (
-    CurrentModel,
-    FittedStage,
-    SearchContext,
-    SearchState,
-)
+from diffthrust.diagnosis._search_start import few_substeps
+from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import Runs, share_between
 

@@ -17,15 +17,8 @@ from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._candidates import DrivingPort, words_and_unit
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._rating import Tried, rate
-from diffthrust.diagnosis._search_start import (
-    compiled_fitter,
-)
-from diffthrust.diagnosis._search_state import (
-    CurrentModel,
-    FittedStage,
-    SearchContext,
-    SearchState,
-)
+from diffthrust.diagnosis._search_start import compiled_fitter
+from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._spectral_line import (
     Series,

@@ -24,14 +24,8 @@ from diffthrust.diagnosis._channel_use import models_fed_by
 from diffthrust.diagnosis._explained_share import explained_share
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._other_models import OtherModel, errors_of
-from diffthrust.diagnosis._search_start import (
-    start_search,
-)
-from diffthrust.diagnosis._search_state import (
-    FittedStage,
-    SearchContext,
-    SearchState,
-)
+from diffthrust.diagnosis._search_start import start_search
+from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._stepwise import done, simulation_is_poor, step
 from diffthrust.estimation._result import Fit

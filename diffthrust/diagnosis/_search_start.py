@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -129,10 +129,9 @@ def compiled_fitter(
     ``steps``, of integration a sample, are tried in turn: those of the fit, if not given, but an
     effect that is present may need more.
     """
-    if fit.status is Status.SIMULATION_FAILED:
-        alone = CandidateFitter(Programs(fit.model, [], train, [], fit.substeps, fit.noise_model))
-        if not math.isfinite(alone.base().cost):
-            raise _not_finite(fit, [], train)
+    failed = fit.status is Status.SIMULATION_FAILED
+    if failed and not math.isfinite(_trial_of(fit, [], train).cost):
+        raise _not_finite(fit, [], train)
     for substeps in dict.fromkeys(steps or (few_substeps(fit, train), fit.substeps)):
         programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
         fitter = CandidateFitter(programs)
@@ -196,13 +195,9 @@ def _refuse_blinding(
     A root of what is zero in some samples is finite, and its slope is not: beside it no effect
     promised anything, and dry friction that was there went unseen.
     """
-    own = [effect for effect in effects if type(effect) is not EFFECTS.get(effect.name)]
-    if not own or _has_response(first):
-        return
-    for effect in own:
-        alone = CandidateFitter(Programs(fit.model, [effect], train, [], fit.substeps))
-        if not _has_response(alone.base()):
-            raise _untried(effect)
+    own = _own(effects)  # a response is not worked out for the catalogue's effects
+    if own and not _has_response(first) and (error := _blamed(fit, own, train, _has_response)):
+        raise error
 
 
 def _has_response(trial: TrialFit) -> bool:
@@ -215,13 +210,8 @@ def _has_response(trial: TrialFit) -> bool:
 
 def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
     """The error if no trial has a finite cost; it names the user's effect that is the cause."""
-    for effect in effects:
-        if type(effect) is EFFECTS.get(effect.name):
-            continue
-        fitter = CandidateFitter(Programs(fit.model, [effect], train, [], fit.substeps))
-        if not math.isfinite(fitter.base().cost):
-            return _untried(effect)
-    return InputError(
+    own = _own(effects)
+    return _blamed(fit, own, train, lambda trial: math.isfinite(trial.cost)) or InputError(
         f"The '{fit.model}' cannot be simulated along these logs at the parameters of its fit "
         f"({fit.status.value}): expected finite one-step errors, found none."
         + (f" {fit.message}" if fit.status is Status.SIMULATION_FAILED else ""),
@@ -230,10 +220,33 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) ->
     )
 
 
-def _untried(effect: Effect) -> InputError:
-    return InputError(
-        f"The effect '{effect.name}' cannot be tried: at its null value the errors or their "
-        "derivatives are not finite.",
-        "Write it so that its derivative at the null is finite (no root or logarithm of zero), or "
-        "leave it out.",
-    )
+def _blamed(
+    fit: Fit,
+    own: Sequence[Effect],
+    train: Sequence[Record],
+    is_sound: Callable[[TrialFit], bool],
+) -> InputError | None:
+    """The error for the user's effect with which, absent, a trial is not sound that is without."""
+    if not own or not is_sound(_trial_of(fit, [], train)):
+        return None
+    for effect in own:
+        if not is_sound(_trial_of(fit, [effect], train)):
+            return InputError(
+                f"The effect '{effect.name}' cannot be tried: at its null value the errors or "
+                "their derivatives are not finite.",
+                "Write it so that its derivative at the null is finite (no root or logarithm "
+                "of zero), or leave it out.",
+            )
+    return None
+
+
+def _own(effects: Sequence[Effect]) -> list[Effect]:
+    """Those of them that are a user's own."""
+    return [effect for effect in effects if type(effect) is not EFFECTS.get(effect.name)]
+
+
+def _trial_of(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> TrialFit:
+    """The first trial with only these candidates."""
+    return CandidateFitter(
+        Programs(fit.model, effects, train, [], fit.substeps, fit.noise_model)
+    ).base()

@@ -16,13 +16,8 @@ from diffthrust.diagnosis._findings import Assessment, OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._outlier_logs import error_ratio
 from diffthrust.diagnosis._residual_structure import remaining_structure
-from diffthrust.diagnosis._search_start import (
-    compiled_fitter,
-)
-from diffthrust.diagnosis._search_state import (
-    FittedStage,
-    SearchContext,
-)
+from diffthrust.diagnosis._search_start import compiled_fitter
+from diffthrust.diagnosis._search_state import FittedStage, SearchContext
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
 

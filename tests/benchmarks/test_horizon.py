@@ -10,6 +10,7 @@ from gusty_runs import MISSING, gusty_runs, model_of
 from shared_data import data_folder
 
 import diffthrust as dft
+from benchmarks import diagnoses
 from benchmarks.test_benchmarks import show
 
 pytestmark = pytest.mark.benchmark
@@ -37,23 +38,10 @@ def test_made_up_runs_under_gusts():
 
 def test_vessels_that_were_measured(monkeypatch):
     monkeypatch.setenv("DIFFTHRUST_DATA", str(data_folder("esso_osaka").parent))
-    esso = dft.datasets.esso_osaka(("zigzag*", "turn*"))
-    boat = dft.datasets.blueboat()
-    twin = dft.Vessel(drive="twin", lever_arm=0.285).replace(
-        m11={"value": 20.0, "bounds": (15.0, None)},
-        m22={"value": 20.0, "bounds": (15.0, None)},
-        i33={"value": 1.7, "fixed": True},
-        d11=30.0,
-        d22=30.0,
-        d33={"value": 5.0, "bounds": (0.0, 20.0)},
-    )
     rows = []
-    for name, model, runs in (
-        ("Esso Osaka", dft.Vessel(lever_arm=1.5), esso),
-        ("BlueBoat", twin, boat),
-    ):
-        train, unseen = ([log.averaged(5) for log in logs] for logs in (runs.train, runs.unseen))
-        rows.append(row(name, model, train, unseen))
+    for case in (diagnoses.esso, diagnoses.blueboat):
+        model, train, unseen, _ = case()
+        rows.append(row(case.__name__, model, train, unseen))
     table(rows)
 
 

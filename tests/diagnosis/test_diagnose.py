@@ -243,8 +243,19 @@ class RootOfCommand(dft.Effect):
         return value + self.size * jnp.sqrt(jnp.abs(s.command))
 
 
+def with_stops():
+    """A log whose command is zero at first."""
+    return [log.replaced(inputs={"command": np.where(log.time < 5.0, 0.0, log.inputs["command"])})
+            for log in logs(1)]  # fmt: skip
+
+
 def test_an_effect_that_blinds_the_trials_is_named():
-    stops = [log.replaced(inputs={"command": np.where(log.time < 5.0, 0.0, log.inputs["command"])})
-             for log in logs(1)]  # fmt: skip
+    candidates = ["coulomb_friction", RootOfCommand()]
     with pytest.raises(dft.InputError, match="effect 'root_of_command' cannot be tried"):
-        dft.diagnose(dft.Thruster(), stops, candidates=["coulomb_friction", RootOfCommand()])
+        dft.diagnose(dft.Thruster(), with_stops(), candidates=candidates)
+
+
+def test_a_sound_effect_is_not_blamed_for_what_the_model_cannot_respond_to():
+    model = dft.Thruster() + RootOfCommand(size=0.5)
+    found = dft.diagnose(model, with_stops(), candidates=[SquareRootDrag()])
+    assert found.sought

@@ -24,16 +24,8 @@ from diffthrust.diagnosis._missing import (
     Remaining,
 )
 from diffthrust.diagnosis._residual_structure import downstream_ports
-from diffthrust.diagnosis._search_start import (
-    compiled_fitter,
-    few_substeps,
-)
-from diffthrust.diagnosis._search_state import (
-    LEARNING,
-    CurrentModel,
-    SearchContext,
-    SearchState,
-)
+from diffthrust.diagnosis._search_start import compiled_fitter, few_substeps
+from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
 from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve, likely_curves, tune_memory

@@ -23,12 +23,8 @@ import numpy as np
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._search_start import (
-    few_substeps,
-)
-from diffthrust.diagnosis._search_state import (
-    SearchContext,
-)
+from diffthrust.diagnosis._search_start import few_substeps
+from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._unknown_term.closed_forms import as_estimated
 from diffthrust.diagnosis._unknown_term.fit import worth_between_fits
 from diffthrust.diagnosis._unknown_term.terms import units_at
