@@ -16,7 +16,7 @@ from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._score_test import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._observer import is_memory
-from diffthrust.estimation._one_step import cost, nrmse, settled_start
+from diffthrust.estimation._one_step import nrmse
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
@@ -118,22 +118,12 @@ def unseen_gain(fitter: CandidateFitter, baseline: TrialFit, updated: TrialFit) 
     better of both observers is used: an effect that explains much leaves an observer that corrects
     little, and a single event that the effect misses would dominate.
     """
-    baseline = replace(baseline, clip=updated.clip)
+    if baseline.clip is not updated.clip:
+        baseline = replace(baseline, clip=updated.clip)
     noise = {name: baseline.values[name] for name in fitter.nuisance}
     louder = replace(updated, values={**updated.values, **noise})
-    loss, *losses = (unseen_cost(trial) for trial in (baseline, updated, louder))
+    loss, *losses = (trial.unseen_cost for trial in (baseline, updated, louder))
     return loss - min(losses)
-
-
-def unseen_cost(trial: TrialFit) -> float:
-    """Negative log-likelihood of the unseen logs, from their best initial states.
-
-    NaN without unseen logs, infinite where the simulation of the trial fails on them.
-    """
-    if trial.unseen is None:
-        return float("nan")
-    value = cost(settled_start(trial.unseen))
-    return value if np.isfinite(value) else float("inf")
 
 
 def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, float | None]:

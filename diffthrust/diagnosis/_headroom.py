@@ -191,8 +191,7 @@ def headroom_of(
     hidden = bool({*model.all_states} - {n for run in runs for n in run.channels})
     for k, name in enumerate(names):
         report(f"what could be explained of {name}", k / len(names))
-        train = [_record(model, run, name) for run in runs if name in run.channels]
-        test = [_record(model, run, name) for run in unseen or () if name in run.channels]
+        train, test = (_records(model, logs, name) for logs in (runs, unseen or ()))
         measured = [r.channels[name].measured for r in (unseen or runs) if name in r.channels]
         if train:
             channels[name] = _channel(_thinned(train), test, np.concatenate(measured), seed, hidden)
@@ -203,6 +202,13 @@ def headroom_of(
         )
     report("done", 1.0)
     return Headroom(channels, "unseen" if unseen else "left-out", str(model))
+
+
+def _records(model: Model, runs: Sequence[Run], name: str) -> list[ErrorRecord]:
+    """The errors of a channel in the runs that have any: a sensor may have started late."""
+    measuring = [run for run in runs if name in run.channels]
+    records = [_record(model, run, name) for run in measuring]
+    return [record for record in records if np.isfinite(record.error).any()]
 
 
 def _record(model: Model, run: Run, name: str) -> ErrorRecord:
@@ -249,8 +255,10 @@ def _channel(
 
 
 def _cut(record: ErrorRecord, into: int) -> list[ErrorRecord]:
-    """A record in consecutive stretches."""
-    edges = np.linspace(0, record.time.size, into + 1).astype(int)
+    """A record in consecutive stretches with about as many errors each."""
+    measured = np.flatnonzero(np.isfinite(record.error))
+    inner = measured[np.linspace(0, measured.size, into + 1).astype(int)[1:-1]]
+    edges = [0, *inner, record.time.size]
     return [
         ErrorRecord(
             record.time[a:b],

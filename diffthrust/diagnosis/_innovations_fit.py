@@ -27,7 +27,14 @@ from diffthrust.estimation._observer import (
     is_memory,
     uncorrected,
 )
-from diffthrust.estimation._one_step import Pass, cost, passes, with_clip, with_own_values
+from diffthrust.estimation._one_step import (
+    Pass,
+    cost,
+    passes,
+    settled_start,
+    with_clip,
+    with_own_values,
+)
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import solve
 from diffthrust.models._base.model import Model
@@ -138,6 +145,17 @@ class TrialFit:
 
     def _focused(self, problem: Problem) -> Problem:
         return self.clip.on(problem.focus(self.names, self.values, self.initial_states))
+
+    @cached_property
+    def unseen_cost(self) -> float:
+        """Negative log-likelihood of the unseen logs, from their best initial states.
+
+        NaN without unseen logs, infinite where the simulation fails on them.
+        """
+        if self.unseen is None:
+            return float("nan")
+        value = cost(settled_start(self.unseen))
+        return value if np.isfinite(value) else float("inf")
 
     @cached_property
     def passed(self) -> list[Pass]:

@@ -237,9 +237,11 @@ def smoothed_signals(
     scaled = [run.over(noise) for run in runs]
     cost, squares, count = np.zeros(len(grid)), np.zeros(len(grid)), 0
     for run in scaled:
-        filtered = _filter(run, grid, lasting, _TUNING_SAMPLES)
+        measured = np.isfinite(run.innovation)
+        enough = _TUNING_SAMPLES + int(np.argmax(measured))  # a sensor may have started late
+        filtered = _filter(run, grid, lasting, enough)
         cost, squares = cost + filtered.logs, squares + filtered.squares
-        count += int(np.isfinite(run.innovation[:_TUNING_SAMPLES]).sum())
+        count += int(measured[:enough].sum())
     best = int(np.argmin(cost + count * np.log(squares / count)))
     chosen = [_filter(run, grid[best : best + 1], lasting) for run in scaled]
     total = sum(float(filtered.squares[0]) for filtered in chosen)

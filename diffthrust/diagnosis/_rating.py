@@ -14,7 +14,6 @@ from diffthrust.diagnosis._criteria import (
     criterion,
     price_of,
     simulation_errors,
-    unseen_cost,
     unseen_gain,
 )
 from diffthrust.diagnosis._findings import TriedEffect
@@ -241,9 +240,6 @@ def better_noise(
         without = fitter.settled(now.effects, values, trial.initial_states, now.clip)
         if without.cost < now.cost - 0.5 * SETTINGS.admission.least_bic_gain:
             clipped = replace(now, clip=without.clip)
-            if (
-                not unseen_cost(without)
-                > unseen_cost(clipped) + SETTINGS.admission.most_unseen_loss
-            ):
+            if not without.unseen_cost > clipped.unseen_cost + SETTINGS.admission.most_unseen_loss:
                 return CurrentModel(fitter, without)
     return None

@@ -154,15 +154,15 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     out[np.ix_(ours, ours)] = inverse[: ours.size, : ours.size] * np.outer(slopes, slopes)
     smallest = values.min(initial=np.inf)
     condition = np.sqrt(values.max(initial=1.0) / smallest) if smallest > 0 else np.inf
-    combinations = tuple(
-        _combination(problem, inside, vector / length) for vector in vectors[:, null].T
-    )
+    starts = np.array([_is_start(problem, int(i)) for i in inside], bool)
+    redundant = _of_parameters(vectors[:, null], starts)
+    combinations = tuple(_combination(problem, inside, vector / length) for vector in redundant.T)
     names = tuple(problem.free[i] for i in np.flatnonzero(bound[:k]))
     rank = int(np.sum(~null))
     return Local(
         gradient=float(gradient),
         rank=rank,
-        columns=inside.size,
+        columns=rank + len(combinations),
         samples=int(samples),
         condition=float(condition) if inside.size else 1.0,
         at_bound=names,
@@ -206,6 +206,27 @@ def inflation(problem: Problem, samples: float, columns: int) -> float:
     return problem.layout.likelihood.law.excess * (1.0 if all(problem.layout.known_noise) else used)
 
 
+def _of_parameters(null: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """The redundant directions, ``(n, r)``, less those in which initial states alone move.
+
+    These are no unknowns of the fit: the length of an initial quaternion changes nothing, and of
+    100 fits of a vehicle of eight thrusters 12 were "not identifiable" for it.
+    """
+    _, sizes, turned = np.linalg.svd(null[~starts])
+    moved = np.zeros(null.shape[1], bool)
+    moved[: sizes.size] = sizes > 1e-3
+    return null if moved.all() else null @ turned[moved].T
+
+
+def _own_name(problem: Problem, i: int) -> str:
+    """The name of a coordinate that each log has of its own."""
+    return problem.layout.local[(i - problem.shared) % problem.each]
+
+
+def _is_start(problem: Problem, i: int) -> bool:
+    return i >= len(problem.free) and _own_name(problem, i) in problem.layout.starts
+
+
 def _combination(problem: Problem, inside: np.ndarray, direction: np.ndarray) -> str:
     """A direction that changes nothing that was measured, in words."""
     k, named = len(problem.free), problem.named
@@ -215,9 +236,8 @@ def _combination(problem: Problem, inside: np.ndarray, direction: np.ndarray) ->
         if abs(change) < 1e-3:
             continue
         if i >= k:
-            own = problem.layout.local[(i - problem.shared) % problem.each]
-            starts = own in problem.layout.starts
-            parts.append("an initial state" if starts else f"{own} of a log")
+            start = _is_start(problem, i)
+            parts.append("an initial state" if start else f"{_own_name(problem, i)} of a log")
             continue
         p = named[problem.free[i]]
         if p.transform == "log":

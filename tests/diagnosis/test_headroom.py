@@ -91,6 +91,17 @@ def test_one_record_is_cut_and_each_part_left_out():
     assert found.channels["thrust"].share > 0.95
 
 
+def test_a_sensor_that_started_late_is_judged_by_what_it_read():
+    log = recorded(dft.Thruster() + effects.ThrustSensorOffset(offset=2.0), 0, 120.0)
+    late = np.where(log.time < 72.0, np.nan, log.measured["thrust"])
+    log = log.replaced(measured={**log.measured, "thrust": late})
+    found = dft.diagnosis.headroom(dft.fit(dft.Thruster(), log), log)
+    told = found.channels["thrust"]
+    assert told.samples == np.isfinite(late).sum()
+    assert told.low < told.share < told.high
+    assert told.share > 0.95
+
+
 def test_a_vessels_heading_counts_modulo_a_turn_and_its_place_not_at_all():
     time = np.arange(0.0, 60.0, 0.1)
     inputs = {"propeller_speed": np.full(time.size, 90.0),

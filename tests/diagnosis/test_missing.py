@@ -141,6 +141,15 @@ def test_where_nothing_was_measured_the_band_is_wide():
     assert abs(found[600] - signal[600]) < 4 * error[600]
 
 
+def test_a_sensor_that_started_late_tunes_the_signal_by_what_it_read():
+    signal, measured = pushed_system(2)
+    measured[: SIZE // 2] = np.nan
+    ((found, error),) = smoothed_signals([plain(measured)], 0.5)
+    late = slice(SIZE // 2 + 50, None)
+    assert np.std((found - signal)[late]) < 0.4 * np.std(signal[late])
+    assert np.mean(np.abs(found - signal)[late] < 1.96 * error[late]) > 0.85
+
+
 def test_a_signal_in_the_output_itself():
     signal, _ = pushed_system(3)
     measured = 0.5 * signal + 0.3 * np.random.default_rng(0).standard_normal(SIZE)

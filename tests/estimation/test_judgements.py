@@ -248,6 +248,26 @@ def test_a_linear_parameter_and_an_initial_state_in_words():
     assert told in (f"changing ct by {sign}{step:.2g} N s^2/rad^2 {words}" for sign in "+-")
 
 
+def test_initial_states_that_only_each_other_replace_are_no_unknowns():
+    """As the four numbers of a quaternion are, whose length changes nothing."""
+    of_two = problem(size=6)
+    of_two.each, of_two.layout.local = 2, ("speed", "turn")
+    of_two.layout.starts = of_two.layout.local
+    information = np.zeros((6, 6))
+    information[:4, :4] = np.diag([40.0, 90.0, 20.0, 8.0])
+    information[4:, 4:] = np.outer([3.0, 2.0], [3.0, 2.0])
+    local = examine(of_two, np.zeros(6), q(information, np.zeros(6)))
+    assert (local.rank, local.columns, local.combinations) == (4, 4, ())
+    assert np.isfinite(local.covariance).all()
+    information[0, 1] = information[1, 0] = 60.0  # and alpha and beta beside them
+    local = examine(of_two, np.zeros(6), q(information, np.zeros(6)))
+    assert (local.rank, local.columns) == (3, 4)
+    (told,) = local.combinations
+    assert "alpha" in told
+    assert "beta" in told
+    assert "initial" not in told
+
+
 @pytest.mark.parametrize(("share", "apart"), [(0.5e-13, False), (4e-13, True)])
 def test_what_only_rounding_tells_apart(share, apart):
     # of the scaled information the eigenvalues of the pair are share and 2 - share

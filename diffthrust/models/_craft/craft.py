@@ -36,6 +36,8 @@ TOLD = ("inflow", "crossflow")
 """What the craft works out for each actuator: the speed of the water past it, along its axis in the
 direction in which it pushes the craft, and across [m/s]."""
 _GEOMETRY = ("x", "y", "z")
+_FORCES = ("thrust", "side_thrust")
+"""Outputs of an actuator that are its force: all of what a weak one gives is less."""
 
 
 class Craft(Model):
@@ -270,10 +272,11 @@ class Craft(Model):
             part_rates, part_outputs = self._bound_part(name).equations(
                 of_part, PortsUnder(port, name)
             )
-            thrust = part_outputs["thrust"]
             if len(self._group_of(name)) > 1:
-                thrust = getattr(self, f"{name}.strength") * thrust
-            thrust = port(f"{name}.{PUSH}", thrust)
+                strength = getattr(self, f"{name}.strength")
+                weaker = {k: strength * part_outputs[k] for k in _FORCES if k in part_outputs}
+                part_outputs = {**part_outputs, **weaker}
+            thrust = port(f"{name}.{PUSH}", part_outputs["thrust"])
             force, moment = self._wrench(name, thrust, part_outputs)
             forces = forces.pushed(force, place, moment)
             rates |= {f"{name}.{k}": v for k, v in part_rates.items()}

@@ -1,5 +1,7 @@
 """Bodies and actuators held against matrices and DOP853, and against the systems they replace."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference import craft
@@ -186,6 +188,33 @@ def test_actuators(kind):
         [list(inputs.values())],
     )
     agree(out, reference, ("surge", "sway", "yaw_rate", "north", "east", "heading"))
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_a_weak_one_of_two_has_less_of_all_its_force(kind):
+    model, reference_of, inputs = CASES[kind]
+    places = {"port": (-0.4, -0.3, 0.0), "starboard": (-0.4, 0.3, 0.0)}
+    boat = dft.Craft(
+        Planar(), **{name: model.at(place) for name, place in places.items()}, share=[tuple(places)]
+    )
+    given = {f"{name}.{n}": v for name in places for n, v in inputs.items()}
+    out = driven(boat.replace({"starboard.strength": 0.8}), given)
+    port, whole = (reference_of(place) for place in places.values())
+
+    def weak(*states):
+        return tuple(0.8 * force for force in whole.force(*states))
+
+    reference = craft.simulate(
+        TIME,
+        craft.Body(
+            (38.0, 60.0, 1.0, 1.0, 1.0, 6.0), (20.0, 80.0, 0.0, 0.0, 0.0, 12.0), free=(0, 1, 5)
+        ),
+        [port, replace(whole, force=weak)],
+        [list(inputs.values())] * 2,
+    )
+    agree(out, reference, ("surge", "sway", "yaw_rate", "north", "east", "heading"))
+    if kind in ("static", "hinged"):  # the same command gives the same share, wherever it is
+        np.testing.assert_allclose(out["starboard.thrust"], 0.8 * out["port.thrust"], rtol=1e-12)
 
 
 def test_a_measured_azimuth_needs_no_commanded_angle():
