@@ -65,10 +65,7 @@ def admit(
     with context.clock("screen"):
         settled = fitter.settled(trial.effects, trial.values, trial.initial_states, trial.clip)
     unseen = unseen_gain(fitter, current.trial, settled)
-    if (
-        not proven
-        and candidate.delta_bic - 2 * min(unseen, 0.0) > -SETTINGS.admission.least_bic_gain
-    ):
+    if not proven and candidate.delta_bic - 2 * min(unseen, 0.0) > -fitter.least_gain:
         return Refusal.UNSEEN_LOGS
     added = replace(state, current=CurrentModel(fitter, settled))
     with context.clock("remaining"):  # a freed constant may absorb any error
@@ -222,7 +219,7 @@ def comparable(context: SearchContext, present: CurrentModel, tried: Tried) -> b
         return True
     with context.clock("remaining"):
         gain_beside = gain_of(fitter, trial, remaining)
-    price = price_of(fitter, trial) + SETTINGS.admission.least_bic_gain
+    price = price_of(fitter, trial) + fitter.least_gain
     kept = candidate.likelihood_ratio - (remaining.gain - gain_beside)
     return kept > max(
         SETTINGS.admission.least_share_kept * candidate.likelihood_ratio,
@@ -242,7 +239,7 @@ def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:
         loss = 2 * (without.cost - present.trial.cost) - price_of(fitter, present.trial, name)
         if loss < SETTINGS.admission.clear_bic_gain:
             loss = criterion(fitter, without) - present.criterion
-        if loss < SETTINGS.admission.least_bic_gain:
+        if loss < fitter.least_gain:
             dropped = state.dropped if name == effects[-1] else (*state.dropped, name)
             detectable = tuple(n for n in state.detectable if n != name)
             state = replace(

@@ -5,6 +5,7 @@ A trial holds its values, the clip of its errors, and its program.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,7 @@ from jaxtyping import Float
 
 from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._trial_programs import Compiled, Programs
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._observer import (
@@ -178,6 +180,10 @@ class CandidateFitter:
 
     Args:
         programs: the compiled problems.
+
+    Attributes:
+        least_gain: by which an effect must lower the criterion to be added: more where many are
+            tried, of which the best has gained the most by chance.
     """
 
     def __init__(self, programs: Programs) -> None:
@@ -190,6 +196,8 @@ class CandidateFitter:
         self.candidates, self.constants = programs.candidates, programs.constants
         self.free, self.counts, self.samples = programs.free, programs.counts, programs.samples
         self.places, self.ready = programs.places, programs.ready
+        many = (len(self.candidates) + len(self.constants)) / SETTINGS.admission.priced_candidates
+        self.least_gain = SETTINGS.admission.least_bic_gain + 2.0 * math.log(max(1.0, many))
 
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""

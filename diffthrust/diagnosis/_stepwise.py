@@ -105,7 +105,7 @@ def one_round(context: SearchContext, state: SearchState, rescreen: bool) -> Sea
         if place and candidate.p_value < SETTINGS.screening.pricing_level:
             # the criterion of all but the first was computed without the price of the noise
             candidate = rate(context.fitter, state, trial, state.current.criterion)
-        if candidate.delta_bic > -SETTINGS.admission.least_bic_gain:
+        if candidate.delta_bic > -context.fitter.least_gain:
             continue
         outcome = still_refused(context, state, candidate.effect)
         outcome = outcome or admit(context, state, Tried(candidate, trial))
@@ -210,7 +210,7 @@ def _admitted(
     with context.clock("whole runs"):
         trial = _retried(context, state, name, simulated)
         candidate = rate(context.fitter, state, trial, state.current.criterion)
-    if candidate.delta_bic > -SETTINGS.admission.least_bic_gain:
+    if candidate.delta_bic > -context.fitter.least_gain:
         return None
     outcome = admit(context, state, Tried(candidate, trial), proven)
     if not isinstance(outcome, SearchState) or outcome.accepted == state.accepted:
