@@ -34,13 +34,17 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._levels import levels_when_asked
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._runs import pooled_errors, runs_over, with_steps
-from diffthrust.simulation._step_size import CoarseStepWarning
+from diffthrust.simulation._runs import Run, pooled_errors, runs_over, with_steps
+from diffthrust.simulation._step_size import CoarseStepWarning, noise_levels
 
 _SUBSTEPS = 2
 """Numerics: integrator steps per sample of the trials: over one sample errors do not accumulate."""
 _ALIKE = 0.02
 """Numerics: relative change of the whole-run NRMSE above which more steps per sample are taken."""
+_UNNOTICED = 1.0
+"""Numerics: so are they where their error makes a likelihood ratio of this: of a vehicle with eight
+thrusters that turns fast it was 87 with two steps, and a thruster's place 0.2 mm off explained 25
+of it; with four it is 0.13."""
 
 
 def start_search(
@@ -177,14 +181,32 @@ def with_finer_steps(
 
 
 def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
-    """The fewest integrator steps per sample that reproduce the whole-run errors of a fit."""
+    """The fewest integrator steps per sample that reproduce the whole-run errors of a fit.
+
+    Their own error from one sample to the next must be lost in the noise, too.
+    """
     substeps = min(_SUBSTEPS, fit.substeps)
+    if substeps == fit.substeps:
+        return substeps
+    fine = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
     while substeps < fit.substeps:
         runs = runs_over(fit.model, train, initial=fit.initial, substeps=substeps)
-        if math.isclose(pooled_errors(runs).nrmse, fit.train.nrmse, rel_tol=_ALIKE):
+        alike = math.isclose(pooled_errors(runs).nrmse, fit.train.nrmse, rel_tol=_ALIKE)
+        if alike and _step_evidence(runs, fine) < _UNNOTICED:
             break
         substeps *= 2
     return substeps
+
+
+def _step_evidence(coarse: Sequence[Run], fine: Sequence[Run]) -> float:
+    """The likelihood ratio that an effect gains by what coarse steps do within a sample alone."""
+    total = 0.0
+    for run, finer in zip(coarse, fine, strict=True):
+        for name, noise in noise_levels(run.record).items():
+            away = run.channels[name].modelled - finer.channels[name].modelled
+            moved = np.diff(away) / noise
+            total += float(np.sum(moved[np.isfinite(run.channels[name].measured[1:])] ** 2))
+    return total
 
 
 def _refuse_blinding(

@@ -86,7 +86,7 @@ def step_error(
     (record,) = bind(model, [log], compared=False)
     coarse = simulate_fixed(model, record, initial, substeps)
     fine = simulate_fixed(model, record, initial, 2 * substeps)
-    return _errors(coarse, fine, _noise_levels(record) or _spreads(model, fine))
+    return _errors(coarse, fine, noise_levels(record) or _spreads(model, fine))
 
 
 def choose_substeps(
@@ -159,7 +159,7 @@ def fewest_steps(
         return simulate_fixed(model, record, initial, substeps)
 
     substeps, coarse = 1, simulated(1)
-    noise = _noise_levels(record)
+    noise = noise_levels(record)
     for name, remaining in (residual or {}).items():
         if np.isfinite(remaining) and name in noise:
             noise[name] = max(noise[name], _SHARE * remaining)
@@ -194,7 +194,7 @@ def warn_if_coarse(record: Record, choice: StepChoice, tolerance: float = _TOLER
     error = max(choice.errors.values(), default=0.0)
     if error > tolerance and (record.measured or np.isfinite(error)):
         worst = max(choice.errors, key=lambda name: choice.errors[name])
-        measured = bool(_noise_levels(record))
+        measured = bool(noise_levels(record))
         of, unit = ("the sensor noise", 1.0) if measured else ("its spread", _OF_SPREAD)
         warnings.warn(
             f"{record.name}: with {choice.substeps} integrator steps per sample the error of "
@@ -214,7 +214,7 @@ def simulate_chosen(
     return simulate_fixed(model, record, initial, choice.substeps)
 
 
-def _noise_levels(record: Record) -> dict[str, float]:
+def noise_levels(record: Record) -> dict[str, float]:
     """The noise of each measured output: as the log states it, or by `sensor_noise`.
 
     Not of one that is read once, at the start.

@@ -30,6 +30,7 @@ from steps import (
     ranked,
     refusing,
     runs_lead,
+    search_start_module,
     shares_by_effect,
     step,
     still_refused,
@@ -645,3 +646,18 @@ def test_what_one_stage_could_test_was_tried():
     trial = SimpleNamespace(effects=("wind",))
     state = SearchState(SimpleNamespace(trial=trial), (), dict.fromkeys(names, why))
     assert untested(replace(state, ranking=(tried,))) == {"propeller_inflow": why}
+
+
+@pytest.mark.parametrize(("noise", "substeps"), [(3.0, 2), (0.3, 4)])
+def test_trials_have_steps_whose_error_within_a_sample_is_lost_in_the_noise(noise, substeps):
+    # by whole runs two steps would do for both: the error is white beside what a run errs
+    rng, time = np.random.default_rng(4), 0.9 * np.arange(400)
+    command = np.repeat(rng.uniform(-1.0, 1.0, 40), 10)
+    true, log = dft.Thruster(alpha=0.05, beta=60.0), dft.Log(time, {"command": command})
+    speed = np.asarray(dft.simulate(true, log, substeps=32)["speed"])
+    log = dft.Log(time, {"command": command}, {"speed": speed + rng.normal(0.0, noise, 400)})
+    fit = dft.fit(true.fix("ct"), log, starts=1, substeps=8)
+    coarse = dft.simulate(fit.model, log, initial=fit.initial[0], substeps=2)["speed"]
+    rmse = float(np.sqrt(np.mean((log.measured["speed"] - np.asarray(coarse)) ** 2)))
+    assert rmse == pytest.approx(fit.train.channels["speed"].rmse, rel=0.02)
+    assert search_start_module.few_substeps(fit, bind(fit.model, [log])) == substeps
