@@ -202,10 +202,11 @@ def _step_evidence(coarse: Sequence[Run], fine: Sequence[Run]) -> float:
     """The likelihood ratio that an effect gains by what coarse steps do within a sample alone."""
     total = 0.0
     for run, finer in zip(coarse, fine, strict=True):
-        for name, noise in noise_levels(run.record).items():
-            away = run.channels[name].modelled - finer.channels[name].modelled
-            moved = np.diff(away) / noise
-            total += float(np.sum(moved[np.isfinite(run.channels[name].measured[1:])] ** 2))
+        noise = noise_levels(run.record)
+        for name, trace in run.channels.items():
+            moved = np.diff(trace.modelled - finer.channels[name].modelled)
+            moved = moved[np.isfinite(trace.measured[1:])] / noise.get(name, np.inf)
+            total += float(np.sum(moved**2))
     return total
 
 

@@ -152,11 +152,11 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     ours = inside[inside < k]
     slopes = problem.slopes(z)[ours]
     out[np.ix_(ours, ours)] = inverse[: ours.size, : ours.size] * np.outer(slopes, slopes)
-    smallest = values.min(initial=np.inf)
-    condition = np.sqrt(values.max(initial=1.0) / smallest) if smallest > 0 else np.inf
     starts = np.array([_is_start(problem, int(i)) for i in inside], bool)
     redundant = _of_parameters(vectors[:, null], starts)
     combinations = tuple(_combination(problem, inside, vector / length) for vector in redundant.T)
+    smallest = (values if combinations else values[~null]).min(initial=np.inf)
+    condition = np.sqrt(values.max(initial=1.0) / smallest) if smallest > 0 else np.inf
     names = tuple(problem.free[i] for i in np.flatnonzero(bound[:k]))
     rank = int(np.sum(~null))
     return Local(

@@ -259,6 +259,7 @@ def test_initial_states_that_only_each_other_replace_are_no_unknowns():
     local = examine(of_two, np.zeros(6), q(information, np.zeros(6)))
     assert (local.rank, local.columns, local.combinations) == (4, 4, ())
     assert np.isfinite(local.covariance).all()
+    assert local.condition == pytest.approx(np.sqrt(2.0))  # in unit columns: 2 of the pair, 1
     information[0, 1] = information[1, 0] = 60.0  # and alpha and beta beside them
     local = examine(of_two, np.zeros(6), q(information, np.zeros(6)))
     assert (local.rank, local.columns) == (3, 4)
