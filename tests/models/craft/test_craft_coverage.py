@@ -1,9 +1,9 @@
 """Crafts of two to eight thrusters: errors and intervals of their numbers over 100 sets of noise.
 
-The plants are those of `reference.craft`, by matrices and DOP853. Under the null a set of n numbers
-is beyond four standard errors in 6e-5 n cases; the share of 90 % intervals that hold the truth,
-over 100 sets of some ten numbers, is outside of 85 to 95 % in fewer than one case of a million if
-the numbers were independent, and in one of a thousand if only one number of each set were.
+The plants are those of `reference.craft`, by matrices and DOP853. Where nothing is wrong one of
+1000 numbers (100 sets of ten) is beyond four standard errors in 6 % of cases, and the share of 90 %
+intervals that hold the truth is outside of 85 to 95 % in one case of ten million if all numbers are
+independent, in 13 % if those of a set are right or wrong together. The draws are seeded.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ FLAT = {
     "t4": ((-0.156, -0.111, 0.0), (C, -C, 0.0)),
 }
 SIX = {**FLAT, "t5": ((0.0, 0.218, 0.0), UP), "t6": ((0.0, -0.218, 0.0), UP)}
-EIGHT = {**FLAT} | {
+EIGHT = FLAT | {
     f"t{5 + k}": ((x, y, 0.0), UP)
     for k, (x, y) in enumerate(((0.12, 0.218), (0.12, -0.218), (-0.12, 0.218), (-0.12, -0.218)))
 }
@@ -131,7 +131,8 @@ def recorded(rng, model, given, time, out):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::diffthrust.simulation.CoarseStepWarning")  # by the last factor
+# some fits end with half of the steps that their optimum needs: far below what the errors show
+@pytest.mark.filterwarnings("ignore::diffthrust.simulation.CoarseStepWarning")
 @pytest.mark.parametrize("case", CASES)
 def test_numbers_are_within_their_errors_and_intervals_hold_the_truth(case):
     thrusters, body, plant, values, weighed, weak = CASES[case]
