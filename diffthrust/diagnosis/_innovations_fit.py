@@ -241,7 +241,7 @@ class CandidateFitter:
         outward = ((z <= low + 1e-9) & (q.gradient >= 0)) | ((z >= high - 1e-9) & (q.gradient <= 0))
         return fitted(
             cost=float(q.cost),
-            predicted_gain=promised_gain(q, ~outward),
+            predicted_gain=promised_gain(q, ~outward & ~optimum.kinked),
             initial_states=z[problem.shared :],
         )
 

@@ -36,6 +36,11 @@ _CREEPING, _CREPT = 8, 1e-4
 kinks a Gauss-Newton step always promises more than it gains: on the bench of the NGS (a dead band)
 25 of 480 steps came within 0.001 of the end, and an error bar takes notice of 0.5. Newton's method
 takes a fit from there to its last digits (`polished`)."""
+_SHORT = 1.0
+"""Numerics: damping from which a step is at most half of what the quadratic asks for along each
+axis, so that of a smooth cost the slope keeps its sign."""
+_SHORTER = 30.0
+"""Numerics: by so much a coordinate at a kink is damped more each time its slope turns round."""
 
 _QUICK_PASS, _QUICK_WORK = 30_000, 2_000_000
 """Numerics: a search is quickly compiled if a pass is no more work than the first, and until all
@@ -54,6 +59,7 @@ class _State(eqx.Module):
     steps: Any
     mark: Any  # the cost where the accepted steps were counted from,
     since: Any  # and their number
+    own: Any  # further damping of coordinates at a kink
     done: Any
     failed: Any
 
@@ -69,9 +75,12 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     Welsch 1981), and counted in after a step whose gain it foretold better than the information
     alone did. Where much is missing from a model residuals are large, and steps without it creep: a
     basic boat on logs with a current and a weak thruster took 197 steps on segments, and takes 17.
-    The iteration ends where a full Gauss-Newton step would gain less than ``atol`` in
-    log-likelihood, or where steps creep (`_CREEPING`). A trial whose cost is not finite is rejected
-    like any other bad trial.
+    A coordinate whose slope turns round within a short step is at a kink, and is held while the
+    others move on; then it is let go once more. A command's limit ends at the highest command of
+    one of a T200's tables, where every step of all coordinates raised the cost, and the digits of
+    BLAS decided how far the other ones had come. The iteration ends where a full Gauss-Newton step
+    would gain less than ``atol`` in log-likelihood, or where steps creep (`_CREEPING`). A trial
+    whose cost is not finite is rejected like any other bad trial.
     """
 
     rtol: float
@@ -89,7 +98,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         far, none = jnp.array(jnp.inf), jnp.array(0)
         flat = jnp.zeros_like(zeros.information)
         pair = jnp.stack([far, far])
-        return _State(y, zeros, flat, no, jnp.array(1e-3), pair, none, far, none, no, no)
+        own = jnp.zeros(flat.shape[0])
+        return _State(y, zeros, flat, no, jnp.array(1e-3), pair, none, far, none, own, no, no)
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -104,6 +114,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         curvature = jnp.where(
             accept & ~first, _secant(state.curvature, state.trial - y, old, new), state.curvature
         )
+        turns = self._turns_round(state.trial - y, old, new)
         away = jnp.abs(state.predicted - gain)
         curved = ~first & accept & (away[1] < away[0])
         y = jnp.where(accept, state.trial, y)
@@ -111,7 +122,13 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         good = accept & (gain > 0.7 * predicted)
         factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
         damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
-        move, curved, remaining = self._move(y, q, curvature, curved, damping)
+        short = jnp.maximum(state.damping, state.own) >= _SHORT
+        caught = ~accept & short & turns
+        own = jnp.where(accept & ~turns, state.own / 2.0, state.own)
+        own = jnp.where(caught, jnp.maximum(own, _SHORT) * _SHORTER, own)
+        own = jnp.where(own < 1e-3, 0.0, own)
+        damping = jnp.where(jnp.any(caught), 1e-3, damping)
+        move, curved, remaining = self._move(y, q, curvature, curved, damping, own)
         plain = -(q.gradient @ move + 0.5 * move @ q.information @ move)
         predicted = jnp.stack([plain, plain - 0.5 * move @ curvature @ move])
         stuck = (damping >= 1e13) & ~accept
@@ -123,10 +140,22 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
         steps = state.steps + 1
         ahead = (y + move, q, curvature, curved, damping, predicted)
-        return y, _State(*ahead, steps, mark, since, settled, failed), q
+        return y, _State(*ahead, steps, mark, since, own, settled, failed), q
+
+    def _turns_round(self, move: Any, old: Quadratic, new: Quadratic) -> Any:
+        """The coordinate whose slope changes its sign over a step that was to lower the cost.
+
+        Of several the one that promised most; none whose promise is not worth a step.
+        """
+        information = jnp.diagonal(old.information)
+        promised = jnp.where(information > 0, old.gradient**2 / information, 0.0)
+        jump = new.gradient - old.gradient - old.information @ move
+        turns = (old.gradient * new.gradient < 0) & (abs(jump) > abs(old.gradient))
+        promised = jnp.where(turns & (move != 0) & jnp.isfinite(new.cost), promised, 0.0)
+        return (promised > self.atol) & (jnp.arange(promised.size) == jnp.argmax(promised))
 
     def _move(
-        self, y: Any, q: Quadratic, curvature: Any, curved: Any, damping: Any
+        self, y: Any, q: Quadratic, curvature: Any, curved: Any, damping: Any, own: Any
     ) -> tuple[Any, Any, Any]:
         """The damped step within the box, and what an undamped one would still gain."""
         # Unit columns first, so that damping with the identity is Marquardt's scaling. Optimistix's
@@ -142,7 +171,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         slope = jnp.where(held, 0.0, q.gradient / scale)
         low, high = (jnp.where(abs(side - y) <= _CONTACT, 0.0, side - y) * scale
                      for side in (self.lower, self.upper))  # fmt: skip
-        damped, flat = scaled + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
+        damped, flat = (scaled + jnp.diag(least + own) for least in (damping, _FLAT))
         scaled_curvature = curvature / scale[:, None] / scale[None, :]
         hessian = damped + jnp.where(held_pair, 0.0, scaled_curvature)
         curved = curved & jnp.all(jnp.isfinite(jnp.linalg.cholesky(hessian)))  # it has a minimum
@@ -200,12 +229,21 @@ def _secant(curvature: Any, step: Any, old: Quadratic, new: Quadratic) -> Any:
 
 
 class Solved(NamedTuple):
-    """One start, carried as far as its budget went."""
+    """One start, carried as far as its budget went.
+
+    Args:
+        z: the coordinates.
+        quadratic: the likelihood there.
+        done: whether the stopping rule was met.
+        steps: how many were taken.
+        kinked: the coordinates at a kink, along which the cost rises to both sides.
+    """
 
     z: np.ndarray
     quadratic: Quadratic
     done: bool
     steps: int
+    kinked: np.ndarray
 
 
 @program(1)
@@ -217,7 +255,8 @@ def solved_by_passes(
         _objective(layout), solver, z, (numbers, budget, turn), has_aux=True, max_steps=MOST_STEPS,
         throw=False,
     )  # fmt: skip
-    return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
+    state = solution.state
+    return solution.value, solution.aux, state.done, solution.stats["num_steps"], state.own >= _SHORT
 
 
 _solved_quickly_compiled = Programs(solved_by_passes.function, 1, quick_compile=True)
@@ -290,17 +329,19 @@ def solve(
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         quick = _runs_quickly_compiled(problem)
         search = _solved_quickly_compiled if quick else solved_by_passes
-        value, quadratic, settled, steps = search(layout, numbers, z, *bounds, affine)
+        value, quadratic, settled, steps, kinked = search(layout, numbers, z, *bounds, affine)
         if quick:
             _spent(layout)[0] += int(steps) * problem.work
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
-        return _turned_back(Solved(np.asarray(value), quadratic, bool(settled), int(steps)), turn)
+        end = Solved(np.asarray(value), quadratic, bool(settled), int(steps), np.asarray(kinked))
+        return _turned_back(end, turn)
     state = _begin(layout, z)
     while not (state.done or state.failed):
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
-    return _turned_back(Solved(z, state.quadratic, bool(state.done), int(state.steps)), turn)
+    end = Solved(z, state.quadratic, bool(state.done), int(state.steps), state.own >= _SHORT)
+    return _turned_back(end, turn)
 
 
 def _turned_back(solved: Solved, turn: Turn | None) -> Solved:
@@ -309,7 +350,9 @@ def _turned_back(solved: Solved, turn: Turn | None) -> Solved:
         return solved
     inverse = 2.0 * np.eye(turn.shift.size) - turn.matrix
     z = turn.matrix @ solved.z + turn.shift
-    return solved._replace(z=z, quadratic=solved.quadratic.turned(inverse))
+    same = turn.matrix == np.eye(z.size)
+    kinked = solved.kinked & same.all(axis=0) & same.all(axis=1)
+    return solved._replace(z=z, quadratic=solved.quadratic.turned(inverse), kinked=kinked)
 
 
 def _begin(layout: Any, z: np.ndarray) -> _State:
@@ -319,4 +362,5 @@ def _begin(layout: Any, z: np.ndarray) -> _State:
     zero, no, far, none = np.asarray(0.0), np.asarray(False), np.asarray(np.inf), np.asarray(0)
     q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
     flat, pair = np.zeros((n, n)), np.stack([far, far])
-    return _State(z, q, flat, no, np.asarray(1e-3), pair, none, far, none, no, no)
+    own = np.zeros(n)
+    return _State(z, q, flat, no, np.asarray(1e-3), pair, none, far, none, own, no, no)
