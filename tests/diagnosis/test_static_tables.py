@@ -116,6 +116,32 @@ def test_what_is_said_of_the_maps_of_a_t200(monkeypatch):
     assert claims.contradictions(diag) == []
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_rounding_decides_nothing_on_the_maps_of_a_t200(monkeypatch, seed):
+    """A limit at the highest command of one map is at a kink, where searches ended anywhere.
+
+    With other kernels of the linear algebra two friction laws and six effects were told for four.
+    """
+    monkeypatch.setenv("DIFFTHRUST_DATA", str(data_folder("t200").parent))
+    draws = np.random.default_rng(seed)
+
+    def rounded(log):
+        measured = {
+            name: series * (1.0 + 1e-9 * draws.standard_normal(series.shape))
+            for name, series in log.measured.items()
+        }
+        return log.replaced(measured=measured)
+
+    maps = {name: rounded(log) for name, log in dft.datasets.t200(held=0.25).logs.items()}
+    unseen = [maps.pop(name) for name in ("14V", "20V")]
+    model = dft.Thruster(alpha=static_map.ALPHA, beta=600.0, ct=3.5e-4).fix("alpha")
+    diag = dft.diagnose(model, [*maps.values()][:3], holdout=unseen, experiment=False)
+    named = ["load_exponent", "supply_voltage_sag", "coulomb_friction", "reverse_thrust_asymmetry"]
+    assert diag.added == tuple(named)
+    assert diag.after.errors.channels["thrust"].rmse == pytest.approx(2.8, abs=0.1)
+
+
 def points(maps):
     """The rows of maps that are held, each measured where its hold ends."""
     rows = [

@@ -82,7 +82,8 @@ def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_v
     monkeypatch, deeper, taken
 ):
     def search_of(cost, z):
-        best = Solved(np.array([z]), SimpleNamespace(cost=cost), done=True, steps=1)
+        at, free = np.array([z]), np.zeros(1, bool)
+        best = Solved(at, SimpleNamespace(cost=cost), done=True, steps=1, kinked=free)
         return Search(((best, 1),), begun=1, guesses=("a user's guess",))
 
     followed, anew = search_of(10.0, 1.0), search_of(10.0 - deeper, 2.0)

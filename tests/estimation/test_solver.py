@@ -192,6 +192,29 @@ def test_units_change_neither_the_answer_nor_the_way(scale):
     np.testing.assert_allclose(plain, peer.x, rtol=1e-5)
 
 
+COMMANDS = jnp.repeat(jnp.array([4.0, 8.0, 12.0, 16.0]), 25)
+READINGS = jnp.repeat(jnp.array([4.2, 8.0, 13.0, 11.6]), 25) + 0.1 * jnp.sin(jnp.arange(100.0))
+
+
+def limited(y):
+    """A power of commands up to a limit, which are held at four levels: the limit is at a kink."""
+    return (y[1] * jnp.clip(COMMANDS, -10 * y[0], 10 * y[0]) ** y[2] - READINGS) / 0.1
+
+
+@pytest.mark.parametrize("limit", [1.55, 1.2001, 1.2, 1.199, 0.9])
+def test_at_a_kink_the_other_coordinates_come_to_their_optimum(limit):
+    """With the limit at the command's level the rest is smooth, and SciPy's own to fit.
+
+    A search that shortened all steps together ended up to 80 above, as `done`.
+    """
+    y, q, done, steps = minimise(limited, [limit, 1.0, 1.0], [0.1, -9.0, 0.1], [10.0, 9.0, 3.0])
+    peer = least_squares(lambda v: np.asarray(limited(jnp.array([1.2, *v]))), [1.0, 1.0])
+    assert done
+    assert float(q.cost) == pytest.approx(peer.cost, abs=1e-4)
+    np.testing.assert_allclose(y, [1.2, *peer.x], rtol=1e-5)
+    assert steps < 100
+
+
 def test_a_singular_solution_is_reached():
     y, q, done, _ = minimise(powell, [3.0, -1.0, 0.0, 1.0])
     assert done
@@ -357,7 +380,7 @@ def test_a_start_whose_pace_would_not_reach_the_best_is_given_up(monkeypatch, co
     z, left = np.zeros(1), iter(costs)
 
     def at(cost, done=False):
-        return Solved(z, SimpleNamespace(cost=cost), done, 25)
+        return Solved(z, SimpleNamespace(cost=cost), done, 25, np.zeros(1, bool))
 
     seen = []
 
@@ -373,8 +396,8 @@ def test_a_start_whose_pace_would_not_reach_the_best_is_given_up(monkeypatch, co
 
 def test_a_start_that_is_given_up_may_be_on_the_way_all_the_same(monkeypatch):
     z = np.zeros(1)
-    at = [Solved(z, SimpleNamespace(cost=cost), False, 25) for cost in (9.2, 8.9)]
-    best = Solved(z, SimpleNamespace(cost=0.0), True, 25)
+    at = [Solved(z, SimpleNamespace(cost=cost), False, 25, np.zeros(1, bool)) for cost in (9.2, 8.9)]
+    best = Solved(z, SimpleNamespace(cost=0.0), True, 25, np.zeros(1, bool))
     monkeypatch.setattr(multistart_module, "solve", lambda *a, **k: at[1])
     monkeypatch.setattr(multistart_module, "_leads", lambda problem, start, to: start is at[1])
     assert carried_on(None, at[0], [best]) is best
@@ -387,7 +410,8 @@ def test_of_several_known_starts_the_one_that_begins_best_goes_to_its_end(monkey
     def solved(problem, z, budget=300, tolerance=0.0):
         steps.append((float(z[0]), budget))
         cost = begun[float(z[0])] - (budget > 1) * (20.0 if z[0] == 1.0 else 1.0)
-        return Solved(z, SimpleNamespace(cost=cost), z[0] == 1.0 and budget > 1, min(budget, 25))
+        done, free = z[0] == 1.0 and budget > 1, np.zeros(1, bool)
+        return Solved(z, SimpleNamespace(cost=cost), done, min(budget, 25), free)
 
     monkeypatch.setattr(multistart_module, "solve", solved)
     monkeypatch.setattr(multistart_module, "_leads", lambda *a: False)

@@ -67,7 +67,7 @@ def test_rounding_does_not_choose_among_equal_optima():
     def solved(z, cost):
         zeros = np.zeros(1)
         q = Quadratic(np.float64(cost), zeros, np.eye(1), zeros, zeros, np.zeros((1, 0)))
-        return Solved(np.array([z]), q, True, 5)
+        return Solved(np.array([z]), q, True, 5, np.zeros(1, bool))
 
     for rounding in (-1e-12, 1e-12):
         found = distinct([(solved(0.0, 5.0), 1), (solved(1e-5, 5.0 + rounding), 1)])
