@@ -36,9 +36,11 @@ _CREEPING, _CREPT = 8, 1e-4
 kinks a Gauss-Newton step always promises more than it gains: on the bench of the NGS (a dead band)
 25 of 480 steps came within 0.001 of the end, and an error bar takes notice of 0.5. Newton's method
 takes a fit from there to its last digits (`polished`)."""
-_SHORT = 1.0
-"""Numerics: damping from which a step is at most half of what the quadratic asks for along each
-axis, so that of a smooth cost the slope keeps its sign."""
+_SHARP = 0.8
+"""Numerics: the share that a kink leaves of what a slope misses, over a step half as long or less;
+of a curved valley half is left."""
+_ALONE = 0.9
+"""Numerics: of what all slopes miss, on the scale of the information, the least share of one."""
 _SHORTER = 30.0
 """Numerics: by so much a coordinate at a kink is damped more each time its slope turns round."""
 
@@ -60,6 +62,7 @@ class _State(eqx.Module):
     mark: Any  # the cost where the accepted steps were counted from,
     since: Any  # and their number
     own: Any  # further damping of coordinates at a kink
+    missed: Any  # the last step that was rejected from here, and by how much the slope missed there
     done: Any
     failed: Any
 
@@ -75,12 +78,11 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     Welsch 1981), and counted in after a step whose gain it foretold better than the information
     alone did. Where much is missing from a model residuals are large, and steps without it creep: a
     basic boat on logs with a current and a weak thruster took 197 steps on segments, and takes 17.
-    A coordinate whose slope turns round within a short step is at a kink, and is held while the
-    others move on; then it is let go once more. A command's limit ends at the highest command of
-    one of a T200's tables, where every step of all coordinates raised the cost, and the digits of
-    BLAS decided how far the other ones had come. The iteration ends where a full Gauss-Newton step
-    would gain less than ``atol`` in log-likelihood, or where steps creep (`_CREEPING`). A trial
-    whose cost is not finite is rejected like any other bad trial.
+    A coordinate at a kink of its own has a damping of its own, so that the others move on: a
+    command's limit ended at the highest command of one of a T200's tables, where any step raised
+    the cost, and the digits of BLAS decided how far the others had come. The iteration ends where a
+    full Gauss-Newton step would gain less than ``atol`` in log-likelihood, or where steps creep
+    (`_CREEPING`). A trial whose cost is not finite is rejected like any other bad trial.
     """
 
     rtol: float
@@ -99,7 +101,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         flat = jnp.zeros_like(zeros.information)
         pair = jnp.stack([far, far])
         own = jnp.zeros(flat.shape[0])
-        return _State(y, zeros, flat, no, jnp.array(1e-3), pair, none, far, none, own, no, no)
+        missed = jnp.stack([jnp.full_like(own, jnp.inf), own])
+        start = (y, zeros, flat, no, jnp.array(1e-3), pair, none, far, none)
+        return _State(*start, own, missed, no, no)
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -114,7 +118,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         curvature = jnp.where(
             accept & ~first, _secant(state.curvature, state.trial - y, old, new), state.curvature
         )
-        turns = self._turns_round(state.trial - y, old, new)
+        move = state.trial - y
+        miss = new.gradient - old.gradient - old.information @ move
+        kinks = self._kinks(move, miss, old, new, state)
         away = jnp.abs(state.predicted - gain)
         curved = ~first & accept & (away[1] < away[0])
         y = jnp.where(accept, state.trial, y)
@@ -122,11 +128,11 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         good = accept & (gain > 0.7 * predicted)
         factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
         damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
-        short = jnp.maximum(state.damping, state.own) >= _SHORT
-        caught = ~accept & short & turns
-        own = jnp.where(accept & ~turns, state.own / 2.0, state.own)
-        own = jnp.where(caught, jnp.maximum(own, _SHORT) * _SHORTER, own)
-        own = jnp.where(own < 1e-3, 0.0, own)
+        caught = ~accept & kinks
+        missed = jnp.where(accept, jnp.stack([jnp.full_like(y, jnp.inf), 0.0 * y]), state.missed)
+        missed = jnp.where(~accept & jnp.isfinite(new.cost), jnp.stack([abs(move), miss]), missed)
+        own = jnp.where(accept & ~kinks, state.own / 2.0, state.own)
+        own = jnp.where(caught, jnp.maximum(own, 1.0) * _SHORTER, jnp.where(own < 1.0, 0.0, own))
         damping = jnp.where(jnp.any(caught), 1e-3, damping)
         move, curved, remaining = self._move(y, q, curvature, curved, damping, own)
         plain = -(q.gradient @ move + 0.5 * move @ q.information @ move)
@@ -136,23 +142,29 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         full = since >= _CREEPING
         creeps = full & (state.mark - q.cost < _CREPT)
         since, mark = jnp.where(full | first, 0, since), jnp.where(full | first, q.cost, state.mark)
-        settled = jnp.isfinite(q.cost) & ((remaining < self.atol) | creeps)
+        information = jnp.maximum(jnp.diagonal(q.information), NOTHING**2)
+        near = jnp.where(own > 0, q.gradient**2 / (information * (1.0 + own)), 0.0)
+        ends = (remaining < self.atol) & (jnp.max(near) < jnp.minimum(self.atol, _CREPT))
+        settled = jnp.isfinite(q.cost) & (ends | creeps)
         failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
         steps = state.steps + 1
         ahead = (y + move, q, curvature, curved, damping, predicted)
-        return y, _State(*ahead, steps, mark, since, own, settled, failed), q
+        return y, _State(*ahead, steps, mark, since, own, missed, settled, failed), q
 
-    def _turns_round(self, move: Any, old: Quadratic, new: Quadratic) -> Any:
-        """The coordinate whose slope changes its sign over a step that was to lower the cost.
+    def _kinks(self, move: Any, miss: Any, old: Quadratic, new: Quadratic, state: _State) -> Any:
+        """The coordinate at whose kink a step ended that was to lower the cost, if one alone did.
 
-        Of several the one that promised most; none whose promise is not worth a step.
+        Its slope turned round, and missed what was foretold by as much as over a longer step, while
+        all other slopes missed little: where runs stick and slip kinks are along no coordinate.
+        None whose promise is not worth a step.
         """
-        information = jnp.diagonal(old.information)
-        promised = jnp.where(information > 0, old.gradient**2 / information, 0.0)
-        jump = new.gradient - old.gradient - old.information @ move
-        turns = (old.gradient * new.gradient < 0) & (abs(jump) > abs(old.gradient))
-        promised = jnp.where(turns & (move != 0) & jnp.isfinite(new.cost), promised, 0.0)
-        return (promised > self.atol) & (jnp.arange(promised.size) == jnp.argmax(promised))
+        length, missed = state.missed
+        information = jnp.maximum(jnp.diagonal(old.information), NOTHING**2)
+        alone = miss**2 / information > _ALONE * jnp.sum(miss**2 / information)
+        sharp = (abs(move) < 0.5 * length) & (missed != 0) & (miss / missed > _SHARP)
+        turns = (old.gradient * new.gradient < 0) & (abs(miss) > abs(old.gradient))
+        worth = old.gradient**2 / information > self.atol
+        return alone & turns & worth & (sharp | (state.own > 0)) & jnp.isfinite(new.cost)
 
     def _move(
         self, y: Any, q: Quadratic, curvature: Any, curved: Any, damping: Any, own: Any
@@ -256,7 +268,7 @@ def solved_by_passes(
         throw=False,
     )  # fmt: skip
     state = solution.state
-    return solution.value, solution.aux, state.done, solution.stats["num_steps"], state.own >= _SHORT
+    return solution.value, solution.aux, state.done, solution.stats["num_steps"], state.own > 0
 
 
 _solved_quickly_compiled = Programs(solved_by_passes.function, 1, quick_compile=True)
@@ -340,7 +352,7 @@ def solve(
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
-    end = Solved(z, state.quadratic, bool(state.done), int(state.steps), state.own >= _SHORT)
+    end = Solved(z, state.quadratic, bool(state.done), int(state.steps), state.own > 0)
     return _turned_back(end, turn)
 
 
@@ -362,5 +374,5 @@ def _begin(layout: Any, z: np.ndarray) -> _State:
     zero, no, far, none = np.asarray(0.0), np.asarray(False), np.asarray(np.inf), np.asarray(0)
     q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
     flat, pair = np.zeros((n, n)), np.stack([far, far])
-    own = np.zeros(n)
-    return _State(z, q, flat, no, np.asarray(1e-3), pair, none, far, none, own, no, no)
+    own, missed = np.zeros(n), np.stack([np.full(n, np.inf), np.zeros(n)])
+    return _State(z, q, flat, no, np.asarray(1e-3), pair, none, far, none, own, missed, no, no)

@@ -71,13 +71,14 @@ def details(diag: Findings) -> str:
 
 
 def _level_as_given(diag: Findings) -> str:
-    """The errors of the model as given, unless its fit did not end.
+    """The errors of the model as given, unless its fit did not end, or ended in several places.
 
     A Kingfisher's, with an inertia of 1e17 kg m^2, erred little where each unseen log began at a
-    sway of its own, of up to 105 m/s.
+    sway of its own, of up to 105 m/s; another of 3e6 kg m^2, at up to 222 m/s, had converged.
     """
     said = {
         Status.NOT_CONVERGED: "did not converge",
+        Status.STARTS_DISAGREE: "depends on where it starts",
         Status.SIMULATION_FAILED: "could not be simulated",
     }
     if why := said.get(diag.fit.status):
