@@ -185,6 +185,13 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield from _removes(first, text, names, whole)
         elif not names or diag.worth[names[0]].low >= SURE:
             yield f"{first} has a gain over whole runs"
+    raising = r"([^,();]+?) \(it would remove [^;]+?, and raise the squared ([a-z ]+?) error .+? by "
+    for words, channel, by in re.findall(raising + r"(\S+) %", m["list"]):
+        name = _named(re.sub(r"^and ", "", words.strip()).partition(" or ")[0], diag.worth)[0]
+        worth = diag.worth[name]
+        shares = [w.channels.get(channel.replace(" ", "_")) for w in all_shares(worth)]
+        if not any(w and w.high < 0 and abs(-100 * w.share - float(by)) < 1 for w in shares):
+            yield f"{name} raises {channel} by {shares}"
 
 
 @claim(rf"Possible, judged by whole runs alone, with the share of the squared error of all "

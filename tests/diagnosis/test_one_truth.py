@@ -203,6 +203,11 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
     assert "whole runs of training and unseen logs command dead band removes 5 %" in both.details
     minor = replace(diag, detectable=("actuator_lag",), worth={"actuator_lag": unsure})
     assert "Left out: an actuator lag (no sure gain over whole runs). With it" in minor.details
+    harmful = {"speed": Worth(0.9, 0.8, 0.95), "thrust": Worth(-1.1, -4.0, -0.05)}
+    harms = replace(minor, worth={"actuator_lag": replace(unsure, channels=harmful)})
+    words = "that is left, and raise the squared thrust error that is left by 110 %). With it"
+    assert words in harms.details
+    assert contradictions(harms) == []
     alike = replace(minor, detectable_groups=(("actuator_lag", "command_delay"),))
     words = (
         "an actuator lag (no sure gain over whole runs; the next sample cannot tell it from a "

@@ -74,11 +74,12 @@ def _level_as_given(diag: Findings) -> str:
     """The errors of the model as given, unless its fit did not end, or ended in several places.
 
     A Kingfisher's, with an inertia of 1e17 kg m^2, erred little where each unseen log began at a
-    sway of its own, of up to 105 m/s; another of 3e6 kg m^2, at up to 222 m/s, had converged.
+    sway of its own, of up to 105 m/s; with one of 3e6 kg m^2 it had converged, at up to 222 m/s.
     """
     said = {
         Status.NOT_CONVERGED: "did not converge",
         Status.STARTS_DISAGREE: "depends on where it starts",
+        Status.NOT_IDENTIFIABLE: "does not tell all its parameters apart",
         Status.SIMULATION_FAILED: "could not be simulated",
     }
     if why := said.get(diag.fit.status):
