@@ -185,8 +185,11 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield from _removes(first, text, names, whole)
         elif not names or diag.worth[names[0]].low >= SURE:
             yield f"{first} has a gain over whole runs"
-    raising = r"([^,();]+?) \(it would remove [^;]+?, and raise the squared ([a-z ]+?) error .+? by "
-    for words, channel, by in re.findall(raising + r"(\S+) %", m["list"]):
+    raising = (
+        r"([^,();]+?) \(it would remove [^;]+?, "
+        r"and raise the squared ([a-z ]+?) error .+? by (\S+) %"
+    )
+    for words, channel, by in re.findall(raising, m["list"]):
         name = _named(re.sub(r"^and ", "", words.strip()).partition(" or ")[0], diag.worth)[0]
         worth = diag.worth[name]
         shares = [w.channels.get(channel.replace(" ", "_")) for w in all_shares(worth)]

@@ -395,9 +395,9 @@ def test_a_start_whose_pace_would_not_reach_the_best_is_given_up(monkeypatch, co
 
 
 def test_a_start_that_is_given_up_may_be_on_the_way_all_the_same(monkeypatch):
-    z = np.zeros(1)
-    at = [Solved(z, SimpleNamespace(cost=cost), False, 25, np.zeros(1, bool)) for cost in (9.2, 8.9)]
-    best = Solved(z, SimpleNamespace(cost=0.0), True, 25, np.zeros(1, bool))
+    z, free = np.zeros(1), np.zeros(1, bool)
+    at = [Solved(z, SimpleNamespace(cost=cost), False, 25, free) for cost in (9.2, 8.9)]
+    best = Solved(z, SimpleNamespace(cost=0.0), True, 25, free)
     monkeypatch.setattr(multistart_module, "solve", lambda *a, **k: at[1])
     monkeypatch.setattr(multistart_module, "_leads", lambda problem, start, to: start is at[1])
     assert carried_on(None, at[0], [best]) is best
