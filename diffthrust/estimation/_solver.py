@@ -43,6 +43,8 @@ _ALONE = 0.9
 """Numerics: of what all slopes miss, on the scale of the information, the least share of one."""
 _SHORTER = 30.0
 """Numerics: by so much a coordinate at a kink is damped more each time its slope turns round."""
+_DAMPING = 1e-3
+"""Numerics: damping of the first step, and of the first after a kink was found."""
 
 _QUICK_PASS, _QUICK_WORK = 30_000, 2_000_000
 """Numerics: a search is quickly compiled if a pass is no more work than the first, and until all
@@ -62,7 +64,7 @@ class _State(eqx.Module):
     mark: Any  # the cost where the accepted steps were counted from,
     since: Any  # and their number
     own: Any  # further damping of coordinates at a kink
-    missed: Any  # the last step that was rejected from here, and by how much the slope missed there
+    missed: Any  # lengths of the last step rejected from here, and by how much slopes missed there
     done: Any
     failed: Any
 
@@ -81,8 +83,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     A coordinate at a kink of its own has a damping of its own, so that the others move on: a
     command's limit ended at the highest command of one of a T200's tables, where any step raised
     the cost, and the digits of BLAS decided how far the others had come. The iteration ends where a
-    full Gauss-Newton step would gain less than ``atol`` in log-likelihood, or where steps creep
-    (`_CREEPING`). A trial whose cost is not finite is rejected like any other bad trial.
+    Gauss-Newton step, damped at kinks alone, would gain less than ``atol`` in log-likelihood, or
+    where steps creep (`_CREEPING`). A trial whose cost is not finite is rejected like any other bad
+    trial.
     """
 
     rtol: float
@@ -102,7 +105,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         pair = jnp.stack([far, far])
         own = jnp.zeros(flat.shape[0])
         missed = jnp.stack([jnp.full_like(own, jnp.inf), own])
-        start = (y, zeros, flat, no, jnp.array(1e-3), pair, none, far, none)
+        start = (y, zeros, flat, no, jnp.array(_DAMPING), pair, none, far, none)
         return _State(*start, own, missed, no, no)
 
     def step(
@@ -120,7 +123,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         )
         move = state.trial - y
         miss = new.gradient - old.gradient - old.information @ move
-        kinks = self._kinks(move, miss, old, new, state)
+        kinks = self._kinks(y, move, miss, old, new, state)
         away = jnp.abs(state.predicted - gain)
         curved = ~first & accept & (away[1] < away[0])
         y = jnp.where(accept, state.trial, y)
@@ -133,7 +136,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         missed = jnp.where(~accept & jnp.isfinite(new.cost), jnp.stack([abs(move), miss]), missed)
         own = jnp.where(accept & ~kinks, state.own / 2.0, state.own)
         own = jnp.where(caught, jnp.maximum(own, 1.0) * _SHORTER, jnp.where(own < 1.0, 0.0, own))
-        damping = jnp.where(jnp.any(caught), 1e-3, damping)
+        # its own damping shortens the step from now on; the others had no part in the loss
+        damping = jnp.where(jnp.any(caught), state.damping, damping)
+        damping = jnp.where(jnp.any(caught & (state.own == 0)), _DAMPING, damping)
         move, curved, remaining = self._move(y, q, curvature, curved, damping, own)
         plain = -(q.gradient @ move + 0.5 * move @ q.information @ move)
         predicted = jnp.stack([plain, plain - 0.5 * move @ curvature @ move])
@@ -142,34 +147,47 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         full = since >= _CREEPING
         creeps = full & (state.mark - q.cost < _CREPT)
         since, mark = jnp.where(full | first, 0, since), jnp.where(full | first, q.cost, state.mark)
-        information = jnp.maximum(jnp.diagonal(q.information), NOTHING**2)
-        near = jnp.where(own > 0, q.gradient**2 / (information * (1.0 + own)), 0.0)
-        ends = (remaining < self.atol) & (jnp.max(near) < jnp.minimum(self.atol, _CREPT))
+        # lest its damping hide what a coordinate could gain by itself
+        promised = jnp.where((own > 0) & ~self._is_blocked(y, q), _promised(q, own), 0.0)
+        ends = (remaining < self.atol) & (jnp.max(promised) < jnp.minimum(self.atol, _CREPT))
         settled = jnp.isfinite(q.cost) & (ends | creeps)
         failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
         steps = state.steps + 1
         ahead = (y + move, q, curvature, curved, damping, predicted)
         return y, _State(*ahead, steps, mark, since, own, missed, settled, failed), q
 
-    def _kinks(self, move: Any, miss: Any, old: Quadratic, new: Quadratic, state: _State) -> Any:
-        """The coordinate at whose kink a step ended that was to lower the cost, if one alone did.
+    def _kinks(
+        self, y: Any, move: Any, miss: Any, old: Quadratic, new: Quadratic, state: _State
+    ) -> Any:
+        """Which coordinate's kink a step crossed, if it crossed that of one alone.
 
-        Its slope turned round, and missed what was foretold by as much as over a longer step, while
-        all other slopes missed little: where runs stick and slip kinks are along no coordinate.
-        None whose promise is not worth a step.
+        Its slope turned round, by so much that this may be all that the step lost, and all other
+        slopes missed little: where runs stick and slip, kinks are along no coordinate. Before it is
+        damped a first time it must have missed by as much over a longer step: a curved valley has
+        less of it the shorter the step. Never one that promises less than ``atol``. Two kinks that
+        one step crosses are not told apart.
         """
         length, missed = state.missed
-        information = jnp.maximum(jnp.diagonal(old.information), NOTHING**2)
-        alone = miss**2 / information > _ALONE * jnp.sum(miss**2 / information)
+        loss = state.predicted[0] - (old.cost - new.cost)
+        blocked = self._is_blocked(y, old)
+        share = jnp.where(blocked, 0.0, miss**2 / _information(old))
+        alone = share > _ALONE * jnp.sum(share)
         sharp = (abs(move) < 0.5 * length) & (missed != 0) & (miss / missed > _SHARP)
         turns = (old.gradient * new.gradient < 0) & (abs(miss) > abs(old.gradient))
-        worth = old.gradient**2 / information > self.atol
+        turns &= miss * move > 0.99 * loss
+        worth = _promised(old, jnp.zeros_like(y)) > self.atol
         return alone & turns & worth & (sharp | (state.own > 0)) & jnp.isfinite(new.cost)
+
+    def _is_blocked(self, y: Any, q: Quadratic) -> Any:
+        """Which coordinates cannot move downhill: held, at a bound, or without any influence."""
+        low, high = y <= self.lower + _CONTACT, y >= self.upper - _CONTACT
+        still = q.information.diagonal() <= NOTHING**2
+        return (low & (q.gradient >= 0)) | (high & (q.gradient <= 0)) | still
 
     def _move(
         self, y: Any, q: Quadratic, curvature: Any, curved: Any, damping: Any, own: Any
     ) -> tuple[Any, Any, Any]:
-        """The damped step within the box, and what an undamped one would still gain."""
+        """The damped step within the box, and what one damped at kinks alone would still gain."""
         # Unit columns first, so that damping with the identity is Marquardt's scaling. Optimistix's
         # own solver damps unscaled: with units 1e3 apart it reported success at a cost of 188,
         # where the optimum costs 0.085. A coordinate that nothing depends on stays where it is.
@@ -192,7 +210,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         move, full = jax.lax.map(
             lambda matrix: least_in_box(matrix, slope, low, high), jnp.stack([damped, flat])
         )
-        # of the undamped step: under strong damping every step is short, also far from an optimum
+        # of that step: under strong damping every step is short, also far from an optimum
         remaining = -(slope @ full + 0.5 * full @ scaled @ full)
         return jnp.clip(y + move / scale, self.lower, self.upper) - y, curved, remaining
 
@@ -218,6 +236,16 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         result: Any,
     ) -> tuple[Any, Any, dict[str, Any]]:
         return y, state.quadratic, {}
+
+
+def _information(q: Quadratic) -> Any:
+    """Of each coordinate by itself; never zero."""
+    return q.information.diagonal() + NOTHING**2
+
+
+def _promised(q: Quadratic, own: Any) -> Any:
+    """What each coordinate would gain by itself under a damping of its own."""
+    return q.gradient**2 / (_information(q) * (1.0 + own))
 
 
 def _secant(curvature: Any, step: Any, old: Quadratic, new: Quadratic) -> Any:
@@ -248,7 +276,7 @@ class Solved(NamedTuple):
         quadratic: the likelihood there.
         done: whether the stopping rule was met.
         steps: how many were taken.
-        kinked: the coordinates at a kink, along which the cost rises to both sides.
+        kinked: the coordinates at a kink, along which nothing is to be gained either way.
     """
 
     z: np.ndarray
@@ -268,7 +296,7 @@ def solved_by_passes(
         throw=False,
     )  # fmt: skip
     state = solution.state
-    return solution.value, solution.aux, state.done, solution.stats["num_steps"], state.own > 0
+    return solution.value, solution.aux, state.done, solution.stats["num_steps"], state.own
 
 
 _solved_quickly_compiled = Programs(solved_by_passes.function, 1, quick_compile=True)
@@ -341,19 +369,26 @@ def solve(
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         quick = _runs_quickly_compiled(problem)
         search = _solved_quickly_compiled if quick else solved_by_passes
-        value, quadratic, settled, steps, kinked = search(layout, numbers, z, *bounds, affine)
+        value, quadratic, settled, steps, own = search(layout, numbers, z, *bounds, affine)
         if quick:
             _spent(layout)[0] += int(steps) * problem.work
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
-        end = Solved(np.asarray(value), quadratic, bool(settled), int(steps), np.asarray(kinked))
+        kinked = _at_kinks(quadratic, np.asarray(own))
+        end = Solved(np.asarray(value), quadratic, bool(settled), int(steps), kinked)
         return _turned_back(end, turn)
     state = _begin(layout, z)
     while not (state.done or state.failed):
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
-    end = Solved(z, state.quadratic, bool(state.done), int(state.steps), state.own > 0)
+    kinked = _at_kinks(state.quadratic, state.own)
+    end = Solved(z, state.quadratic, bool(state.done), int(state.steps), kinked)
     return _turned_back(end, turn)
+
+
+def _at_kinks(q: Quadratic, own: np.ndarray) -> np.ndarray:
+    """The coordinates whose own damping leaves nothing to gain along them."""
+    return (own > 0) & (_promised(q, own) < _CREPT)
 
 
 def _turned_back(solved: Solved, turn: Turn | None) -> Solved:
@@ -362,8 +397,7 @@ def _turned_back(solved: Solved, turn: Turn | None) -> Solved:
         return solved
     inverse = 2.0 * np.eye(turn.shift.size) - turn.matrix
     z = turn.matrix @ solved.z + turn.shift
-    same = turn.matrix == np.eye(z.size)
-    kinked = solved.kinked & same.all(axis=0) & same.all(axis=1)
+    kinked = solved.kinked & (turn.matrix == np.eye(z.size)).all(axis=0)
     return solved._replace(z=z, quadratic=solved.quadratic.turned(inverse), kinked=kinked)
 
 
@@ -375,4 +409,4 @@ def _begin(layout: Any, z: np.ndarray) -> _State:
     q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
     flat, pair = np.zeros((n, n)), np.stack([far, far])
     own, missed = np.zeros(n), np.stack([np.full(n, np.inf), np.zeros(n)])
-    return _State(z, q, flat, no, np.asarray(1e-3), pair, none, far, none, own, missed, no, no)
+    return _State(z, q, flat, no, np.asarray(_DAMPING), pair, none, far, none, own, missed, no, no)

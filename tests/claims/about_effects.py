@@ -186,15 +186,15 @@ def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         elif not names or diag.worth[names[0]].low >= SURE:
             yield f"{first} has a gain over whole runs"
     raising = (
-        r"([^,();]+?) \(it would remove [^;]+?, "
-        r"and raise the squared ([a-z ]+?) error .+? by (\S+) %"
+        r"([^,();]+?) \(it would remove [^;()]+?\([^()]+\)[^;()]+?, "
+        r"and raise the squared ([a-zA-Z ]+?) error .+? by (\S+) %"
     )
     for words, channel, by in re.findall(raising, m["list"]):
-        name = _named(re.sub(r"^and ", "", words.strip()).partition(" or ")[0], diag.worth)[0]
-        worth = diag.worth[name]
-        shares = [w.channels.get(channel.replace(" ", "_")) for w in all_shares(worth)]
+        names = _named(re.sub(r"^and ", "", words.strip()).partition(" or ")[0], diag.worth)
+        shares = [w.channels.get(channel.replace(" ", "_"))
+                  for name in names for w in all_shares(diag.worth[name])]  # fmt: skip
         if not any(w and w.high < 0 and abs(-100 * w.share - float(by)) < 1 for w in shares):
-            yield f"{name} raises {channel} by {shares}"
+            yield f"{words} raises {channel} by {shares}"
 
 
 @claim(rf"Possible, judged by whole runs alone, with the share of the squared error of all "

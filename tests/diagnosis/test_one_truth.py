@@ -208,6 +208,11 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
     words = "that is left, and raise the squared thrust error that is left by 110 %). With it"
     assert words in harms.details
     assert contradictions(harms) == []
+    pair = {"actuator_lag": replace(unsure, low=0.01, share=0.05, high=0.06),
+            "command_delay": replace(unsure, channels=harmful)}  # fmt: skip
+    two = replace(minor, detectable=("actuator_lag", "command_delay"), worth=pair)
+    assert contradictions(two) == []
+    assert two.details.count("and raise") == 1
     alike = replace(minor, detectable_groups=(("actuator_lag", "command_delay"),))
     words = (
         "an actuator lag (no sure gain over whole runs; the next sample cannot tell it from a "

@@ -215,6 +215,65 @@ def test_at_a_kink_the_other_coordinates_come_to_their_optimum(limit):
     assert steps < 100
 
 
+FURTHER_COMMANDS = jnp.repeat(jnp.array([3.0, 9.0, 12.0, 15.0]), 25)
+FURTHER_READINGS = jnp.repeat(jnp.array([3.3, 9.2, 13.0, 11.6]), 25)
+
+
+@pytest.mark.parametrize("limits", [(1.55, 1.45), (1.2, 1.23), (1.25, 1.49)])
+def test_two_limits_come_to_two_kinks(limits):
+    def two(y):
+        further = y[4] * jnp.clip(FURTHER_COMMANDS, -10 * y[3], 10 * y[3]) ** y[2]
+        return jnp.concatenate([limited(y), (further - FURTHER_READINGS) / 0.1])
+
+    start = [limits[0], 1.0, 1.0, limits[1], 1.0]
+    y, q, _, _ = minimise(two, start, [0.1, -9, 0.1, 0.1, -9], [10.0, 9.0, 3.0, 10.0, 9.0])
+    smooth = [1.0, 1.0, 1.0]
+    peer = least_squares(lambda v: np.asarray(two(jnp.array([1.2, v[0], v[1], 1.2, v[2]]))), smooth)
+    np.testing.assert_allclose(y[[0, 3]], 1.2, rtol=1e-5)
+    assert float(q.cost) == pytest.approx(peer.cost, rel=1e-5)
+
+
+def test_a_fold_across_two_coordinates_is_no_kink_of_one():
+    """Its optimum lies on the fold, which a step of either crosses."""
+
+    def fold(y):
+        across = y[0] - 0.1 * y[1]
+        kink = 10.0 + 30.0 * jnp.sqrt(across**2 + 1e-8)
+        return jnp.array([kink, 3.0 * (y[0] - 0.4), y[1] - 1.0, y[1] + y[0] - 1.2])
+
+    from scipy.optimize import minimize
+
+    peer = min(
+        (
+            minimize(
+                lambda v: 0.5 * float(jnp.sum(fold(jnp.array(v)) ** 2)),
+                [s, 10 * s],
+                method="Nelder-Mead",
+                options={"xatol": 1e-10, "fatol": 1e-12, "maxiter": 4000},
+            )
+            for s in (0.05, 0.1)
+        ),
+        key=lambda end: end.fun,
+    )
+    for start in ([0.5, 0.0], [-1.0, 2.0], [0.1, 1.0]):
+        _, q, _, _ = minimise(fold, start)
+        assert float(q.cost) == pytest.approx(peer.fun, rel=1e-3)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.29, 0.7])
+def test_a_coordinate_leaves_its_kink_for_a_bound(start):
+    """Past the kink at 0.3 the slope is steeper, and the optimum is the bound at 1."""
+
+    def bent(y):
+        first = 5.0 - y[0] - jnp.where(y[0] > 0.3, 3.0 * (y[0] - 0.3), 0.0)
+        return jnp.array([first, y[1] - y[0], 0.1 * (y[2] - 1.0)])
+
+    y, _, done, steps = minimise(bent, [start, 0.0, 0.0], [-1.0, -9.0, -9.0], [1.0, 9.0, 9.0])
+    np.testing.assert_allclose(y, [1.0, 1.0, 1.0], atol=1e-7)
+    assert done
+    assert steps < 40
+
+
 def test_a_singular_solution_is_reached():
     y, q, done, _ = minimise(powell, [3.0, -1.0, 0.0, 1.0])
     assert done
