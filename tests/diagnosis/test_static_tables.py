@@ -118,10 +118,11 @@ def test_what_is_said_of_the_maps_of_a_t200(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
-def test_rounding_decides_nothing_on_the_maps_of_a_t200(monkeypatch, seed):
+def test_rounding_does_not_choose_the_main_effects_of_a_t200(monkeypatch, seed):
     """A limit at the highest command of one map is at a kink, where searches ended anywhere.
 
-    With other kernels of the linear algebra two friction laws and six effects were told for four.
+    With other kernels of the linear algebra static friction and six effects were told for four. A
+    fifth, a dead band or a thrust exponent that removes some 5 %, still comes and goes.
     """
     monkeypatch.setenv("DIFFTHRUST_DATA", str(data_folder("t200").parent))
     draws = np.random.default_rng(seed)
@@ -138,7 +139,8 @@ def test_rounding_decides_nothing_on_the_maps_of_a_t200(monkeypatch, seed):
     model = dft.Thruster(alpha=static_map.ALPHA, beta=600.0, ct=3.5e-4).fix("alpha")
     diag = dft.diagnose(model, [*maps.values()][:3], holdout=unseen, experiment=False)
     named = ["load_exponent", "supply_voltage_sag", "coulomb_friction", "reverse_thrust_asymmetry"]
-    assert diag.added == tuple(named)
+    assert diag.added[:4] == tuple(named)
+    assert len(diag.added) <= 5
     assert diag.after.errors.channels["thrust"].rmse == pytest.approx(2.8, abs=0.1)
 
 
