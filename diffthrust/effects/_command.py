@@ -143,7 +143,7 @@ class CommandDelay(Effect):
     memory = True
     # commands step: one 0.4 s late gains 1570 at a trial value of 0.4 s, and loses 100 at 0.25 s
     delay: float = parameter(
-        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.15, 0.25, 0.4, 0.6)
+        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.25, 0.4)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
