@@ -118,10 +118,10 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         predicted = jnp.where(state.curved, state.predicted[1], state.predicted[0])
         # a failed simulation costs infinity: as zero residuals it would look like a perfect fit
         accept = (first | (gain > 1e-4 * predicted)) & jnp.isfinite(new.cost)
-        curvature = jnp.where(
-            accept & ~first, _secant(state.curvature, state.trial - y, old, new), state.curvature
-        )
         move = state.trial - y
+        curvature = jnp.where(
+            accept & ~first, _secant(state.curvature, move, old, new), state.curvature
+        )
         miss = new.gradient - old.gradient - old.information @ move
         kinks = self._kinks(y, move, miss, old, new, state)
         away = jnp.abs(state.predicted - gain)
@@ -132,7 +132,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
         damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
         caught = ~accept & kinks
-        missed = jnp.where(accept, jnp.stack([jnp.full_like(y, jnp.inf), 0.0 * y]), state.missed)
+        missed = jnp.where(
+            accept, jnp.stack([jnp.full_like(y, jnp.inf), jnp.zeros_like(y)]), state.missed
+        )
         missed = jnp.where(~accept & jnp.isfinite(new.cost), jnp.stack([abs(move), miss]), missed)
         own = jnp.where(accept & ~kinks, state.own / 2.0, state.own)
         own = jnp.where(caught, jnp.maximum(own, 1.0) * _SHORTER, jnp.where(own < 1.0, 0.0, own))
@@ -373,32 +375,25 @@ def solve(
         if quick:
             _spent(layout)[0] += int(steps) * problem.work
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
-        kinked = _at_kinks(quadratic, np.asarray(own))
-        end = Solved(np.asarray(value), quadratic, bool(settled), int(steps), kinked)
-        return _turned_back(end, turn)
+        return _ended(np.asarray(value), quadratic, settled, steps, np.asarray(own), turn)
     state = _begin(layout, z)
     while not (state.done or state.failed):
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
-    kinked = _at_kinks(state.quadratic, state.own)
-    end = Solved(z, state.quadratic, bool(state.done), int(state.steps), kinked)
-    return _turned_back(end, turn)
+    return _ended(z, state.quadratic, state.done, state.steps, state.own, turn)
 
 
-def _at_kinks(q: Quadratic, own: np.ndarray) -> np.ndarray:
-    """The coordinates whose own damping leaves nothing to gain along them."""
-    return (own > 0) & (_promised(q, own) < _CREPT)
-
-
-def _turned_back(solved: Solved, turn: Turn | None) -> Solved:
-    """What was found in other coordinates, in those of the problem."""
-    if turn is None:
-        return solved
-    inverse = 2.0 * np.eye(turn.shift.size) - turn.matrix
-    z = turn.matrix @ solved.z + turn.shift
-    kinked = solved.kinked & (turn.matrix == np.eye(z.size)).all(axis=0)
-    return solved._replace(z=z, quadratic=solved.quadratic.turned(inverse), kinked=kinked)
+def _ended(
+    z: np.ndarray, q: Quadratic, done: Any, steps: Any, own: np.ndarray, turn: Turn | None
+) -> Solved:
+    """Where a search ended, in the coordinates of the problem."""
+    kinked = (own > 0) & (_promised(q, own) < _CREPT)  # their damping hides nothing more to gain
+    if turn is not None:
+        inverse = 2.0 * np.eye(turn.shift.size) - turn.matrix
+        z, q = turn.matrix @ z + turn.shift, q.turned(inverse)
+        kinked &= (turn.matrix == np.eye(z.size)).all(axis=0)
+    return Solved(z, q, bool(done), int(steps), kinked)
 
 
 def _begin(layout: Any, z: np.ndarray) -> _State:

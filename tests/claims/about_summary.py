@@ -512,10 +512,16 @@ def _unsought(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield "the logs are sound"
 
 
-@claim(r"The errors of the model as given say nothing: its fit to these logs "
-       r"(?P<why>did not converge|could not be simulated)\.")  # fmt: skip
+@claim(r"The errors of the model as given say nothing: (?:its fit to these logs )?(?P<why>did not "
+       r"converge|could not be simulated|depends on where it starts|these logs do not tell all its "
+       r"parameters apart)\.")  # fmt: skip
 def _unended(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    said = {"did not converge": "not_converged", "could not be simulated": "simulation_failed"}
+    said = {
+        "did not converge": "not_converged",
+        "could not be simulated": "simulation_failed",
+        "depends on where it starts": "starts_disagree",
+        "these logs do not tell all its parameters apart": "not_identifiable",
+    }
     if diag.sought or str(diag.fit.status) != said[m["why"]]:
         yield f"the fit ended as {diag.fit.status}"
 

@@ -352,6 +352,9 @@ def test_a_rival_that_whole_runs_prove_better_takes_the_place_of_an_effect(known
     for done in ({friction: lag}, {lag: friction}, {"one": "another", "third": "fourth"}):
         again = replace(state_with_lag, exchanged=done)
         assert with_equivalents(context, again, first).exchanged is None
+    # a friction that explains the next sample far better is not what it cannot tell from the lag
+    told = with_equivalents(context, replace(kept_out, exchanged={friction: lag}), first)
+    assert told.detectable_groups == ((lag,),)
     right = with_equivalents(context, with_(friction), first)
     assert right.exchanged is None
     assert right.groups == ((friction,),)

@@ -148,12 +148,17 @@ def test_nothing_is_sought_in_logs_that_are_to_be_mended_first():
     )
     assert diag.to_json()["sought"] is False
     assert "say nothing" not in diag.details
-    lost = replace(diag.fit, status=dft.Status.NOT_CONVERGED)  # as a Kingfisher's
-    unended = replace(diag, stages=(replace(diag.stages[0], fit=lost),))
-    said = "The errors of the model as given say nothing: its fit to these logs did not converge."
-    assert unended.details.endswith(said)
-    assert claims.contradictions(diag, page, text=said) != []
-    assert claims.contradictions(unended) == []
+    for status, why in {
+        "NOT_CONVERGED": "its fit to these logs did not converge",  # as a Kingfisher's
+        "STARTS_DISAGREE": "its fit to these logs depends on where it starts",
+        "NOT_IDENTIFIABLE": "these logs do not tell all its parameters apart",
+    }.items():
+        lost = replace(diag.fit, status=dft.Status[status])
+        unended = replace(diag, stages=(replace(diag.stages[0], fit=lost),))
+        said = f"The errors of the model as given say nothing: {why}."
+        assert unended.details.endswith(said)
+        assert claims.contradictions(diag, page, text=said) != []
+        assert claims.contradictions(unended) == []
     named = dft.diagnose(
         model, train, holdout=unseen, candidates=["linear_damping"], experiment=False
     )

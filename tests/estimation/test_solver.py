@@ -205,7 +205,7 @@ def limited(y):
 def test_at_a_kink_the_other_coordinates_come_to_their_optimum(limit):
     """With the limit at the command's level the rest is smooth, and SciPy's own to fit.
 
-    A search that shortened all steps together ended up to 80 above, as `done`.
+    A search that shortened all steps together ended up to 75 above.
     """
     y, q, done, steps = minimise(limited, [limit, 1.0, 1.0], [0.1, -9.0, 0.1], [10.0, 9.0, 3.0])
     peer = least_squares(lambda v: np.asarray(limited(jnp.array([1.2, *v]))), [1.0, 1.0])

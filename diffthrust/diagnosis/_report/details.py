@@ -20,6 +20,7 @@ from diffthrust.diagnosis._report.remaining_text import (
     undecided_words,
 )
 from diffthrust.diagnosis._report.text import (
+    UNFINISHED,
     added_bound_words,
     held_words,
     judged_errors,
@@ -30,7 +31,6 @@ from diffthrust.diagnosis._report.text import (
     stopped_words,
     vanished_words,
 )
-from diffthrust.estimation._status import Status
 
 _HINTS = 2
 """Hints of the comparison that the details repeat."""
@@ -71,19 +71,14 @@ def details(diag: Findings) -> str:
 
 
 def _level_as_given(diag: Findings) -> str:
-    """The errors of the model as given, unless its fit did not end, or ended in several places.
+    """The errors of the model as given, unless its fit is none that can be relied on.
 
     A Kingfisher's, with an inertia of 1e17 kg m^2, erred little where each unseen log began at a
-    sway of its own, of up to 105 m/s; with one of 3e6 kg m^2 it had converged, at up to 222 m/s.
+    sway of its own, of up to 105 m/s; with one of 3e6 kg m^2, whose starts disagreed, up to 222.
     """
-    said = {
-        Status.NOT_CONVERGED: "did not converge",
-        Status.STARTS_DISAGREE: "depends on where it starts",
-        Status.NOT_IDENTIFIABLE: "does not tell all its parameters apart",
-        Status.SIMULATION_FAILED: "could not be simulated",
-    }
-    if why := said.get(diag.fit.status):
-        return f"The errors of the model as given say nothing: its fit to these logs {why}."
+    if why := UNFINISHED.get(diag.fit.status):
+        why = why.format("its fit to these logs")
+        return f"The errors of the model as given say nothing: {why}."
     return f"{capitalised(level_words(diag))}."
 
 

@@ -15,12 +15,12 @@ from diffthrust.diagnosis._mended import MeasuredMend
 from diffthrust.diagnosis._report.budget import Part, as_part
 from diffthrust.diagnosis._report.doubts import grave_doubts, open_readings
 from diffthrust.diagnosis._report.text import (
+    UNFINISHED,
     copied_fit,
     ran_away,
     stopped_parameters,
     vanished_words,
 )
-from diffthrust.estimation._status import Status
 
 _SUSPECT = {
     "sign": "the sign of {} looks wrong",
@@ -35,12 +35,6 @@ _SUSPECT = {
 """What a doubt comes to, by its kind."""
 _FALLS = 0.005
 """Display: a smaller share of an error is none."""
-_UNFINISHED = {
-    Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
-    Status.STARTS_DISAGREE: "the last fit depends on where it starts",
-    Status.NOT_CONVERGED: "the last fit did not converge",
-    Status.SIMULATION_FAILED: "the last fit could not be simulated",
-}
 
 
 def doubtful(diag: Findings) -> list[Part]:
@@ -177,7 +171,7 @@ def _caution(diag: Findings) -> Part:
     """That the fit that is copied may not be what it should."""
     status = copied_fit(diag).status
     if not status.ok:
-        whole = f"Caution: {_UNFINISHED[status]}"
+        whole = f"Caution: {UNFINISHED[status].format('the last fit')}"
         short = ": ".join(whole.split(": ")[:2])
         return as_part((6, whole), (11, short)) if short != whole else as_part((11, whole))
     if diag.laws or not diag.fit.coarse:  # a law is fitted with as fine steps as it needs

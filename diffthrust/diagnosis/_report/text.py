@@ -18,6 +18,14 @@ from diffthrust.models._base.effect import EFFECTS, Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
+UNFINISHED = {
+    Status.NOT_IDENTIFIABLE: "these logs do not tell all its parameters apart",
+    Status.STARTS_DISAGREE: "{} depends on where it starts",
+    Status.NOT_CONVERGED: "{} did not converge",
+    Status.SIMULATION_FAILED: "{} could not be simulated",
+}
+"""Why a fit is none that can be relied on; "{}" is the fit."""
+
 
 def verdict_words(diag: Findings) -> str:
     """The verdict as a person would say it."""
