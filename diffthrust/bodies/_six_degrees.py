@@ -177,7 +177,7 @@ class SixDegrees(Body):
         """Level, the bow to the north."""
         return {"qw": 1.0}
 
-    def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
+    def start_from(self, first: Mapping[str, Any]) -> Mapping[str, Any]:
         """The quaternion of the first angles; those that no sensor reads are zero."""
         if all(name in first for name in QUATERNION):  # of a sensor, or its own
             return {name: first[name] for name in QUATERNION}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -64,13 +64,13 @@ def build(
     grids, batches, order = [], [], []
     for indices, hold in _grouped(model, records):
         group = [records[i] for i in indices]
-        restarted = tuple(
-            n for n in trusted(model) if segmented and any(_reads(record, n) for record in group)
-        )
+        anew = [_restart_values(model, record) if segmented else {} for record in group]
+        restarted = tuple(n for n in model.states if any(n in series for series in anew))
         uniform = all(record.even for record in group)
         in_loop = compact or is_large(model)
         grids.append(Grid(hold, 1, restarted, uniform, in_loop, padded=is_unbatched()))
-        batch = _batch(model, group, channels, starts, restarted, follow)
+        batch = _batch(model, group, channels, starts, follow)
+        batch = replace(batch, restarts=_restarts(restarted, anew, group, batch.time.shape[1]))
         if likelihood.law.censors:
             batch = at_rails(batch, group, channels)
         batches.append(batch)
@@ -233,16 +233,13 @@ def _batch(
     records: Sequence[Record],
     channels: Sequence[str],
     starts: Sequence[str],
-    restarted: Sequence[str],
     follow: Sequence[str],
 ) -> Batch:
     length = padded_length(max(len(record) for record in records))
 
-    def padded(values: np.ndarray, fill: str) -> np.ndarray:
-        extra = length - values.shape[0]
-        if fill == "edge":  # a padded step has no length: the state rests
-            return np.concatenate([values, np.repeat(values[-1:], extra)])
-        return np.concatenate([values, np.full(extra, np.nan)])
+    def padded(values: np.ndarray) -> np.ndarray:
+        # a padded step has no length: the state rests
+        return np.pad(values, (0, length - values.shape[0]), "edge")
 
     count = len(records)
     inputs = [record.inputs_for(model) for record in records]
@@ -253,30 +250,57 @@ def _batch(
                 measured[row, column, : len(record)] = record.measured[name]
     first = [starting_states(model, record) for record in records]
     at_means = [0.0] * len(model.per_log)
-    restarts = {
-        name: Restart(
-            series=np.stack([padded(_restart_values(model, r, name), "nan") for r in records]),
-            value=np.full((count, length), np.nan),
-            unsigned=np.array([name in record.unsigned for record in records]),
-        )
-        for name in restarted
-    }
     return Batch(
-        time=np.stack([padded(record.time, "edge") for record in records]),
-        inputs={n: np.stack([padded(g[n], "edge") for g in inputs]) for n in inputs[0]},
+        time=np.stack([padded(record.time) for record in records]),
+        inputs={n: np.stack([padded(g[n]) for g in inputs]) for n in inputs[0]},
         measured=measured,
         start=np.array([[*(f[n] for n in starts), *at_means] for f in first]).reshape(count, -1),
         held={n: np.array([f[n] for f in first]) for n in first[0] if n not in {*starts, *follow}},
         unsigned=np.array([[n in record.unsigned for n in channels] for record in records]),
-        restarts=restarts,
+        restarts={},
     )
 
 
-def _restart_values(model: Model, record: Record, name: str) -> np.ndarray:
-    if not _reads(record, name):
-        return np.full(len(record), np.nan)
-    values = record.measured_states[name]
-    return smoothed(unwrapped(values) if name in model.angles else values)
+def _restart_values(model: Model, record: Record) -> dict[str, np.ndarray]:
+    """At what each state may begin anew: as it is measured, or as it follows from outputs.
+
+    A quaternion follows from a sensor's attitude, or from all three angles. Where it ran on, the
+    heading of eight thrusters was anywhere after a few segments, and 300 steps did not bring a
+    search to where 40 do.
+    """
+    sound = trusted(model)
+
+    def read(name: str, values: np.ndarray) -> np.ndarray:
+        return smoothed(unwrapped(values) if name in model.angles else values)
+
+    measured = {n: read(n, record.measured_states[n]) for n in sound if _reads(record, n)}
+    outputs = {n: read(n, v) for n, v in record.measured.items() if n in model.start_outputs}
+    angles = {n for n in model.start_outputs if "." not in n}  # those of sensors have one
+    if outputs.keys() < angles or any(n in e.ports for n in outputs for e in model.effects):
+        return measured
+    follow = {n: v for n, v in model.start_from(outputs).items() if n in sound}
+    return {**follow, **measured}
+
+
+def _restarts(
+    names: Sequence[str],
+    anew: Sequence[Mapping[str, np.ndarray]],
+    records: Sequence[Record],
+    length: int,
+) -> dict[str, Restart]:
+    """By state, at what the logs of a batch may begin anew; none of them does yet."""
+    restarts = {}
+    for name in names:
+        series = np.full((len(records), length), np.nan)
+        for row, values in enumerate(anew):
+            if name in values:
+                series[row, : len(values[name])] = values[name]
+        restarts[name] = Restart(
+            series=series,
+            value=np.full_like(series, np.nan),
+            unsigned=np.array([name in record.unsigned for record in records]),
+        )
+    return restarts
 
 
 _HALF = 3

@@ -163,7 +163,8 @@ def through(
     """
     stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
     share = 1.0 if len(horizons) == 1 else _FIRST
-    ended = search(stage, starts, rng, subtask(tell, 0.0, share), first, guesses)
+    tell_first, passing = subtask(tell, 0.0, share), len(horizons) > 1
+    ended = search(stage, starts, rng, tell_first, first, guesses, passing=passing)
     for horizon in horizons[1:]:
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
         tell(f"segments of {horizon:g} s" if horizon else "whole runs", share)
@@ -191,9 +192,10 @@ def by_left_out(
     """
     if not np.isfinite(ended.search.best.quadratic.cost):
         return ended, ()
-    entire = _over_whole_runs(ended, starts, rng)
-    growth = entire.search.best.quadratic.sigma / ended.search.best.quadratic.sigma
-    if np.all(growth <= _GROWTH):
+    entire = _followed(ended, None)
+    # where errors do not accumulate, no other valley is better
+    entire = _begun_anew(entire, starts, rng) if _accumulate(ended, entire) else entire
+    if not _accumulate(ended, entire):
         return entire, ()
     several = [ended, entire]
     longer = _LONGER * (ended.horizon or 0.0)
@@ -211,6 +213,11 @@ def by_left_out(
     return several[best], (note,)
 
 
+def _accumulate(ended: Ended, entire: Ended) -> bool:
+    growth = entire.search.best.quadratic.sigma / ended.search.best.quadratic.sigma
+    return not np.all(growth <= _GROWTH)
+
+
 def _followed(ended: Ended, horizon: float | None) -> Ended:
     """The search carried on to another horizon; segments begin as they did."""
     held = ended.problem.held and horizon is not None
@@ -218,8 +225,8 @@ def _followed(ended: Ended, horizon: float | None) -> Ended:
     return Ended(horizon, ended.search.followed(stage), stage)
 
 
-def _over_whole_runs(ended: Ended, starts: int, rng: np.random.Generator) -> Ended:
-    """The search carried on to whole runs, and begun there anew.
+def _begun_anew(entire: Ended, starts: int, rng: np.random.Generator) -> Ended:
+    """The search over whole runs that came from segments, and begun there anew.
 
     Where much is missing, the way through segments may lead into another valley. BlueBoat with its
     forces exchanged, a basic vessel: from segments of 20 s to an NRMSE of 0.76 in training and 1.08
@@ -228,7 +235,6 @@ def _over_whole_runs(ended: Ended, starts: int, rng: np.random.Generator) -> End
     came near the optimum that was known, and they took three quarters of all steps. With none to
     draw, what was followed stands.
     """
-    entire = _followed(ended, None)
     if not starts:
         return entire
     known = entire.search.best.z

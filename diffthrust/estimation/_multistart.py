@@ -31,7 +31,7 @@ the second, in standard errors: then it is of rounding, or of a kink."""
 NOTICED = 1.0
 """Log-likelihood by which another optimum must be better to be one: a parameter that is off by a
 standard error costs half of it."""
-_AGREED = 3
+AGREED = 3
 """So many starts should end in the best optimum; with fewer, more are tried."""
 _LOOK_STEPS = 25
 """Steps after which it is looked whether a start is on the way to an optimum that is known,"""
@@ -183,17 +183,19 @@ def search(
     first: Solved | None = None,
     guesses: Sequence[np.ndarray] = (),
     once: bool = False,
+    passing: bool = False,
 ) -> Search:
     """Minimise from several starts.
 
     Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried on until
     little is left to be gained or they are no rivals, and the best of them to the end.
-    While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
+    While the best optimum was found fewer than `AGREED` times, the next best are carried on too,
     and then as many starts again are drawn, twice at most, and not if ``once``. ``first`` is the
     first start where it was begun already. All ``guesses`` are carried on before any other start;
-    where there are some, one start less has to agree: they were not drawn, but known to be good.
+    where there are some, one start less has to agree: they were not drawn, but known to be good. If
+    ``passing``, on the way to another problem, the best is not carried to its last digits.
     """
-    tell, enough = reporter(progress), _AGREED - bool(guesses)
+    tell, enough = reporter(progress), AGREED - bool(guesses)
     begun: list[Solved] = []
     ended = all_carried_on(problem, guesses)
     total = failed = 0
@@ -221,7 +223,8 @@ def search(
             break
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
-    optima = _best_ended(problem, distinct([(solved, 1) for solved in ended]))
+    optima = distinct([(solved, 1) for solved in ended])
+    optima = optima if passing else _best_ended(problem, optima)
     return Search(_mirrored(problem, optima), total + len(guesses), tuple(guesses), failed)
 
 
@@ -248,7 +251,7 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
         pace, looks = _cost(last) - _cost(reached), max(0, MOST_STEPS - steps) / _LOOK_STEPS
         if best is not None and _cost(reached) - looks * pace > _cost(best):
             return best if _leads(problem, reached, best) else reached
-    return reached
+    return reached._replace(steps=steps)
 
 
 def all_carried_on(problem: Problem, starts: Sequence[np.ndarray]) -> list[Solved]:

@@ -14,7 +14,7 @@ from diffthrust.estimation._arguments import FitOptions
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._horizons import Ended, by_left_out, through
 from diffthrust.estimation._insensitive import alive, without_silent
-from diffthrust.estimation._multistart import NOTICED, Search
+from diffthrust.estimation._multistart import AGREED, NOTICED, Search
 from diffthrust.estimation._per_log import with_widths
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._refine import polished, refined
@@ -97,8 +97,9 @@ class Optimum:
 
     @property
     def forbidden(self) -> bool:
-        """Most starts could not be simulated: the steps may be too coarse for them."""
-        return 2 * self.search.failed > self.search.begun
+        """Most starts could not be simulated, and few agree: the steps may be too coarse."""
+        few = self.search.agreeing < AGREED
+        return few and 2 * self.search.failed > self.search.begun
 
     @property
     def released(self) -> Model:

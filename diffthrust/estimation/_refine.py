@@ -20,7 +20,7 @@ from diffthrust.estimation._multistart import Search
 from diffthrust.estimation._observer import CLIP, REAL, WIDE
 from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._solver import Solved, solve
+from diffthrust.estimation._solver import EQUAL, Solved, solve
 from diffthrust.estimation._status import GRADIENT_LIMIT, RANK_LIMIT, examine
 
 _STEPS = 6
@@ -40,8 +40,6 @@ _AWAY = 0.1
 """if it comes from so near the minimum, in standard errors."""
 _SHARE = 1e-3
 """Gradients are compared so many standard errors to either side."""
-_EQUAL = 1e-13
-"""Costs that differ by less than this share are equal: then the gradient decides."""
 
 
 def polished(search: Search, problem: Problem) -> Search:
@@ -157,9 +155,9 @@ def _axes(at: Solved, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _better(problem: Problem, trial: Solved, at: Solved) -> bool:
-    """A lower cost; or one that is equal but for rounding, and a smaller gradient."""
+    """A lower cost; or one that is equal, and a smaller gradient."""
     gain = float(at.quadratic.cost) - float(trial.quadratic.cost)
-    rounding = _EQUAL * abs(float(at.quadratic.cost))
+    rounding = EQUAL * abs(float(at.quadratic.cost))
     if not abs(gain) <= rounding:
         return gain > 0
     return _steepness(problem, trial) < _steepness(problem, at)

@@ -45,6 +45,10 @@ _SHORTER = 30.0
 """Numerics: by so much a coordinate at a kink is damped more each time its slope turns round."""
 _DAMPING = 1e-3
 """Numerics: damping of the first step, and of the first after a kink was found."""
+EQUAL = 1e-13
+"""Numerics: costs that differ by less than this share are equal. Of eight thrusters on 9 000
+samples (a cost of -4.2e5) a search came within 1e-10 of its end, saw 1e-8 to 1e-6 ahead for what
+rounding made of its slope along the weakest axis, and was refused 30 steps: a third of the fit."""
 
 _QUICK_PASS, _QUICK_WORK = 30_000, 2_000_000
 """Numerics: a search is quickly compiled if a pass is no more work than the first, and until all
@@ -82,10 +86,13 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     basic boat on logs with a current and a weak thruster took 197 steps on segments, and takes 17.
     A coordinate at a kink of its own has a damping of its own, so that the others move on: a
     command's limit ended at the highest command of one of a T200's tables, where any step raised
-    the cost, and the digits of BLAS decided how far the others had come. The iteration ends where a
-    Gauss-Newton step, damped at kinks alone, would gain less than ``atol`` in log-likelihood, or
-    where steps creep (`_CREEPING`). A trial whose cost is not finite is rejected like any other bad
-    trial.
+    the cost, and the digits of BLAS decided how far the others had come.
+
+    The iteration ends where a Gauss-Newton step, damped at kinks alone, would gain less than
+    ``atol`` in log-likelihood or than the cost resolves (`EQUAL`); where a step is refused that
+    costs nothing, for what rounding makes of a slope along a weak axis promises more than there is;
+    or where steps creep (`_CREEPING`). A trial whose cost is not finite is rejected like any other
+    bad trial.
     """
 
     rtol: float
@@ -151,7 +158,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         since, mark = jnp.where(full | first, 0, since), jnp.where(full | first, q.cost, state.mark)
         # lest its damping hide what a coordinate could gain by itself
         promised = jnp.where((own > 0) & ~self._is_blocked(y, q), _promised(q, own), 0.0)
-        ends = (remaining < self.atol) & (jnp.max(promised) < jnp.minimum(self.atol, _CREPT))
+        least = jnp.maximum(self.atol, EQUAL * jnp.abs(q.cost))
+        lost = ~accept & (jnp.abs(gain) <= EQUAL * jnp.abs(old.cost)) & (remaining < _CREPT)
+        ends = ((remaining < least) | lost) & (jnp.max(promised) < jnp.minimum(least, _CREPT))
         settled = jnp.isfinite(q.cost) & (ends | creeps)
         failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
         steps = state.steps + 1

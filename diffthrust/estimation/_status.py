@@ -209,8 +209,8 @@ def inflation(problem: Problem, samples: float, columns: int) -> float:
 def _of_parameters(null: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """The redundant directions, ``(n, r)``, less those in which initial states alone move.
 
-    These are no unknowns of the fit: the length of an initial quaternion changes nothing, and of
-    100 fits of a vehicle of eight thrusters 12 were "not identifiable" for it.
+    These are no unknowns of the fit: of two states that only a sum of both tells of, it does not
+    matter where each began.
     """
     _, sizes, turned = np.linalg.svd(null[~starts])
     moved = np.zeros(null.shape[1], bool)

@@ -205,6 +205,10 @@ def starting_point(model: Model, first: Signals, start: Mapping[str, Any]) -> di
     needed = [name for name in model.states if name not in first]
     default = model.initial(first) if needed else {}
     states = {name: start.get(name, default.get(name, 0.0)) for name in needed}
+    for names in model.quaternions:
+        if all(name in states for name in names):
+            length = jnp.sqrt(sum(states[name] ** 2 for name in names))
+            states |= {name: states[name] / length for name in names}
     # Zeros for states that have no value yet: an effect may read any signal to find where it
     # begins.
     s = first.also({**{n: 0.0 for n in model.all_states if n not in first}, **states})

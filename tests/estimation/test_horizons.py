@@ -77,33 +77,55 @@ def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizo
         assert chosen < 1.03 * better, seed
 
 
+def search_of(cost, z, sigma):
+    quadratic = SimpleNamespace(cost=cost, sigma=np.array([sigma]))
+    best = Solved(np.array([z]), quadratic, done=True, steps=1, kinked=np.zeros(1, bool))
+    return Search(((best, 1),), begun=1, guesses=("a user's guess",))
+
+
+@pytest.fixture
+def valleys(monkeypatch):
+    """Followed to whole runs a search ends at 10, begun anew somewhere else."""
+
+    def of(anew, sigma):
+        followed, begun = search_of(10.0, 1.0, sigma), []
+
+        def search(problem, starts, rng, guesses, once):
+            begun.append((problem, starts, guesses))
+            return anew
+
+        def follow(ended, horizon):
+            return Ended(horizon, followed, "whole runs")
+
+        monkeypatch.setattr(horizons_module, "search", search)
+        monkeypatch.setattr(horizons_module, "_followed", follow)
+        return followed, begun
+
+    return of
+
+
 @pytest.mark.parametrize(("deeper", "taken"), [(5.0, "anew"), (0.5, "followed")])
 def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_valley(
-    monkeypatch, deeper, taken
+    valleys, deeper, taken
 ):
-    def search_of(cost, z):
-        at, free = np.array([z]), np.zeros(1, bool)
-        best = Solved(at, SimpleNamespace(cost=cost), done=True, steps=1, kinked=free)
-        return Search(((best, 1),), begun=1, guesses=("a user's guess",))
-
-    followed, anew = search_of(10.0, 1.0), search_of(10.0 - deeper, 2.0)
-    begun = []
-
-    def search(problem, starts, rng, guesses, once):
-        begun.append((problem, starts, guesses))
-        return anew
-
-    monkeypatch.setattr(horizons_module, "search", search)
-    monkeypatch.setattr(
-        horizons_module,
-        "_followed",
-        lambda ended, horizon: Ended(horizon, followed, "whole runs"),
-    )
-    end = horizons_module._over_whole_runs(None, 4, None)
+    anew = search_of(10.0 - deeper, 2.0, 1.0)
+    followed, begun = valleys(anew, 2.0)
+    entire = Ended(None, followed, "whole runs")
+    end = horizons_module._begun_anew(entire, 4, None)
     assert end.search is {"anew": anew, "followed": followed}[taken]
     assert begun == [("whole runs", 4, [followed.best.z])]  # the guess was followed there
-    assert horizons_module._over_whole_runs(None, 0, None).search is followed  # none is drawn
+    assert horizons_module._begun_anew(entire, 0, None).search is followed  # none is drawn
     assert len(begun) == 1
+
+
+@pytest.mark.parametrize(("sigma", "taken", "times"), [(2.0, "anew", 1), (1.05, "followed", 0)])
+def test_whole_runs_are_not_begun_anew_where_errors_do_not_accumulate(valleys, sigma, taken, times):
+    anew = search_of(5.0, 2.0, 1.0)
+    followed, begun = valleys(anew, sigma)
+    segments = Ended(20.0, search_of(-3.0, 1.0, 1.0), "segments")
+    end, notes = horizons_module.by_left_out(segments, 4, None)
+    assert end.search is {"anew": anew, "followed": followed}[taken]
+    assert (end.horizon, notes, len(begun)) == (None, (), times)
 
 
 def test_a_way_to_whole_runs_ends_there_once():

@@ -249,7 +249,7 @@ def test_a_linear_parameter_and_an_initial_state_in_words():
 
 
 def test_initial_states_that_only_each_other_replace_are_no_unknowns():
-    """As the four numbers of a quaternion are, whose length changes nothing."""
+    """As two states are that only the sum of both tells of."""
     of_two = problem(size=6)
     of_two.each, of_two.layout.local = 2, ("speed", "turn")
     of_two.layout.starts = of_two.layout.local

@@ -363,6 +363,32 @@ def test_a_step_in_the_box_is_as_good_as_that_of_an_independent_solver():
         assert ours <= theirs + 1e-6 * abs(theirs)
 
 
+@cache
+def alike():
+    """Two of four columns are alike but for a hundred-thousandth; what is left over is large."""
+    rng = np.random.default_rng(3)
+    matrix = rng.standard_normal((5000, 4))
+    matrix[:, 3] = matrix[:, 2] + 1e-5 * matrix[:, 3]
+    return matrix, 1e3 * rng.standard_normal(5000)
+
+
+def far_from_zero(y):
+    matrix, measured = alike()
+    return measured - jnp.asarray(matrix) @ y
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0, 0.0, 0.0], [1e5, -1e5, 1e6, 2e6]])
+def test_a_search_ends_where_the_cost_resolves_no_more(start):
+    """At a cost of 2.5e9 what a slope along the weak axis promises is rounding."""
+    _, q, done, steps = minimise(far_from_zero, start)
+    matrix, measured = alike()
+    best = np.linalg.lstsq(matrix, measured, rcond=None)[0]
+    lowest = 0.5 * np.sum((measured - matrix @ best) ** 2)
+    assert done
+    assert steps < 15
+    assert float(q.cost) - lowest < 1e-3  # of 0.5 that an error bar notices
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(("power", "steps", "at"), [(1, 12, 8.0), (3, 30, 2.0)])
 def test_a_bound_on_a_ridge_does_not_stop_the_others(power, steps, at):

@@ -190,11 +190,14 @@ class Model(Component):
         """
         return {}
 
-    def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
+    def start_from(self, first: Mapping[str, Any]) -> Mapping[str, Any]:
         """States at the start of a log that follow from what is measured of other outputs.
 
+        Segments of a fit begin with them, too.
+
         Args:
-            first: the first measurement of each output that begins with the log.
+            first: the first measurement of each output that begins with the log, or its series
+                ``(T,)``; what follows is as long.
 
         Example:
             >>> rov = dft.Craft(dft.bodies.SixDegrees())

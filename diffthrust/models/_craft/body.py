@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import Component
@@ -104,7 +104,7 @@ class Body(Component):
         """
         return {}
 
-    def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
+    def start_from(self, first: Mapping[str, Any]) -> Mapping[str, Any]:
         """States at the start that follow from first measurements of outputs; see `Model`.
 
         Where a sensor on the craft tells the attitude, its quaternion is among them.

@@ -325,7 +325,7 @@ class Craft(Model):
             begin |= {f"{name}.{k}": v for k, v in at_first.items()}
         return begin
 
-    def start_from(self, first: Mapping[str, float]) -> Mapping[str, float]:
+    def start_from(self, first: Mapping[str, Any]) -> Mapping[str, Any]:
         """States at the start that follow from measured outputs: as the body says.
 
         It is told the attitude that the first readings of a sensor give.
