@@ -1,6 +1,6 @@
 """A body in six degrees of freedom."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -185,6 +185,14 @@ class SixDegrees(Body):
             return {}
         q = attitude.from_angles(*(first.get(name, 0.0) for name in self.start_outputs))
         return dict(zip(QUATERNION, q, strict=True))
+
+    def _telling(self, channels: Collection[str]) -> tuple[str, ...]:
+        """All three angles: later in a run one that is not read is not zero."""
+        whole = {*self.start_outputs} <= {*channels}
+        # that of a subclass may take numbers only
+        return (
+            self.start_outputs if whole and type(self).start_from is SixDegrees.start_from else ()
+        )
 
 
 def _each(a: Triple, b: Triple) -> Triple:

@@ -129,7 +129,8 @@ def diagnose(
     context, state = start_search(given, records, unseen_records, candidates, seed, say)
     first = state.stages[0]
     mends = measured_mends(context, first)
-    failing = bool(first.judged.hints or farthest_runaway(first.fit, first.fit.guess))
+    failing = not first.fit.status.ok or bool(first.judged.hints)
+    failing = failing or farthest_runaway(first.fit, first.fit.guess) is not None
     # who names effects wants these tried
     wrong = asks_for_all(candidates) and mends_lead(first.fit.doubts, mends, failing)
     found = (

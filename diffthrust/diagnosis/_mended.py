@@ -38,9 +38,14 @@ class MeasuredMend(Brief):
     unseen: bool
 
     @property
+    def lowers(self) -> bool:
+        """Whether the error falls clearly."""
+        return self.worth.share > SETTINGS.whole_runs.mending_share
+
+    @property
     def helps(self) -> bool:
-        """Whether the error surely falls, and clearly."""
-        return self.worth.low > 0 and self.worth.share > SETTINGS.whole_runs.mending_share
+        """Whether it does so surely."""
+        return self.worth.low > 0 and self.lowers
 
     def to_json(self) -> dict[str, Any]:
         """The reading that was tried, and both errors, as plain data."""
@@ -66,18 +71,24 @@ def best_mends(mends: Sequence[MeasuredMend]) -> tuple[MeasuredMend, ...]:
 def mends_lead(doubts: Sequence[Doubt], mends: Sequence[MeasuredMend], failing: bool) -> bool:
     """Whether logs are to be mended before anything is sought in them.
 
-    Where a sign or an exchange of channels is doubted, and a mend helps, or one of the mistakes it
-    may come from has no fit that could be judged while the model fails, too. On the BlueBoat as it
-    was logged half an hour of search ended in thrusters that "steer with -0 % of the logged
-    moment", and in a moment of inertia of 0.02 kg m^2.
+    Where a sign or an exchange of channels is doubted, and a mend helps. While the model fails it
+    is enough that a mend lowers the error, or that one of the mistakes the doubt may come from has
+    no fit that could be judged. On the BlueBoat as it was logged half an hour of search ended
+    in thrusters that "steer with -0 % of the logged moment", and in a moment of inertia of
+    0.02 kg m^2; and of a Kingfisher, whose heading turned against its thrusters in 14 runs, it
+    depended on which of many optima a fit ended in whether that was told.
 
     Args:
         doubts: on the logs.
         mends: the mends that were measured.
-        failing: whether the model moves opposite to channels over whole runs, or ran away.
+        failing: whether the model moves opposite to channels over whole runs, its fit ran away, or
+            is none to rely on.
     """
-    helped = any(mend.helps and mend.doubt.contrary for mend in mends)
-    return helped or (failing and any(unjudged(d, mends) for d in doubts if d.contrary))
+    contrary = [mend for mend in mends if mend.doubt.contrary]
+    if not failing:
+        return any(mend.helps for mend in contrary)
+    lowered = any(mend.lowers for mend in contrary)
+    return lowered or any(unjudged(doubt, mends) for doubt in doubts if doubt.contrary)
 
 
 def unjudged(doubt: Doubt, mends: Sequence[MeasuredMend]) -> list[Reading]:

@@ -144,7 +144,9 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
         series = {name: np.array(restart.series) for name, restart in batch.restarts.items()}
         for row, index in enumerate(indices):
             time = problem.records[index].time
-            ours = [np.isfinite(s[row, : time.size]) for s in series.values()]
+            read = {*problem.records[index].measured_states}
+            names = [n for n in series if n in read] or [*series]  # the others where they are told
+            ours = [np.isfinite(series[n][row, : time.size]) for n in names]
             ours = [finite for finite in ours if finite.any()]
             finite = np.all(ours, axis=0) if ours else np.zeros(time.size, bool)
             chosen = np.zeros(batch.time.shape[1], bool)
@@ -181,10 +183,6 @@ def _for_noise(problem: Problem) -> Problem:
 def trusted(model: Model) -> tuple[str, ...]:
     """States that a sensor reads as they are: no effect acts between the state and its channel."""
     return tuple(n for n in model.states if all(n not in effect.ports for effect in model.effects))
-
-
-def _reads(record: Record, state: str) -> bool:
-    return state in record.measured_states and state not in record.inputs
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are reported elsewhere
@@ -264,22 +262,35 @@ def _batch(
 def _restart_values(model: Model, record: Record) -> dict[str, np.ndarray]:
     """At what each state may begin anew: as it is measured, or as it follows from outputs.
 
-    A quaternion follows from a sensor's attitude, or from all three angles. Where it ran on, the
-    heading of eight thrusters was anywhere after a few segments, and 300 steps did not bring a
-    search to where 40 do.
+    Where a quaternion ran on, whose angles are measured, the heading of eight thrusters was
+    anywhere after a few segments, and 300 steps did not bring a search to where 40 do.
     """
-    sound = trusted(model)
+    sound = [n for n in trusted(model) if n not in record.inputs]
 
     def read(name: str, values: np.ndarray) -> np.ndarray:
         return smoothed(unwrapped(values) if name in model.angles else values)
 
-    measured = {n: read(n, record.measured_states[n]) for n in sound if _reads(record, n)}
-    outputs = {n: read(n, v) for n, v in record.measured.items() if n in model.start_outputs}
-    angles = {n for n in model.start_outputs if "." not in n}  # those of sensors have one
-    if outputs.keys() < angles or any(n in e.ports for n in outputs for e in model.effects):
+    measured = {n: read(n, v) for n, v in record.measured_states.items() if n in sound}
+    told = model._telling(record.measured)
+    if not told or any(name in effect.ports for name in told for effect in model.effects):
         return measured
+    outputs = {n: between(read(n, record.measured[n])) for n in told}
     follow = {n: v for n, v in model.start_from(outputs).items() if n in sound}
     return {**follow, **measured}
+
+
+def between(values: np.ndarray) -> np.ndarray:
+    """The series, straight between readings that are no further apart than is usual.
+
+    An attitude that is read at other samples than the velocities would begin no segment.
+    """
+    at = np.flatnonzero(np.isfinite(values))
+    if at.size < 2:
+        return values
+    apart, every = np.diff(at), np.arange(values.size)
+    inside = np.clip(np.searchsorted(at, every, "right") - 1, 0, apart.size - 1)
+    near = (every >= at[0]) & (every <= at[-1]) & (apart[inside] <= 2 * np.median(apart))
+    return np.where(near, np.interp(every, at, values[at]), values)
 
 
 def _restarts(

@@ -245,13 +245,14 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
         if best is not None and _leads(problem, reached, best):
             return best
         last, reached = reached, solve(problem, reached.z, budget=_LOOK_STEPS, tolerance=_CLOSE)
-        steps += reached.steps
-        if reached.steps < _LOOK_STEPS:  # at its optimum, or stuck beside a kink
+        taken, steps = reached.steps, steps + reached.steps
+        reached = reached._replace(steps=steps)
+        if taken < _LOOK_STEPS:  # at its optimum, or stuck beside a kink
             break
         pace, looks = _cost(last) - _cost(reached), max(0, MOST_STEPS - steps) / _LOOK_STEPS
         if best is not None and _cost(reached) - looks * pace > _cost(best):
             return best if _leads(problem, reached, best) else reached
-    return reached._replace(steps=steps)
+    return reached
 
 
 def all_carried_on(problem: Problem, starts: Sequence[np.ndarray]) -> list[Solved]:
@@ -294,7 +295,7 @@ def _best_ended(
 ) -> tuple[tuple[Solved, int], ...]:
     """The best of several optima carried to the end, unless it creeps."""
     (best, count), *rivals = optima
-    creeps = best.steps >= MOST_STEPS
+    creeps = best.steps >= MOST_STEPS and not best.done
     ended = best if creeps or not np.isfinite(best.quadratic.cost) else solve(problem, best.z)
     return ((ended, count), *rivals)
 

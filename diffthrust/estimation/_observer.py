@@ -7,7 +7,8 @@ predicts each sample from all earlier ones. Beside the model run, for each measu
 - a **drift**: a random acceleration with a memory, which the past errors reveal,
 - a **colour**: a part of the sensor's error that lasts from one sample to the next,
 
-and each error moves the state, its drift and its colour by constant gains. Gains and memories are
+and each error moves the state, its drift and its colour by constant gains. Angles from which a
+quaternion follows are corrected like states, and it follows them. Gains and memories are
 estimated with the model's parameters by maximum likelihood, so that they come out as large as the
 logs ask: without random forces the gains vanish, and the simulation error is left. Outputs that
 are not states (a thrust) are read from the corrected states and have a colour only.
@@ -56,7 +57,7 @@ class Observer:
 
     Args:
         channels: all measured channels.
-        fed: those that are states and correct them.
+        fed: those that are states, or tell what ``follow``, and correct them.
         corrected: for each state, the channels that correct it.
         forced: states on which random forces act.
         still: nothing is corrected and no random force acts; what is left is a simulation whose
@@ -64,6 +65,7 @@ class Observer:
         lasting: sensors have errors that last.
         within: measured states follow their readings within so many seconds, by gains that are
             fixed; estimated where ``None``.
+        follow: states that follow from outputs, as a quaternion from angles.
     """
 
     channels: tuple[str, ...]
@@ -73,6 +75,7 @@ class Observer:
     still: bool = False
     lasting: bool = True
     within: float | None = None
+    follow: tuple[str, ...] = ()
 
     @property
     def simulation(self) -> Observer:
@@ -144,17 +147,23 @@ def observer_of(
     errors of the outputs keep their colour.
     """
     free = [n for n in model.states if n not in record.inputs]
-    fed = tuple(n for n in free if n in channels and n not in remembering)
+    read = [n for n in channels if n not in remembering]
+    measured = [n for n in free if n in read]
+    told = model._telling(read)
+    told_states = model.start_from(dict.fromkeys(told, 0.0)) if told else ()
+    follow = tuple(n for n in told_states if n in free and n not in read)
+    fed = (*measured, *(told if follow else ()))
     rates, _ = slopes_at(model, record)
-    corrected = tuple(
-        (n, (n,) if n in fed else fed)
+    corrected = {
+        n: (n,) if n in measured else fed
         for n in free
-        if n in fed or any(rates[m][0][n] != 0 for m in fed)
-    )
+        if n not in follow and (n in measured or any(rates[m][0][n] != 0 for m in measured))
+    }
     forced = tuple(
-        n for n, _ in corrected if not model.ports or any(v != 0 for v in rates[n][1].values())
+        n for n in corrected if not model.ports or any(v != 0 for v in rates[n][1].values())
     )
-    return Observer(tuple(channels), fed, corrected, forced, still)
+    corrected |= {n: (n,) for n in fed}
+    return Observer(tuple(channels), fed, (*corrected.items(),), forced, still, follow=follow)
 
 
 def observer_for(model: Model, records: Sequence[Record]) -> Observer:
@@ -263,7 +272,8 @@ class Correction:
             bounded[c] = limited(e, self.limit[i])
             toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
             errors[c] = toward * bounded[c]
-        new = dict(state)
+        told = [name for name, _ in o.corrected if name not in state]
+        new = {**state, **{name: outputs[name] for name in told}}
         for name, sources in o.corrected:
             measured = name in o.fed
             pace = 1.0 if measured else row[_PER_STEP]
@@ -276,6 +286,9 @@ class Correction:
                 new[f"drift.{name}"] = row[f"drift.{name}"] * (
                     state[f"drift.{name}"] + pace * drift
                 )
+        if told:
+            following = self.model.start_from({name: new.pop(name) for name in told})
+            new |= {name: following[name] for name in o.follow}
         for c in o.carried:
             held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * bounded[c]
             new[f"colour.{c}"] = row[f"colour.{c}"] * held
@@ -333,7 +346,8 @@ def innovations(
     ahead = read_out(model, Signals({**path, **signals}))
     corrected = run.correct(path, signals, run.rows)
     after = read_out(model, Signals({**corrected, **signals}))
-    noted = {f"moved.{n}": corrected[n] - path[n] for n, _ in observer.corrected}
+    moved = [n for n, _ in observer.corrected if n in path]
+    noted = {f"moved.{n}": corrected[n] - path[n] for n in moved}
     noted |= {f"pushed.{n}": corrected[f"drift.{n}"] for n in observer.forced}
     errors = []
     for c in observer.channels:

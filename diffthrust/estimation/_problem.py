@@ -239,12 +239,24 @@ class Problem:
         pairs += self._starting_range
         low, high = np.array(pairs, float).reshape(-1, 2).T
         start = self.start()
-        for at, record, state in self._of_logs:
-            if self.held and (state in record.measured_states or state in record.start):
-                low[at] = high[at] = start[at]
-        for at in self._lengths:
+        for at in (*self._lengths, *(self._restarted if self.held else ())):
             low[at] = high[at] = start[at]
         return low, high
+
+    @cached_property
+    def _restarted(self) -> list[int]:
+        """The coordinate of each initial state that is set anew where a segment begins."""
+        pairs = zip(self.numbers.batches, self.order, strict=True)
+        told = {
+            (index, name)
+            for batch, indices in pairs
+            for row, index in enumerate(indices)
+            for name, restart in batch.restarts.items()
+            if np.isfinite(restart.series[row]).any()
+        }
+        places = self.places.items()
+        names = [*enumerate(self.layout.local)]
+        return [at + i for index, at in places for i, name in names if (index, name) in told]
 
     @cached_property
     def _lengths(self) -> list[int]:

@@ -171,7 +171,8 @@ class Innovations(Likelihood):
         """
         unknown = (n for n in felt(model, records) if n in model.free_starts)
         free = tuple(n for n in unknown if any(n not in record.start for record in records))
-        return (*self.observer.fed, *free)
+        fed = (n for n in self.observer.fed if n in model.states)
+        return (*fed, *self.observer.follow, *free)
 
     def parameters(
         self, channels: Sequence[str], records: Sequence[Record]

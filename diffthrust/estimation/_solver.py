@@ -158,7 +158,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         since, mark = jnp.where(full | first, 0, since), jnp.where(full | first, q.cost, state.mark)
         # lest its damping hide what a coordinate could gain by itself
         promised = jnp.where((own > 0) & ~self._is_blocked(y, q), _promised(q, own), 0.0)
-        least = jnp.maximum(self.atol, EQUAL * jnp.abs(q.cost))
+        least = jnp.maximum(self.atol, jnp.minimum(EQUAL * jnp.abs(q.cost), _CREPT))
         lost = ~accept & (jnp.abs(gain) <= EQUAL * jnp.abs(old.cost)) & (remaining < _CREPT)
         ends = ((remaining < least) | lost) & (jnp.max(promised) < jnp.minimum(least, _CREPT))
         settled = jnp.isfinite(q.cost) & (ends | creeps)

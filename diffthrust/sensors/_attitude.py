@@ -1,6 +1,6 @@
 """Attitude as a quaternion, or as angles."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -83,3 +83,8 @@ class Attitude(Sensor):
             return None
         world, body = (attitude.inverse(turn[self.frame]) for turn in (_TO_WORLD, _TO_BODY))
         return attitude.product(attitude.product(world, q), body)
+
+    def _telling(self, channels: Collection[str]) -> tuple[str, ...]:
+        """The quaternion, all angles, or that of a craft that stays level."""
+        choices = (QUATERNION, ("roll", "pitch", "yaw"), ("yaw",))
+        return next((names for names in choices if {*names} <= {*channels}), ())

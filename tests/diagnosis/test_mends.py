@@ -82,19 +82,21 @@ def test_nothing_is_told_of_a_reading_whose_fits_do_not_agree(measured):
 
 
 @pytest.mark.parametrize(
-    ("judged", "share", "failing", "leads"),
+    ("judged", "share", "low", "failing", "leads"),
     [
-        (("turned",), 0.5, False, True),
-        (("turned",), 0.05, False, False),
-        (("turned",), 0.05, True, True),  # its other reading may be the true one
-        (("turned", "exchanged"), 0.05, True, False),
-        ((), 0.0, True, True),
-        ((), 0.0, False, False),
+        (("turned",), 0.5, 0.4, False, True),
+        (("turned",), 0.05, 0.04, False, False),
+        (("turned",), 0.05, 0.04, True, True),  # its other reading may be the true one
+        (("turned", "exchanged"), 0.05, 0.04, True, False),
+        (("turned", "exchanged"), 0.5, -0.3, True, True),
+        (("turned", "exchanged"), 0.5, -0.3, False, False),
+        ((), 0.0, 0.0, True, True),
+        ((), 0.0, 0.0, False, False),
     ],
 )
-def test_mends_lead_where_one_helps_or_the_model_fails(judged, share, failing, leads):
+def test_mends_lead_where_one_helps_or_the_model_fails(judged, share, low, failing, leads):
     errors = made.found().judged.errors
-    worth = Worth(share, 0.8 * share, 1.2 * share)
+    worth = Worth(share, low, 1.2 * share)
     mends = [
         MeasuredMend(DOUBT, reading, errors, errors, worth, True)
         for reading in READINGS

@@ -389,6 +389,16 @@ def test_a_search_ends_where_the_cost_resolves_no_more(start):
     assert float(q.cost) - lowest < 1e-3  # of 0.5 that an error bar notices
 
 
+def beside_a_constant(y):
+    return jnp.append(jnp.asarray(alike()[0][:, :3]) @ (y - 2.0), 1e8)
+
+
+def test_a_large_cost_ends_no_search_far_from_the_optimum():
+    y, *_ = minimise(beside_a_constant, [0.0, 0.0, 0.0])
+    errors = 1.0 / np.linalg.norm(alike()[0][:, :3], axis=0)
+    assert np.max(np.abs(np.asarray(y) - 2.0) / errors) < 0.5
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(("power", "steps", "at"), [(1, 12, 8.0), (3, 30, 2.0)])
 def test_a_bound_on_a_ridge_does_not_stop_the_others(power, steps, at):
@@ -484,7 +494,9 @@ def test_a_start_that_is_given_up_may_be_on_the_way_all_the_same(monkeypatch):
     at = [Solved(z, SimpleNamespace(cost=cost), False, 25, free) for cost in (9.2, 8.9)]
     best = Solved(z, SimpleNamespace(cost=0.0), True, 25, free)
     monkeypatch.setattr(multistart_module, "solve", lambda *a, **k: at[1])
-    monkeypatch.setattr(multistart_module, "_leads", lambda problem, start, to: start is at[1])
+    monkeypatch.setattr(
+        multistart_module, "_leads", lambda problem, start, to: start.quadratic is at[1].quadratic
+    )
     assert carried_on(None, at[0], [best]) is best
 
 

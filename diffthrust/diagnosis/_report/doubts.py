@@ -30,17 +30,18 @@ def leading_doubt_words(diag: Findings) -> list[str]:
 def grave_doubts(diag: Findings) -> list[Doubt]:
     """The graver doubts of which a mistake is left that no fit to mended logs has judged.
 
-    None for which a mend helps, for that leads. Of a BlueBoat the sign of a yaw rate was judged,
-    and helped for nothing certain, and the exchange of left and right, which it may be as well,
-    was not.
+    And those for which nothing was sought, that a mend may be right. None for which a mend helps,
+    for that leads. Of a BlueBoat the sign of a yaw rate was judged, and helped for nothing certain,
+    and the exchange of left and right, which it may be as well, was not.
     """
+    stopping = [] if diag.sought else [mend.doubt for mend in diag.mends if mend.lowers]
     helped = {(mend.doubt.channel, mend.doubt.kind) for mend in diag.helpful_mends}
     return [
         doubt
         for doubt in diag.doubts
         if doubt.kind in _GRAVE
         and (doubt.channel, doubt.kind) not in helped
-        and (unjudged(doubt, diag.mends) or not doubt.readings)
+        and (unjudged(doubt, diag.mends) or not doubt.readings or doubt in stopping)
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeVar
 
 from jax.typing import ArrayLike
@@ -193,11 +193,8 @@ class Model(Component):
     def start_from(self, first: Mapping[str, Any]) -> Mapping[str, Any]:
         """States at the start of a log that follow from what is measured of other outputs.
 
-        Segments of a fit begin with them, too.
-
         Args:
-            first: the first measurement of each output that begins with the log, or its series
-                ``(T,)``; what follows is as long.
+            first: the first measurement of each output that begins with the log.
 
         Example:
             >>> rov = dft.Craft(dft.bodies.SixDegrees())
@@ -205,6 +202,10 @@ class Model(Component):
             1.0
         """
         return {}
+
+    def _telling(self, channels: Collection[str]) -> tuple[str, ...]:
+        """The channels from whose series `start_from` tells states at any sample; none of most."""
+        return ()
 
     def at(
         self,

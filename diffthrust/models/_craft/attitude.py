@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -17,9 +18,9 @@ def from_angles(roll: Any, pitch: Any, heading: Any) -> Quaternion:
         >>> [round(float(q), 3) for q in from_angles(0.0, 0.0, np.pi / 2)]
         [0.707, 0.0, 0.0, 0.707]
     """
-    (cr, sr), (cp, sp), (ch, sh) = (
-        (np.cos(0.5 * a), np.sin(0.5 * a)) for a in (roll, pitch, heading)
-    )
+    halves = [0.5 * a for a in (roll, pitch, heading)]
+    maths = jnp if any(isinstance(a, jax.Array) for a in halves) else np
+    (cr, sr), (cp, sp), (ch, sh) = ((maths.cos(a), maths.sin(a)) for a in halves)
     return (
         cr * cp * ch + sr * sp * sh,
         sr * cp * ch - cr * sp * sh,

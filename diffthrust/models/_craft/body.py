@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import Component
@@ -110,15 +113,22 @@ class Body(Component):
         Where a sensor on the craft tells the attitude, its quaternion is among them.
 
         Example:
-            >>> dft.bodies.Planar().start_from({"qw": 0.0, "qx": 0.0, "qy": 0.0, "qz": -1.0})
-            {'heading': -3.141592653589793}
+            >>> first = {"qw": 0.0, "qx": 0.0, "qy": 0.0, "qz": -1.0}
+            >>> round(float(dft.bodies.Planar().start_from(first)["heading"]), 6)
+            -3.141593
         """
         if "qw" not in first or "heading" not in self.states:
             return {}
-        heading = 2.0 * math.atan2(first["qz"], first["qw"])
+        maths = jnp if isinstance(first["qw"], jax.Array) else np
+        heading = 2.0 * maths.arctan2(first["qz"], first["qw"])
         # one of the headings that are two turns apart, which have this quaternion and not -1 times
         measured = first.get("heading", heading)
-        return {"heading": measured + 2.0 * math.pi * round((heading - measured) / (2.0 * math.pi))}
+        turns = maths.round((heading - measured) / (2.0 * np.pi))
+        return {"heading": measured + 2.0 * np.pi * turns}
+
+    def _telling(self, channels: Collection[str]) -> tuple[str, ...]:
+        """As `Model._telling`; the craft asks its sensors, too."""
+        return ()
 
     def _lacks(self, line: str) -> InputError:
         return InputError(f"Body '{self.name}' has no equations.", f"Define def {line}.")

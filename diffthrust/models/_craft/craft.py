@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -336,6 +336,19 @@ class Craft(Model):
             if (q := mounted.model.attitude_from(short)) is not None:
                 first = {**dict(zip(QUATERNION, q, strict=True)), **first}
         return self.body.start_from(first)
+
+    def _telling(self, channels: Collection[str]) -> tuple[str, ...]:
+        """The angles of the body, or what one of the sensors reads of the attitude."""
+        body = self.body
+        names, level = body._telling(channels), type(body).start_from is Body.start_from
+        tilting = bool(body._telling(body.start_outputs))
+        for name, mounted in self.sensors.items():
+            prefix = f"{name}."
+            short = [n.removeprefix(prefix) for n in channels if n.startswith(prefix)]
+            read = mounted.model._telling(short)
+            if not names and (level or (tilting and len(read) > 1)):
+                names = tuple(prefix + each for each in read)
+        return names
 
     # -- effects -----------------------------------------------------------------------------------
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 from diffthrust._support.errors import InputError
@@ -108,6 +108,10 @@ class Sensor(Component):
             array([-0.5])
         """
         return {}
+
+    def _telling(self, channels: Collection[str]) -> tuple[str, ...]:
+        """Those of its readings from which `attitude_from` tells the attitude, at any sample."""
+        return ()
 
     def attitude_from(self, first: Mapping[str, float]) -> Quaternion | None:
         """The attitude of the craft by first readings, from its axes to north, east, down.
