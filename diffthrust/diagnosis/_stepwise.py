@@ -29,7 +29,7 @@ from diffthrust.diagnosis._simulation_fit import Runs, share_between, unclipped,
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._horizons import schedule
-from diffthrust.simulation._starts import felt
+from diffthrust.simulation._starts import felt, told_by
 
 SCREENS = 3
 """Numerics: the largest number of screens of one stage: on flat ridges a better noise may appear
@@ -68,8 +68,10 @@ def runs_lead(context: SearchContext) -> bool:
     records = context.fitter.records
     if schedule(context.given, records, "auto")[-1] is None:
         return False
-    read = {name for record in records for name in record.measured_states}
-    unread = {*felt(context.given, records)} & {*context.given.states} - read
+    model = context.given
+    told, follow = told_by(model, context.fitter.channels)  # three angles tell four of a quaternion
+    read = {*told, *follow, *(name for record in records for name in record.measured_states)}
+    unread = {*felt(model, records)} & {*model.states} - read
     other_sensors = {*context.fitter.channels} - read
     return len(unread) > len(other_sensors)
 

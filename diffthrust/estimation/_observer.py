@@ -35,6 +35,7 @@ from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._linearise import slopes_at
 from diffthrust.simulation._record import Record, measured_outputs
 from diffthrust.simulation._runge_kutta import with_push
+from diffthrust.simulation._starts import told_by
 from diffthrust.simulation._trajectory import Grid, equations_of, march, read_out
 
 CLIP = 4.0
@@ -149,9 +150,8 @@ def observer_of(
     free = [n for n in model.states if n not in record.inputs]
     read = [n for n in channels if n not in remembering]
     measured = [n for n in free if n in read]
-    told = model._telling(read)
-    told_states = model.start_from(dict.fromkeys(told, 0.0)) if told else ()
-    follow = tuple(n for n in told_states if n in free and n not in read)
+    told, states = told_by(model, read)
+    follow = tuple(n for n in states if n in free and n not in read)
     fed = (*measured, *(told if follow else ()))
     rates, _ = slopes_at(model, record)
     corrected = {

@@ -16,7 +16,7 @@ the mean, by the width that the fit has found.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -78,6 +78,12 @@ def _dependent(key: Key, free: tuple[str, ...], inputs: tuple[str, ...]) -> tupl
     names = sorted(jax.eval_shape(initial, numbers))
     sources = dependence(jax.make_jaxpr(initial)(numbers).jaxpr)
     return tuple(name for name, by in zip(names, sources, strict=True) if by)
+
+
+def told_by(model: Model, channels: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The channels that tell of states which they are not, and these: angles of a quaternion."""
+    told = model._telling(channels)
+    return told, tuple(model.start_from(dict.fromkeys(told, 0.0))) if told else ()
 
 
 def felt(model: Model, records: Sequence[Record]) -> tuple[str, ...]:

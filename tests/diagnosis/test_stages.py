@@ -253,6 +253,10 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     assert tried == ([alone] if name == "lag" else proven)
 
 
+ROV = dft.Craft(dft.bodies.SixDegrees(), ahead=dft.actuators.StaticThruster().at((0.0, 0.0, 0.0)))
+VELOCITIES = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
+
+
 @pytest.mark.parametrize(
     ("model", "measured", "seconds", "lead"),
     [
@@ -261,6 +265,8 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
         (dft.Vessel(), ("surge", "sway", "yaw_rate"), 50.0, False),  # nothing else acts on these
         (dft.Vessel(), ("surge", "yaw_rate"), 50.0, True),
         (dft.AxisVehicle(), ("position",), 50.0, False),  # its errors do not accumulate
+        (ROV, (*VELOCITIES, "roll", "pitch", "heading"), 50.0, False),  # these tell a quaternion
+        (ROV, (*VELOCITIES, "roll", "heading"), 50.0, True),
     ],
 )
 def test_whole_runs_are_asked_first_where_errors_accumulate_in_states_that_are_not_read(
@@ -268,7 +274,7 @@ def test_whole_runs_are_asked_first_where_errors_accumulate_in_states_that_are_n
 ):
     time = np.linspace(0.0, seconds, 51)
     inputs = {name: np.sin(time) for name in model.inputs}
-    log = dft.Log(time, inputs, {name: np.cos(time) for name in measured})
+    log = dft.Log(time, inputs, {name: np.cos(time) for name in measured}, units={**model.inputs})
     fitter = SimpleNamespace(records=bind(model, [log]), channels=measured)
     assert runs_lead(SimpleNamespace(given=model, fitter=fitter)) is lead
 
