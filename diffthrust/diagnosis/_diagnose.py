@@ -84,8 +84,8 @@ def diagnose(
     on a signal of the model, or a channel contradicts it, the verdict is "unexplained".
 
     Nothing is sought (`sought`) in logs of which a sign or an exchange of channels is doubted, if
-    fits to mended logs err surely less, or the model fails on them as they are: they are to be
-    mended first.
+    fits to mended logs err surely less, or the model fails on them as they are and no fit to mended
+    logs clears them: they are to be mended first.
 
     Args:
         fit: a fit, or a model that is fitted first.
