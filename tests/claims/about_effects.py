@@ -21,6 +21,7 @@ from .parsing import (
     claim,
     error_of,
     in_words,
+    is_provisional,
     is_said,
     shares_in,
     worth_is,
@@ -168,8 +169,11 @@ def _exchanged(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 
 @claim(r"Left out: (?P<list>.+?)\. With (?:it|each of them) the next (?:sample|row) is predicted "
-       r"better, and whole runs are not, or not by enough to matter\.")  # fmt: skip
+       r"better, and (?:whole runs are not, or not by enough to matter|"
+       r"(?P<open>what (?:it does|they do) to whole runs this fit does not tell))\.")  # fmt: skip
 def _also(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if bool(m["open"]) is not is_provisional(diag):
+        yield f"of fits of status {diag.fit.status}"
     for name in diag.detectable:
         if in_words(name) not in m["list"]:
             yield f"{name} is detectable"

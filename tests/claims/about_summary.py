@@ -22,7 +22,17 @@ from .about_errors import (
     recorded,
 )
 from .page import Page
-from .parsing import NUMBER, WORTH, all_shares, claim, error_of, in_words, is_said, worth_is
+from .parsing import (
+    NUMBER,
+    WORTH,
+    all_shares,
+    claim,
+    error_of,
+    in_words,
+    is_provisional,
+    is_said,
+    worth_is,
+)
 
 KEPT_OUT = "logs kept out of the fit"
 LOGS = rf"{KEPT_OUT}|the training logs"
@@ -135,7 +145,7 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield from _adds_little(said.name, diag)
     shares = all_shares(worth)
     sure = [w.low >= SURE or any(c.low >= SURE for c in w.channels.values()) for w in shares]
-    believed = (not shares or any(sure)) and not _provisional(diag)
+    believed = (not shares or any(sure)) and not is_provisional(diag)
     if m["label"] != "Adds little" and (m["label"] == "Found") != believed:
         yield f"{said.name} is worth {worth}"
     if moving := re.search(MOVING, m["what"]):
@@ -155,17 +165,10 @@ def _effect(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
             yield f"{said.name}: {values} is not{word}"
 
 
-def _provisional(diag: Any) -> bool:
-    """Whether the fit that is copied did not end, or errs no less than constants would."""
-    fit = diag.laws[-1].reported if diag.laws else diag.fit
-    blind = all(not error_of(diag.judged, name)[1] < 1.0 for name in diag.judged.errors.channels)
-    return blind or fit.status.value in ("not_converged", "simulation_failed")
-
-
 @claim(r"Next: fit again(?: from more starts|, from more starts or with constants held that you "
        r"know)\.")  # fmt: skip
 def _fit_again(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if not _provisional(diag):
+    if not is_provisional(diag):
         yield "its fit has ended"
 
 

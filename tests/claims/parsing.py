@@ -131,3 +131,10 @@ def error_of(comparison: Any, channel: str) -> tuple[float, float]:
     spread = np.nanstd(np.unwrap(measured[np.isfinite(measured)]) if channel == "heading"
                        else measured)  # fmt: skip
     return rmse, rmse / float(spread)
+
+
+def is_provisional(diag: Any) -> bool:
+    """Whether the fit that is copied did not end, or errs no less than constants would."""
+    fit = diag.laws[-1].reported if diag.laws else diag.fit
+    blind = all(not error_of(diag.judged, name)[1] < 1.0 for name in diag.judged.errors.channels)
+    return blind or fit.status.value in ("not_converged", "simulation_failed")

@@ -208,6 +208,13 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
     words = "that is left, and raise the squared thrust error that is left by 110 %). With it"
     assert words in harms.details
     assert contradictions(harms) == []
+    fit = replace(diag.fit, status=dft.Status.NOT_CONVERGED)
+    vague = replace(harms, stages=(*harms.stages[:-1], replace(harms.stages[-1], fit=fit)))
+    assert (
+        "Left out: an actuator lag. With it the next sample is predicted better, and what it does "
+        "to whole runs this fit does not tell."
+    ) in vague.details
+    assert contradictions(vague) == []
     pair = {"actuator_lag": replace(unsure, low=0.01, share=0.05, high=0.06),
             "command_delay": replace(unsure, channels=harmful)}  # fmt: skip
     two = replace(minor, detectable=("actuator_lag", "command_delay"), worth=pair)
