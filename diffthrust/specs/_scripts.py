@@ -157,7 +157,7 @@ def as_input_error(error: Exception, command: str) -> InputError:
 def _class(word: str, folder: Path, base: type, classes: Mapping[str, type], what: str) -> Any:
     if script := script_file(word, folder):
         name = word.rpartition(":")[2]
-        defined = getattr(_script(script.resolve()), name, None)
+        defined = vars(_script(script.resolve())).get(name)  # no __getattr__ of the script runs
         if isinstance(defined, type) and issubclass(defined, base):
             return defined
         raise InputError(

@@ -36,6 +36,13 @@ def test_a_script_that_ends_the_interpreter_is_an_error(tmp_path, ending):
         own(tmp_path)
 
 
+def test_a_script_that_answers_for_every_name_names_no_class(tmp_path):
+    """It was asked for the class, and what it raised ended a command."""
+    written(tmp_path, "def __getattr__(name): raise RuntimeError(name)")
+    with pytest.raises(InputError, match="expected the class 'Own' of a Model"):
+        own(tmp_path)
+
+
 def test_an_interrupt_is_not_taken_for_an_error_of_the_script(tmp_path):
     written(tmp_path, "raise KeyboardInterrupt")
     with pytest.raises(KeyboardInterrupt):
