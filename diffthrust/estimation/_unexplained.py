@@ -84,7 +84,7 @@ def _turning(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
             if name in model.angles or name not in run.channels:
                 continue
             measured = run.channels[name].measured
-            if jumps(measured[np.isfinite(measured)]) == unit:
+            if unit and jumps(measured[np.isfinite(measured)]) == unit:  # "" where none does
                 yield Doubt(
                     name,
                     "unit",

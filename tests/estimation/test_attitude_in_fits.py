@@ -128,6 +128,13 @@ def test_a_body_of_ones_own_may_take_numbers_alone():
     assert not set(QUATERNION) & set(problem.layout.grids[0].restarted)
 
 
+def test_a_quaternion_is_no_angle_in_degrees():
+    """Every reading without a unit was said to jump by a full turn."""
+    log = recorded((*VELOCITIES, *(f"odom.{n}" for n in QUATERNION)))
+    fit = dft.fit(vehicle(), log, starts=1, horizon=None)
+    assert [doubt.kind for doubt in fit.doubts if doubt.channel.startswith("odom")] == []
+
+
 @pytest.mark.thorough
 def test_a_fit_of_a_craft_in_six_degrees():
     """From 20 % off; the length of the first quaternion is no unknown."""
