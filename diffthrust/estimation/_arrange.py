@@ -263,7 +263,7 @@ def _restart_values(model: Model, record: Record) -> dict[str, np.ndarray]:
     """At what each state may begin anew: as it is measured, or as it follows from outputs.
 
     Where a quaternion ran on, whose angles are measured, the heading of eight thrusters was
-    anywhere after a few segments, and 300 steps did not bring a search to where 40 do.
+    anywhere after a few segments, and 300 steps did not bring a search to where ten do.
     """
     sound = [n for n in trusted(model) if n not in record.inputs]
 
@@ -274,12 +274,12 @@ def _restart_values(model: Model, record: Record) -> dict[str, np.ndarray]:
     told = model._telling(record.measured)
     if not told or any(name in effect.ports for name in told for effect in model.effects):
         return measured
-    outputs = {n: between(read(n, record.measured[n])) for n in told}
+    outputs = {n: _between(read(n, record.measured[n])) for n in told}
     follow = {n: v for n, v in model.start_from(outputs).items() if n in sound}
     return {**follow, **measured}
 
 
-def between(values: np.ndarray) -> np.ndarray:
+def _between(values: np.ndarray) -> np.ndarray:
     """The series, straight between readings that are no further apart than is usual.
 
     An attitude that is read at other samples than the velocities would begin no segment.

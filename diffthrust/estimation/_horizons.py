@@ -163,8 +163,8 @@ def through(
     """
     stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
     share = 1.0 if len(horizons) == 1 else _FIRST
-    tell_first, passing = subtask(tell, 0.0, share), len(horizons) > 1
-    ended = search(stage, starts, rng, tell_first, first, guesses, passing=passing)
+    say = subtask(tell, 0.0, share)
+    ended = search(stage, starts, rng, say, first, guesses, passing=len(horizons) > 1)
     for horizon in horizons[1:]:
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
         tell(f"segments of {horizon:g} s" if horizon else "whole runs", share)

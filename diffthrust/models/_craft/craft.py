@@ -340,15 +340,19 @@ class Craft(Model):
     def _telling(self, channels: Collection[str]) -> tuple[str, ...]:
         """The angles of the body, or what one of the sensors reads of the attitude."""
         body = self.body
-        names, level = body._telling(channels), type(body).start_from is Body.start_from
-        tilting = bool(body._telling(body.start_outputs))
+        if names := body._telling(channels):
+            return names
+        # a body of one's own may take numbers only; one that tilts needs more than the yaw
+        least = 1 if type(body).start_from is Body.start_from else 2
+        if least == 2 and not body._telling(body.start_outputs):
+            return ()
         for name, mounted in self.sensors.items():
             prefix = f"{name}."
             short = [n.removeprefix(prefix) for n in channels if n.startswith(prefix)]
             read = mounted.model._telling(short)
-            if not names and (level or (tilting and len(read) > 1)):
-                names = tuple(prefix + each for each in read)
-        return names
+            if len(read) >= least:
+                return tuple(prefix + each for each in read)
+        return ()
 
     # -- effects -----------------------------------------------------------------------------------
 
