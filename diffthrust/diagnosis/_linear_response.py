@@ -28,7 +28,7 @@ from diffthrust.estimation._likelihood import Quadratic, by_blocks, tightness
 from diffthrust.estimation._one_step import batch_passes, cost_of_errors
 from diffthrust.estimation._problem import Problem
 
-_ABREAST = 32
+ABREAST = 32
 """Numerics: series that go through a log together, padded with zeros to this number so that one
 program serves all: a step of the loop takes hardly longer with them."""
 _MOST_REMOVED = 0.9
@@ -181,14 +181,19 @@ class LinearResponse:
             estimated: some of the shared coordinates.
             more: derivatives of the errors by further ones, by batch ``(B, K, C, T)``.
         """
-        size = len(estimated) + more[0].shape[1]
+        own, n = list(estimated), len(estimated)
+        size = n + more[0].shape[1]
         information, scores = np.zeros((size, size)), []
-        for batch, further in zip(self._present.batches, more, strict=True):
-            own = batch.rows[:, list(estimated)]
-            rows = np.concatenate([own, further * batch.root[:, None]], axis=1)
-            scores.append(_scores(rows, batch.weighted))
-            flat = rows.reshape(*rows.shape[:2], -1)
-            information += (flat @ flat.transpose(0, 2, 1)).sum(axis=0)
+        parts = zip(self._present.batches, self._own_scores, more, strict=True)
+        for batch, own_scores, further in parts:
+            rows, count = further * batch.root[:, None], len(further)
+            scores.append(np.concatenate([own_scores[own], _scores(rows, batch.weighted)]))
+            flat = rows.reshape(count, size - n, -1).transpose(0, 2, 1)
+            crossed = (batch.rows.reshape(count, -1, flat.shape[1]) @ flat).sum(axis=0)
+            information[:n, :n] += batch.gram.sum(axis=0)[np.ix_(own, own)]
+            information[:n, n:] += crossed[own]
+            information[n:, n:] += (flat.transpose(0, 2, 1) @ flat).sum(axis=0)
+        information[n:, :n] = information[:n, n:].T
         return information, np.concatenate(scores, axis=1)
 
     def at_bound(self, gradient: np.ndarray) -> np.ndarray:
@@ -215,6 +220,11 @@ class LinearResponse:
     def _present(self) -> _Weighed:
         """Of the errors as they are: quadratics and tests of structure ask by the hundred."""
         return self._weighed(self.errors)
+
+    @cached_property
+    def _own_scores(self) -> list[np.ndarray]:
+        """The gradient by the trial's own coordinates and by blocks of time, by batch."""
+        return [_scores(batch.rows, batch.weighted) for batch in self._present.batches]
 
     def _weighed(self, errors: Sequence[np.ndarray]) -> _Weighed:
         """The likelihood of some errors, with the derivatives by the trial's own coordinates."""
@@ -274,14 +284,14 @@ def _response_to(
         over: mean until the next sample.
     """
     count = series.shape[1]
-    padding = ((0, 0), (0, -count % _ABREAST), (0, 0))
+    padding = ((0, 0), (0, -count % ABREAST), (0, 0))
     series, over = np.pad(series, padding), np.pad(over, padding)
     now, later, direct = (
         matrix[..., place] for matrix in (slopes.push_now, slopes.push_over, slopes.direct)
     )
     chunks = [
-        (series[:, at : at + _ABREAST], over[:, at : at + _ABREAST])
-        for at in range(0, count, _ABREAST)
+        (series[:, at : at + ABREAST], over[:, at : at + ABREAST])
+        for at in range(0, count, ABREAST)
     ]
     out = [
         np.asarray(_propagated(slopes.transition, slopes.output, now, later, direct, *chunk))

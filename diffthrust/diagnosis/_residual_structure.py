@@ -20,6 +20,7 @@ import numpy as np
 from diffthrust._support.lag import lagged
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
+from diffthrust.diagnosis._linear_response import ABREAST
 from diffthrust.diagnosis._missing import (
     Remaining,
     SignalForm,
@@ -87,12 +88,15 @@ def remaining_structure(fitter: CandidateFitter, trial: TrialFit) -> Remaining |
     that is such a function.
     """
 
-    def tested(suspect: Suspect) -> tuple[float, Remaining]:
-        p, gain = _gain(fitter, trial, suspect)
-        share = 1.0 - float(np.exp(-gain / samples_at(fitter, suspect.place)))
-        return p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)
+    def tested(group: Sequence[Suspect]) -> list[tuple[float, Remaining]]:
+        out = []
+        for suspect, (p, gain) in zip(group, _gains(fitter, trial, group), strict=True):
+            share = 1.0 - float(np.exp(-gain / samples_at(fitter, suspect.place)))
+            out.append((p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)))
+        return out
 
-    answers = side_by_side(tested, _suspects(fitter, trial))
+    groups = side_by_side(tested, _abreast(_suspects(fitter, trial)))
+    answers = [answer for group in groups for answer in group]
     large = [answer for answer in answers if answer[1].share >= SETTINGS.structure.least_share]
     if not any(p < SETTINGS.structure.false_alarms / len(answers) for p, _ in large):
         return None
@@ -104,8 +108,9 @@ def remaining_structure(fitter: CandidateFitter, trial: TrialFit) -> Remaining |
 def gain_of(fitter: CandidateFitter, trial: TrialFit, remaining: Remaining) -> float:
     """The likelihood ratio that some structure promises beside a trial."""
     wanted = (remaining.port, remaining.signal, remaining.manner)
-    matching = (s for s in _suspects(fitter, trial) if (s.port, s.signal, s.manner) == wanted)
-    return max((_gain(fitter, trial, suspect)[1] for suspect in matching), default=0.0)
+    matching = [s for s in _suspects(fitter, trial) if (s.port, s.signal, s.manner) == wanted]
+    groups = (_gains(fitter, trial, group) for group in _abreast(matching))
+    return max((gain for group in groups for _, gain in group), default=0.0)
 
 
 def score_at_port(
@@ -123,11 +128,22 @@ def score_at_port(
         The p-value of the score test, robust to correlation within blocks of time; the
         estimated coefficients; their covariance.
     """
+    (answer,) = _scores_at_port(fitter, port, trial, [series])
+    return answer
+
+
+def _scores_at_port(
+    fitter: CandidateFitter, port: str, trial: TrialFit, sets: Sequence[Sequence[np.ndarray]]
+) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """`score_at_port` of each of several sets of series, which go through the logs together."""
     response = trial.response
-    responses = response.to(port, response.batched(series))
+    together = [np.concatenate(rows) for rows in zip(*sets, strict=True)]
+    responses = response.to(port, response.batched(together))
     # the observer's gains are left out: white errors say nothing of them that they say of a mean
     estimated = [i for i, name in enumerate(trial.names) if name not in fitter.nuisance]
-    return score_test(*response.scores(estimated, responses), len(estimated))
+    edges = np.cumsum([len(series[0]) for series in sets])[:-1]
+    by_set = zip(*(np.split(batch, edges, axis=1) for batch in responses), strict=True)
+    return [score_test(*response.scores(estimated, own), len(estimated)) for own in by_set]
 
 
 def likelihood_ratio(coefficients: np.ndarray, covariance: np.ndarray) -> float:
@@ -314,12 +330,29 @@ def _waves(
     }
 
 
-def _gain(fitter: CandidateFitter, trial: TrialFit, suspect: Suspect) -> tuple[float, float]:
-    """p-value and likelihood ratio of a suspect."""
-    p, estimated, covariance = score_at_port(fitter, suspect.place.port, trial, suspect.series)
-    if np.isnan(covariance).any():  # the estimated parameters can do all of it
-        return 1.0, 0.0
-    return p, likelihood_ratio(estimated, covariance)
+def _abreast(suspects: Sequence[Suspect]) -> list[list[Suspect]]:
+    """Those of one place together, as many as go through a log at the cost of one."""
+    groups: list[list[Suspect]] = []
+    for suspect in suspects:
+        group = groups[-1] if groups and groups[-1][0].place == suspect.place else []
+        width = sum(len(other.series[0]) for other in [*group, suspect])
+        if not group or width > ABREAST:
+            groups.append([suspect])
+        else:
+            group.append(suspect)
+    return groups
+
+
+def _gains(
+    fitter: CandidateFitter, trial: TrialFit, suspects: Sequence[Suspect]
+) -> list[tuple[float, float]]:
+    """p-value and likelihood ratio of each of some suspects of one place."""
+    port, out = suspects[0].place.port, []
+    sets = [suspect.series for suspect in suspects]
+    for p, estimated, covariance in _scores_at_port(fitter, port, trial, sets):
+        impossible = np.isnan(covariance).any()  # the estimated parameters can do all of it
+        out.append((1.0, 0.0) if impossible else (p, likelihood_ratio(estimated, covariance)))
+    return out
 
 
 def _factors(

@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._linear_response import promised_gain
+from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
 from diffthrust.diagnosis._predicted_gain import (
     IDLE_CHANGE,
     Point,
@@ -89,9 +89,9 @@ def screened(
     """
     effects = [name for name in names if name not in fitter.constants]
     points = {name: probes(fitter.candidates[name], levels) for name in effects}
-    promised, later = shortlist(fitter, present, points)
     constants = [name for name in names if name in fitter.constants]
-    names = [*promised, *promising_constants(fitter, present, constants)]
+    promised, later = shortlist(fitter, present, points, constants)
+    names = list(promised)
     if names:
         fitter.ready(present.effects, names, later)
 
@@ -213,12 +213,20 @@ def shortlist(
     fitter: CandidateFitter,
     present: TrialFit,
     points: Mapping[str, tuple[Sequence[Point], Sequence[Point]]],
+    constants: Sequence[str] = (),
 ) -> tuple[dict[str, list[PredictedGain]], list[str]]:
-    """The effects that are worth a fit, and the remaining ones, each by falling predicted gain.
+    """The candidates that are worth a fit, and the remaining effects, by falling predicted gain.
 
     The first come with their predictions at the points next to the null.
+
+    Args:
+        fitter: the fits.
+        present: the current model.
+        points: of each effect, next to the null and far from it.
+        constants: fixed parameters, each freed at its value.
     """
-    response, gains, worth, nearby = present.response, {}, _worth(fitter), {}
+    response, worth, nearby = present.response, _worth(fitter), {}
+    gains = {name: 2 * _gain_of_constant(fitter, response, name) for name in constants}
     for name, (near, far) in points.items():
         effect = fitter.candidates[name]
         acting = partial(acts, response, effect)
@@ -229,7 +237,8 @@ def shortlist(
     least = max(worth, SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0))
     ranked = sorted(gains, key=lambda n: -gains[n])
     short = [n for n in ranked if gains[n] >= least][: SETTINGS.screening.most_fitted]
-    return {name: nearby[name] for name in short}, ranked[len(short) :]
+    later = [name for name in ranked[len(short) :] if name in points]
+    return {name: nearby.get(name, []) for name in short}, later
 
 
 def _worth(fitter: CandidateFitter) -> float:
@@ -239,26 +248,19 @@ def _worth(fitter: CandidateFitter) -> float:
     )
 
 
-def promising_constants(
-    fitter: CandidateFitter, present: TrialFit, names: Sequence[str]
-) -> list[str]:
-    """The fixed parameters that are worth a fit, each freed at its value."""
-    response, worth, promising = present.response, _worth(fitter), []
-    problem = response.problem
-    for name in names:
-        p = fitter.model.parameters[name]
-        step = _DIFFERENCE_STEP * p.scale
-        step = -step if p.value + step > p.limits[1] else step
-        values = {**problem.numbers.values, name: np.asarray(p.value + step)}
-        moved = batch_passes(replace(problem, numbers=replace(problem.numbers, values=values)))
-        pairs = zip(moved, response.errors, strict=True)
-        slopes = [(np.asarray(a) - b)[:, None] * (p.scale / step) for (a, _), b in pairs]
-        if not all(np.all(np.isfinite(slope)) for slope in slopes):
-            continue
-        q = response.quadratic(slopes)
-        if 2 * promised_gain(q, ~response.at_bound(q.gradient)) >= worth:
-            promising.append(name)
-    return promising
+def _gain_of_constant(fitter: CandidateFitter, response: LinearResponse, name: str) -> float:
+    """What a fixed parameter promises in log-likelihood, freed at its value."""
+    problem, p = response.problem, fitter.model.parameters[name]
+    step = _DIFFERENCE_STEP * p.scale
+    step = -step if p.value + step > p.limits[1] else step
+    values = {**problem.numbers.values, name: np.asarray(p.value + step)}
+    moved = batch_passes(replace(problem, numbers=replace(problem.numbers, values=values)))
+    pairs = zip(moved, response.errors, strict=True)
+    slopes = [(np.asarray(a) - b)[:, None] * (p.scale / step) for (a, _), b in pairs]
+    if not all(np.all(np.isfinite(slope)) for slope in slopes):
+        return 0.0
+    q = response.quadratic(slopes)
+    return promised_gain(q, ~response.at_bound(q.gradient))
 
 
 # -- the probes ------------------------------------------------------------------------------------

@@ -42,6 +42,9 @@ straight line to it, here at these shares of the way."""
 
 _ROUNDS = ((0.0, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Rounds of starts, most often one, with the shares of the work from which to which each goes."""
+_TURNED_STEPS = 3
+"""Steps from the other sign of an initial state, which soon differs from the first or leads back to
+it: of twelve runs of an NGS thruster twelve steps each were up to half of a fit."""
 _CARRIED = 3
 """So many distinct optima are followed from one horizon to the next."""
 
@@ -97,14 +100,20 @@ class Search:
         carried, guesses = self.optima[:_CARRIED], self.guesses if with_guesses else ()
         starts = [*(solved.z for solved, _ in carried), *guesses]
         if passing:
-            ended = [solve(problem, z, _LOOK_STEPS, _CLOSE) for z in starts]
+            reached = [solve(problem, z, _LOOK_STEPS, _CLOSE) for z in starts]
         else:
-            ended = all_carried_on(problem, starts)
+            reached = all_carried_on(problem, starts)
         counts = [*(n for _, n in carried), *(0 for _ in guesses)]  # these are counted already
-        counted = distinct(list(zip(ended, counts, strict=True)))
-        optima = [(solved, max(n, 1)) for solved, n in counted]
-        ends = tuple(optima)
-        return replace(self, optima=ends if passing else _best_ended(problem, ends))
+        counted = distinct(list(zip(reached, counts, strict=True)))
+        return replace(self, optima=tuple((solved, max(n, 1)) for solved, n in counted))
+
+    def ended(self, problem: Problem) -> Search:
+        """The search with its best optimum carried to the last digits, unless it creeps."""
+        (best, count), *rivals = self.optima
+        creeps = best.steps >= MOST_STEPS and not best.done
+        if creeps or not np.isfinite(best.quadratic.cost):
+            return self
+        return replace(self, optima=((solve(problem, best.z), count), *rivals))
 
     def moved(self, problem: Problem) -> Search:
         """The search with its best optimum a few steps on in a related problem."""
@@ -129,9 +138,9 @@ class Search:
         kept = tuple((solved, count) for solved, count in self.optima if holds(solved))
         if not kept:
             return None
-        optima = _best_ended(problem, kept)
+        upheld = replace(self, optima=kept).ended(problem)
         # one that was given up may end at the edge after all
-        return replace(self, optima=optima) if holds(optima[0][0]) else None
+        return upheld if holds(upheld.best) else None
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
@@ -224,8 +233,8 @@ def search(
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
     optima = distinct([(solved, 1) for solved in ended])
-    optima = optima if passing else _best_ended(problem, optima)
-    return Search(_mirrored(problem, optima), total + len(guesses), tuple(guesses), failed)
+    found = Search(optima, total + len(guesses), tuple(guesses), failed)
+    return _mirrored(problem, found if passing else found.ended(problem))
 
 
 def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solved:
@@ -290,16 +299,6 @@ def _close(problem: Problem, z: np.ndarray) -> Solved:
     return solve(problem, z, tolerance=_CLOSE)
 
 
-def _best_ended(
-    problem: Problem, optima: tuple[tuple[Solved, int], ...]
-) -> tuple[tuple[Solved, int], ...]:
-    """The best of several optima carried to the end, unless it creeps."""
-    (best, count), *rivals = optima
-    creeps = best.steps >= MOST_STEPS and not best.done
-    ended = best if creeps or not np.isfinite(best.quadratic.cost) else solve(problem, best.z)
-    return ((ended, count), *rivals)
-
-
 def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
     """Optima that differ in likelihood or by over an error in a coordinate, the best first.
 
@@ -329,18 +328,16 @@ def _same(first: Solved, second: Solved) -> bool:
     return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(_cost(second)) else _BESIDE**2)
 
 
-def _mirrored(
-    problem: Problem, optima: tuple[tuple[Solved, int], ...]
-) -> tuple[tuple[Solved, int], ...]:
+def _mirrored(problem: Problem, search: Search) -> Search:
     """Try the other sign of every initial state that only an unsigned sensor reads."""
-    best, count = optima[0]
+    (best, count), *rivals = search.optima
     for i in problem.sign_free():
         turned = best.z.copy()
         turned[i] = -turned[i]
-        trial = solve(problem, turned, FIRST_BUDGET)
+        trial = solve(problem, turned, _TURNED_STEPS)
         if _cost(trial) < _cost(best) - _SAME:
             best = solve(problem, trial.z)
-    return distinct([(best, count), *optima[1:]])
+    return replace(search, optima=distinct([(best, count), *rivals]))
 
 
 def _rank(solved: Solved) -> float:
