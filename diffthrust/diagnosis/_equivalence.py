@@ -102,7 +102,8 @@ def _near_by_one_step(
     """
     present, without = state.current.trial, fitter.further(state.current.without(name))
     price, apart, near = price_of(fitter, present, name), {}, {}
-    for rival, trial in screened(fitter, outside, without, levels).items():
+    least = SETTINGS.equivalence.least_promise * 2 * (without.cost - present.cost)
+    for rival, trial in screened(fitter, outside, without, levels, least=least).items():
         if 2 * (trial.expected - present.cost) > SETTINGS.equivalence.hopeless_bic:
             continue
         trial = fitter.further(trial)

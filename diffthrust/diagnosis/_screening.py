@@ -74,6 +74,7 @@ def screened(
     present: TrialFit,
     levels: Mapping[str, float],
     fallback: Mapping[str, float] | None = None,
+    least: float = 0.0,
 ) -> dict[str, TrialFit]:
     """The current model with each of some candidates, fitted for a few steps from its best probes.
 
@@ -83,6 +84,7 @@ def screened(
         present: the current model.
         levels: `levels_of` the signals.
         fallback: values of the model's parameters from which probes are tried as well.
+        least: likelihood ratio that a candidate must promise.
 
     Returns:
         Trials by name, without the candidates that gain too little.
@@ -90,7 +92,7 @@ def screened(
     effects = [name for name in names if name not in fitter.constants]
     points = {name: probes(fitter.candidates[name], levels) for name in effects}
     constants = [name for name in names if name in fitter.constants]
-    promised, later = shortlist(fitter, present, points, constants)
+    promised, later = shortlist(fitter, present, points, constants, least)
     names = list(promised)
     if names:
         fitter.ready(present.effects, names, later)
@@ -103,8 +105,8 @@ def screened(
             )
         else:
             best = _effect_fit(fitter, name, present, promised[name], points[name][1], fallback)
-        least = SETTINGS.screening.least_early_gain
-        return best if best and 2 * (present.cost - best.expected) > least else None
+        early = SETTINGS.screening.least_early_gain
+        return best if best and 2 * (present.cost - best.expected) > early else None
 
     ends = zip(names, side_by_side(fitted, names), strict=True)
     return {name: trial for name, trial in ends if trial is not None}
@@ -214,6 +216,7 @@ def shortlist(
     present: TrialFit,
     points: Mapping[str, tuple[Sequence[Point], Sequence[Point]]],
     constants: Sequence[str] = (),
+    least: float = 0.0,
 ) -> tuple[dict[str, list[PredictedGain]], list[str]]:
     """The candidates that are worth a fit, and the remaining effects, by falling predicted gain.
 
@@ -224,8 +227,9 @@ def shortlist(
         present: the current model.
         points: of each effect, next to the null and far from it.
         constants: fixed parameters, each freed at its value.
+        least: likelihood ratio that a candidate must promise.
     """
-    response, worth, nearby = present.response, _worth(fitter), {}
+    response, nearby = present.response, {}
     gains = {name: 2 * _gain_of_constant(fitter, response, name) for name in constants}
     for name, (near, far) in points.items():
         effect = fitter.candidates[name]
@@ -234,7 +238,8 @@ def shortlist(
         promised = predicted_gains(response, effect, near, far)
         nearby[name] = promised[: len(near)]
         gains[name] = max((2 * promise.gain for promise in promised), default=0.0)
-    least = max(worth, SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0))
+    of_best = SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0)
+    least = max(least, _worth(fitter), of_best)
     ranked = sorted(gains, key=lambda n: -gains[n])
     short = [n for n in ranked if gains[n] >= least][: SETTINGS.screening.most_fitted]
     later = [name for name in ranked[len(short) :] if name in points]
