@@ -133,6 +133,10 @@ from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not f
     predicted_gains,
     shift_of,
 )
+from diffthrust.diagnosis._probes import (  # private: points without a screen
+    edge_of,
+    probes,
+)
 from diffthrust.diagnosis._rating import (  # private: one step alone
     other_values,
     plainest_first,
@@ -194,11 +198,9 @@ from diffthrust.diagnosis._score_test import (  # private: the test alone
     score_test,
 )
 from diffthrust.diagnosis._screening import (  # private: the screen alone
-    edge_of,
     fitted_from_fallback,
     is_at_null,
     levels_of,
-    probes,
     screened,
 )
 from diffthrust.diagnosis._search_start import (  # private: trials without a diagnosis

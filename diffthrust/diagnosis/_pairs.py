@@ -33,7 +33,8 @@ from diffthrust.diagnosis._innovations_fit import (
     side_by_side,
 )
 from diffthrust.diagnosis._predicted_gain import Point
-from diffthrust.diagnosis._screening import levels_of, probes
+from diffthrust.diagnosis._probes import probes
+from diffthrust.diagnosis._screening import levels_of
 from diffthrust.diagnosis._search_start import few_substeps
 from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
