@@ -4,9 +4,10 @@
     python -m benchmarks.diagnoses demo ngs --before ../../before
 
 One row for each case: processor seconds of the process and its children, seconds on the wall, peak
-of memory, memory maps at the end, compilations, verdict and effects. Cold is with an empty
-compilation cache, cached right after it with the same one. ``--before`` runs another checkout by
-turns. Half of the cases need the measured logs (`DIFFTHRUST_DATA`), and all nothing else running.
+of memory, memory maps at the end, traces and compilations, verdict and effects. Cold is with an
+empty compilation cache, cached right after it with the same one. ``--before`` runs another checkout
+by turns. Half of the cases need the measured logs (`DIFFTHRUST_DATA`), and all nothing else
+running.
 """
 
 from __future__ import annotations
@@ -27,7 +28,11 @@ from rich.console import Console
 from rich.table import Table
 
 HERE = Path(__file__).resolve().parents[2]
-HEADS = ("case", "version", "cache", "CPU s", "wall s", "peak MB", "maps", "compiled", "verdict")
+EVENTS = {"traced": "jaxpr_trace_duration", "compiled": "backend_compile_duration"}
+"""What JAX tells of; a program that is read back from the cache counts as compiled, too."""
+FIGURES = {"cpu": "CPU s", "wall": "wall s", "peak": "peak MB", "maps": "maps"}
+FIGURES |= {name: name for name in EVENTS}
+HEADS = ("case", "version", "cache", *FIGURES.values(), "verdict")
 
 
 class Case(NamedTuple):
@@ -170,10 +175,11 @@ def child(name: str) -> dict[str, Any]:
     """One diagnosis in this process, and what it cost."""
     import jax
 
-    compiled = [0]
+    counted = dict.fromkeys(EVENTS, 0)
 
     def heard(event: str, seconds: float, **_: Any) -> None:
-        compiled[0] += event.endswith("backend_compile_duration")
+        for name, ending in EVENTS.items():
+            counted[name] += event.endswith(ending)
 
     jax.monitoring.register_event_duration_secs_listener(heard)
     begun = time.perf_counter()
@@ -197,7 +203,7 @@ def child(name: str) -> dict[str, Any]:
         "wall": wall,
         "peak": (own.ru_maxrss + others.ru_maxrss) / 1024,
         "maps": len(maps.read_text().splitlines()) if maps.exists() else None,
-        "compiled": compiled[0],
+        **counted,
         **outcome,
     }
 
@@ -205,12 +211,9 @@ def child(name: str) -> dict[str, Any]:
 def measured(name: str, tree: Path, cache: str, limit: float) -> dict[str, Any]:
     """One diagnosis by the package in ``tree``; no figures where it failed or took too long."""
     paths = [str(tree), str(HERE / "tests")]
-    env = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(paths),
-        "JAX_COMPILATION_CACHE_DIR": cache,
-        "EQX_ON_ERROR": "nan",
-    }
+    # not JAX_COMPILATION_CACHE_DIR, with which JAX keeps only what took a second to compile
+    env = {n: v for n, v in os.environ.items() if n != "JAX_COMPILATION_CACHE_DIR"}
+    env |= {"PYTHONPATH": os.pathsep.join(paths), "DIFFTHRUST_CACHE": cache}
     words = [sys.executable, "-m", "benchmarks.diagnoses", "--child", name]
     try:
         ran = subprocess.run(
@@ -241,9 +244,9 @@ def table(rows: Sequence[dict[str, Any]]) -> Table:
     """All figures, a row for each diagnosis."""
     drawn = Table(title="Diagnoses and fits")
     for k, head in enumerate(HEADS):
-        drawn.add_column(head, justify="right" if 3 <= k <= 7 else "left")
+        drawn.add_column(head, justify="right" if 3 <= k < 3 + len(FIGURES) else "left")
     for row in rows:
-        figures = [row.get(key) for key in ("cpu", "wall", "peak", "maps", "compiled")]
+        figures = [row.get(key) for key in FIGURES]
         shown = ["" if value is None else f"{value:.0f}" for value in figures]
         verdict = ": ".join(filter(None, (row["verdict"], ", ".join(row["added"]))))
         drawn.add_row(row["case"], row["version"], row["cache"], *shown, verdict)
