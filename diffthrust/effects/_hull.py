@@ -1,10 +1,11 @@
 """Effects between the water and the hull."""
 
+from collections.abc import Collection
 from typing import ClassVar
 
 import jax.numpy as jnp
 
-from diffthrust.models._base.component import registered
+from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
@@ -38,6 +39,20 @@ class Buoyancy(Effect):
         return value + self.excess
 
 
+def _beside_linear(drag: Effect, model: Component, linear: str, unit: str) -> str:
+    """A quadratic drag by the speed from which it is more than the linear one.
+
+    "" where its own number says enough. Divided by the propulsion constant A it says nothing: the
+    drag of an Esso Osaka stood as "7861 N s^2/m^2/A", as if by the ampere, where it was 386.
+    """
+    coefficient = drag._parameters["drag"]
+    if not coefficient.unit.endswith("/A") or not coefficient.value > 0:
+        return ""
+    words = drag.in_words.partition(",")[0]
+    speed = getattr(model, linear) / coefficient.value
+    return f"{words} and passes the linear drag at {speed:.2g} {unit}"
+
+
 @registered
 class QuadraticSurgeDrag(Effect):
     """The resistance ahead grows faster than the speed.
@@ -64,6 +79,10 @@ class QuadraticSurgeDrag(Effect):
         size=2.0,
         probes=relative_to("surge", 0.5, 5.0, power=-1),
     )
+
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
+        """Where it passes the linear drag, of a vessel whose numbers are ratios."""
+        return _beside_linear(self, model, "d11", "m/s")
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The force less the quadratic drag."""
@@ -98,6 +117,10 @@ class QuadraticSwayDrag(Effect):
         probes=relative_to("sway", 0.5, 5.0, power=-1),
     )
 
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
+        """Where it passes the linear drag, of a vessel whose numbers are ratios."""
+        return _beside_linear(self, model, "d22", "m/s")
+
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The force less the quadratic drag."""
         v = s.sway_through_water
@@ -130,6 +153,10 @@ class QuadraticYawDrag(Effect):
         size=1.0,
         probes=relative_to("yaw_rate", 0.1, 1.0, power=-1),
     )
+
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
+        """Where it passes the linear drag, of a vessel whose numbers are ratios."""
+        return _beside_linear(self, model, "d33", "rad/s")
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The moment less the quadratic drag."""

@@ -261,6 +261,24 @@ def test_a_gain_belongs_to_its_channel_or_to_its_thruster_by_the_order_of_the_ef
 
 
 @pytest.mark.parametrize(
+    ("name", "linear", "speed"),
+    [
+        ("quadratic_surge_drag", "d11", "surge and passes the linear drag at 0.25 m/s"),
+        ("quadratic_sway_drag", "d22", "sway and passes the linear drag at 0.25 m/s"),
+        ("quadratic_yaw_drag", "d33", "yaw rate and passes the linear drag at 0.25 rad/s"),
+    ],
+)
+def test_a_drag_that_is_a_ratio_is_told_by_where_it_passes_the_linear_one(name, linear, speed):
+    ratios = dft.Vessel(**{linear: 2.0}) + EFFECTS[name](drag=8.0)
+    assert ratios.parameters[f"{name}.drag"].unit.endswith("/A")
+    assert ratios.effects[0].consequence(ratios) == f"drag grows with the square of {speed}"
+    forces = dft.Vessel("twin") + EFFECTS[name](drag=8.0)  # in newtons its number says enough
+    assert not forces.effects[0].consequence(forces)
+    none = dft.Vessel() + EFFECTS[name](drag=0.0)
+    assert not none.effects[0].consequence(none)
+
+
+@pytest.mark.parametrize(
     ("gain", "command", "weak", "share"),
     [(0.049, "effort", "right", 79), (-0.049, "effort", "left", 79), (0.05, "N", "right", 90)],
 )
