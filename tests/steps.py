@@ -12,6 +12,7 @@ from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
 from diffthrust.diagnosis import _rival_models as rival_models_module
+from diffthrust.diagnosis import _screening as screening_module
 from diffthrust.diagnosis import _search_start as search_start_module
 from diffthrust.diagnosis import _trial_programs as trial_programs_module
 from diffthrust.diagnosis._admission import worths_between  # private: of two stages
@@ -192,6 +193,7 @@ from diffthrust.diagnosis._report.text import (  # private: each sentence alone
 from diffthrust.diagnosis._residual_structure import (  # private: the basis of that law
     hats,
     knots_of,
+    scores_at_port,
 )
 from diffthrust.diagnosis._score_test import (  # private: the test alone
     project_out,
@@ -201,6 +203,7 @@ from diffthrust.diagnosis._screening import (  # private: the screen alone
     fitted_from_fallback,
     is_at_null,
     levels_of,
+    promising_constants,
     screened,
 )
 from diffthrust.diagnosis._search_start import (  # private: trials without a diagnosis
@@ -419,6 +422,7 @@ __all__ = [
     "predicted_gains",
     "probes",
     "project_out",
+    "promising_constants",
     "ranked",
     "ranked_matches",
     "ranking_figure",
@@ -432,7 +436,9 @@ __all__ = [
     "rival_models_module",
     "runs_lead",
     "score_test",
+    "scores_at_port",
     "screened",
+    "screening_module",
     "search_start_module",
     "shares_by_effect",
     "shift_of",

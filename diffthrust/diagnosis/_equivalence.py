@@ -102,7 +102,8 @@ def _near_by_one_step(
     """
     present, without = state.current.trial, fitter.further(state.current.without(name))
     price, apart, near = price_of(fitter, present, name), {}, {}
-    least = SETTINGS.equivalence.least_promise * 2 * (without.cost - present.cost)
+    gained = 2 * (without.cost - present.cost)
+    least = SETTINGS.equivalence.least_share_of_gain * gained if math.isfinite(gained) else 0.0
     for rival, trial in screened(fitter, outside, without, levels, least=least).items():
         if 2 * (trial.expected - present.cost) > SETTINGS.equivalence.hopeless_bic:
             continue

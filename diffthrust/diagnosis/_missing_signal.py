@@ -21,7 +21,6 @@ from diffthrust.diagnosis._candidates import DrivingPort, slopes_along, words_an
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,
     TrialFit,
-    side_by_side,
     with_values,
 )
 from diffthrust.diagnosis._missing import (
@@ -33,7 +32,7 @@ from diffthrust.diagnosis._residual_structure import (
     hat_bases,
     likelihood_ratio,
     observed_signals,
-    score_at_port,
+    scores_at_port,
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.models._base.model import Model
@@ -102,13 +101,8 @@ def missing_signals(fitter: CandidateFitter, trial: TrialFit) -> tuple[Missing, 
         runs = _smoothed_runs(fitter, place, trial)
         smoothed = [signal for _, signal, _ in runs]
         tests = hat_bases(candidate_signals(fitter, place, observed))
-
-        def tested(
-            series: list[np.ndarray], port: str = place.port
-        ) -> tuple[float, np.ndarray, np.ndarray]:
-            return score_at_port(fitter, port, trial, series)
-
-        answers = side_by_side(tested, [series for series, _ in tests.values()])
+        sets = [series for series, _ in tests.values()]
+        answers = scores_at_port(fitter, place.port, trial, sets) if sets else []
         p_value = min((p for p, *_ in answers), default=1.0) * len(tests)
         signal, gain, dependence = None, 0.0, NONE
         for (form, (series, knots)), answer in zip(tests.items(), answers, strict=True):

@@ -113,29 +113,21 @@ def gain_of(fitter: CandidateFitter, trial: TrialFit, remaining: Remaining) -> f
     return max((gain for group in groups for _, gain in group), default=0.0)
 
 
-def score_at_port(
-    fitter: CandidateFitter, port: str, trial: TrialFit, series: Sequence[np.ndarray]
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Test series at a port: do the errors contain any combination of them?
+def scores_at_port(
+    fitter: CandidateFitter, port: str, trial: TrialFit, sets: Sequence[Sequence[np.ndarray]]
+) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Test sets of series at a port: do the errors contain any combination of one set?
 
     Args:
         fitter: the fits in the innovations form.
         port: the port.
         trial: the current model.
-        series: for each log ``(knots, T)``.
+        sets: for each set and log ``(knots, T)``; all go through the logs together.
 
     Returns:
-        The p-value of the score test, robust to correlation within blocks of time; the
+        For each set the p-value of the score test, robust to correlation within blocks of time; the
         estimated coefficients; their covariance.
     """
-    (answer,) = _scores_at_port(fitter, port, trial, [series])
-    return answer
-
-
-def _scores_at_port(
-    fitter: CandidateFitter, port: str, trial: TrialFit, sets: Sequence[Sequence[np.ndarray]]
-) -> list[tuple[float, np.ndarray, np.ndarray]]:
-    """`score_at_port` of each of several sets of series, which go through the logs together."""
     response = trial.response
     together = [np.concatenate(rows) for rows in zip(*sets, strict=True)]
     responses = response.to(port, response.batched(together))
@@ -349,7 +341,7 @@ def _gains(
     """p-value and likelihood ratio of each of some suspects of one place."""
     port, out = suspects[0].place.port, []
     sets = [suspect.series for suspect in suspects]
-    for p, estimated, covariance in _scores_at_port(fitter, port, trial, sets):
+    for p, estimated, covariance in scores_at_port(fitter, port, trial, sets):
         impossible = np.isnan(covariance).any()  # the estimated parameters can do all of it
         out.append((1.0, 0.0) if impossible else (p, likelihood_ratio(estimated, covariance)))
     return out

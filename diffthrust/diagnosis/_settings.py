@@ -18,7 +18,8 @@ class Screening:
     """Which candidates are worth a fit, by what the linear response of the errors promises."""
 
     most_fitted: int = 8
-    """The number of candidates that are fitted at each stage: those that promise most.
+    """The number of effects that are fitted at each stage, and of constants: those that promise
+    most.
     Origin: as many effects as the trials compile into one program over longer logs. Lower: the
     right one may not be tried, and its rivals are not listed. Higher: a second program, minutes for
     a vessel."""
@@ -212,7 +213,7 @@ class Equivalence:
     Origin: odds of 55 to 1 (e^4), between strong (6) and very strong (10) in Kass and Raftery.
     Lower: at 4, odds of 7, the right effect is often left out. Higher: at 16, odds of 3000, groups
     name nothing."""
-    least_promise: float = 0.05
+    least_share_of_gain: float = 0.05
     """A rival is fitted in the place of an effect only if it promises this share of the likelihood
     ratio that the effect gains.
     Origin: chosen, an eighth of the least that any of 17 rivals promised that ended as near, on

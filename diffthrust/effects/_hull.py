@@ -39,6 +39,11 @@ class Buoyancy(Effect):
         return value + self.excess
 
 
+_NEVER = 1e-3
+"""Display: speed [m/s, rad/s] that no vehicle moves below for long; a linear drag that is passed
+there is none."""
+
+
 def _beside_linear(drag: Effect, model: Component, linear: str, unit: str) -> str:
     """A quadratic drag by the speed from which it is more than the linear one.
 
@@ -50,6 +55,8 @@ def _beside_linear(drag: Effect, model: Component, linear: str, unit: str) -> st
         return ""
     words = drag.in_words.partition(",")[0]
     speed = getattr(model, linear) / coefficient.value
+    if speed < _NEVER:  # a fit from a hull that has no linear drag ended at 1e-16 m/s
+        return f"{words}, with no linear part left"
     return f"{words} and passes the linear drag at {speed:.2g} {unit}"
 
 

@@ -43,8 +43,9 @@ straight line to it, here at these shares of the way."""
 _ROUNDS = ((0.0, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Rounds of starts, most often one, with the shares of the work from which to which each goes."""
 _TURNED_STEPS = 3
-"""Steps from the other sign of an initial state, which soon differs from the first or leads back to
-it: of twelve runs of an NGS thruster twelve steps each were up to half of a fit."""
+"""Steps from the other sign of an initial state, the first of which looks at it: it soon differs
+from the other or leads back to it. Of twelve runs of an NGS thruster twelve steps each were up to
+half of a fit."""
 _CARRIED = 3
 """So many distinct optima are followed from one horizon to the next."""
 
@@ -93,9 +94,9 @@ class Search:
     ) -> Search:
         """The search carried on to a related problem from its best few optima and the guesses.
 
-        A problem that is only ``passing``, on the way to another, is not solved to its end: on the
-        BlueBoat one fit crept for minutes through segments of 2 and 7 s, whose optimum nobody asks
-        for.
+        It is solved to where optima are compared, and not to its last digits (`finished`); one
+        that is only ``passing``, on the way to another, not even so far: on the BlueBoat one fit
+        crept for minutes through segments of 2 and 7 s, whose optimum nobody asks for.
         """
         carried, guesses = self.optima[:_CARRIED], self.guesses if with_guesses else ()
         starts = [*(solved.z for solved, _ in carried), *guesses]
@@ -107,7 +108,7 @@ class Search:
         counted = distinct(list(zip(reached, counts, strict=True)))
         return replace(self, optima=tuple((solved, max(n, 1)) for solved, n in counted))
 
-    def ended(self, problem: Problem) -> Search:
+    def finished(self, problem: Problem) -> Search:
         """The search with its best optimum carried to the last digits, unless it creeps."""
         (best, count), *rivals = self.optima
         creeps = best.steps >= MOST_STEPS and not best.done
@@ -138,7 +139,7 @@ class Search:
         kept = tuple((solved, count) for solved, count in self.optima if holds(solved))
         if not kept:
             return None
-        upheld = replace(self, optima=kept).ended(problem)
+        upheld = replace(self, optima=kept).finished(problem)
         # one that was given up may end at the edge after all
         return upheld if holds(upheld.best) else None
 
@@ -234,7 +235,7 @@ def search(
         ended.append(solve(problem, problem.start(), budget=1))
     optima = distinct([(solved, 1) for solved in ended])
     found = Search(optima, total + len(guesses), tuple(guesses), failed)
-    return _mirrored(problem, found if passing else found.ended(problem))
+    return _mirrored(problem, found if passing else found.finished(problem))
 
 
 def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solved:

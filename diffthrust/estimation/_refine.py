@@ -46,7 +46,7 @@ def polished(search: Search, problem: Problem) -> Search:
     """The search with its best optimum carried to the end, if it had not come there."""
     if search.best.done and _is_flat(problem, search.best):
         return search
-    (best, count), *rivals = search.ended(problem).optima
+    (best, count), *rivals = search.finished(problem).optima
     for _ in range(_ROUNDS):
         begun, best = best, _by_newton(problem, best)
         if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:

@@ -1,6 +1,7 @@
 """The screen of a diagnosis, on made-up trials and on one small set of logs."""
 
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,10 @@ from steps import (
     levels_of,
     predicted_gains,
     probes,
+    promising_constants,
+    scores_at_port,
     screened,
+    screening_module,
     trial_programs_module,
 )
 
@@ -115,6 +119,49 @@ def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
     best = found["coulomb_friction"]
     assert 2 * (base.cost - best.cost) > 50
     assert best.values["coulomb_friction.level"] == pytest.approx(20.0, rel=0.1)
+
+
+def test_what_promises_less_than_is_asked_is_not_fitted(trials):
+    made, base = trials
+    found = screened(made, list(made.candidates), base, levels_of(made, base))
+    gain = 2 * (base.cost - found["coulomb_friction"].cost)
+    some = screened(made, list(made.candidates), base, levels_of(made, base), least=0.1 * gain)
+    assert list(some) == ["coulomb_friction"]
+    assert not screened(made, list(made.candidates), base, levels_of(made, base), least=10 * gain)
+
+
+def test_of_constants_those_that_promise_most_are_fitted(monkeypatch):
+    """A craft of eight thrusters holds 30."""
+    gains = {f"c{k}": 100.0 - k for k in range(20)} | {"faint": 0.4}
+    monkeypatch.setattr(screening_module, "_gain_of_constant", lambda f, r, name: gains[name])
+    fitter, present = SimpleNamespace(samples=1000), SimpleNamespace(response=None)
+    assert promising_constants(fitter, present, list(gains)) == [f"c{k}" for k in range(8)]
+    assert promising_constants(fitter, present, ["c3", "faint"]) == ["c3"]
+    assert promising_constants(fitter, present, ["c3", "c9"], least=190.0) == ["c3"]
+
+
+def test_series_that_go_through_the_logs_together_are_tested_as_each_alone():
+    rng, model, logs = np.random.default_rng(8), dft.Thruster(), []
+    for count in (300, 420):
+        time = 0.05 * np.arange(count)
+        command = inputs.low_passed_random(time, 2.0, rng)
+        record = thruster.simulate(time, command, method="rk4", coulomb_friction=20.0)
+        record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+        record.measured["thrust"][rng.random(count) < 0.1] = np.nan
+        logs.append(dft.Log(record.time, record.inputs, record.measured))
+    made = CandidateFitter(Programs(model, [], bind(model, logs), []))
+    base = made.base()
+    lengths = [record.log.time.size for record in made.records]
+    sets = [[rng.standard_normal((knots, n)) for n in lengths] for knots in (6, 2, 30)]
+    together = scores_at_port(made, "drive", base, sets)
+    for series, (p, estimated, covariance) in zip(sets, together, strict=True):
+        ((p_alone, alone, covariance_alone),) = scores_at_port(made, "drive", base, [series])
+        assert p == pytest.approx(p_alone, rel=1e-6)
+        np.testing.assert_allclose(estimated, alone, rtol=1e-8, atol=1e-12)
+        np.testing.assert_allclose(covariance, covariance_alone, rtol=1e-8, atol=1e-15)
+    nothing = [np.full((3, n), np.nan) for n in lengths]
+    beside = scores_at_port(made, "drive", base, [sets[0], nothing])
+    assert beside[0][0] == pytest.approx(together[0][0], rel=1e-6)
 
 
 def test_an_effect_at_its_null_is_idle(trials):

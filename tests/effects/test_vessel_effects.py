@@ -276,6 +276,8 @@ def test_a_drag_that_is_a_ratio_is_told_by_where_it_passes_the_linear_one(name, 
     assert not forces.effects[0].consequence(forces)
     none = dft.Vessel() + EFFECTS[name](drag=0.0)
     assert not none.effects[0].consequence(none)
+    alone = dft.Vessel(**{linear: 1e-15}) + EFFECTS[name](drag=8.0)
+    assert alone.effects[0].consequence(alone).endswith(", with no linear part left")
 
 
 @pytest.mark.parametrize(
