@@ -267,11 +267,6 @@ def refitted_stage(
     """
     last, names = state.stages[-1], _of_stage(state)
     candidates = context.fitter.candidates
-    if not substeps:
-        # searches go by the steps that suffice for the last stage: those of the model as given were
-        # 2 a sample for an NGS thruster, whose duct's water, once added, needs 16
-        few = few_substeps(last.fit, context.fitter.records)
-        context = replace(context, refit=replace(context.refit, first_substeps=few))
     model = with_candidates(context.given, names, candidates, like=last.fit.model)
     present = {effect.name for effect in last.fit.model.effects}
     new = [e for e in model.effects if e.differs and e.name not in present]
@@ -332,12 +327,18 @@ def _refitted(
         start |= {f"{name}.{n}": p.value for n, p in null.items() if math.isfinite(p.value)}
     free = {n for n, p in model.parameters.items() if not p.fixed}
     guess = {n: v for n, v in start.items() if n in free}
-    fitted = FittedStage(names, *context.refit(model, [guess], starts=starts, substeps=substeps))
+    refit = context.refit
+    if not substeps:
+        # the search goes by the steps that suffice for the last stage: those of the model as given
+        # were 2 a sample for an NGS thruster, whose duct's water, once added, needs 16
+        few = few_substeps(last.fit, context.fitter.records)
+        refit = replace(refit, first_substeps=few)
+    fitted = FittedStage(names, *refit(model, [guess], starts=starts, substeps=substeps))
     if ended_worse(fitted, last) and {*last.effects} <= {*names}:
         guesses = [guess, {n: v for n, v in context.guess.items() if n in free}]
         again = FittedStage(
             names,
-            *context.refit(model, guesses, starts=_MORE_STARTS, segments=True, substeps=substeps),
+            *refit(model, guesses, starts=_MORE_STARTS, segments=True, substeps=substeps),
         )
         fitted = fitted if ended_worse(again, fitted, by=0.0) else again
     return fitted
