@@ -24,6 +24,8 @@ def serve(name: str) -> None:
     # File descriptors, not sys.stdout: C++ code of XLA prints to descriptor 1 directly.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
+    # not held back: the last words of a process that dies were what it had printed before them
+    sys.stdout = sys.stderr
     # A script that asks for input finds none, rather than the bytes of the next call.
     calls = os.fdopen(os.dup(0), "rb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
