@@ -234,8 +234,8 @@ def search(
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
     optima = distinct([(solved, 1) for solved in ended])
-    found = Search(optima, total + len(guesses), tuple(guesses), failed)
-    return _mirrored(problem, found if passing else found.finished(problem))
+    result = Search(optima, total + len(guesses), tuple(guesses), failed)
+    return _mirrored(problem, result if passing else result.finished(problem))
 
 
 def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solved:
