@@ -174,6 +174,36 @@ class TrialFit:
         """The linear response of the errors to additions to the model."""
         return LinearResponse(self._focused(self.response_problem()))
 
+    def scores(
+        self,
+        port: str,
+        sets: Sequence[Sequence[np.ndarray]],
+        ends: Sequence[Sequence[np.ndarray]] | None = None,
+    ) -> tuple[int, list[tuple[np.ndarray, np.ndarray]]]:
+        """What each of several sets of series at a port would do, as `LinearResponse.scores`.
+
+        Args:
+            port: where they are added.
+            sets: for each set and log ``(K, T)``; all go through the logs together.
+            ends: the series as the next sample comes; their next values where ``None``.
+
+        Returns:
+            How many coordinates of the model come first; information and scores of each set.
+        """
+        response = self.response
+
+        def together(parts: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray]:
+            return response.batched([np.concatenate(rows) for rows in zip(*parts, strict=True)])
+
+        changes = response.to(port, together(sets), None if ends is None else together(ends))
+        # the observer's gains are left out: white errors say nothing of them that they say of a
+        # mean
+        nuisance = self.problem.nuisance
+        estimated = [i for i, name in enumerate(self.names) if name not in nuisance]
+        edges = np.cumsum([len(series[0]) for series in sets])[:-1]
+        by_set = zip(*(np.split(batch, edges, axis=1) for batch in changes), strict=True)
+        return len(estimated), [response.scores(estimated, own) for own in by_set]
+
 
 class CandidateFitter:
     """Fits of a model with any of the candidates, over the same logs.

@@ -102,7 +102,7 @@ def missing_signals(fitter: CandidateFitter, trial: TrialFit) -> tuple[Missing, 
         smoothed = [signal for _, signal, _ in runs]
         tests = hat_bases(candidate_signals(fitter, place, observed))
         sets = [series for series, _ in tests.values()]
-        answers = scores_at_port(fitter, place.port, trial, sets) if sets else []
+        answers = scores_at_port(place.port, trial, sets) if sets else []
         p_value = min((p for p, *_ in answers), default=1.0) * len(tests)
         signal, gain, dependence = None, 0.0, NONE
         for (form, (series, knots)), answer in zip(tests.items(), answers, strict=True):

@@ -90,7 +90,7 @@ def remaining_structure(fitter: CandidateFitter, trial: TrialFit) -> Remaining |
 
     def tested(group: Sequence[Suspect]) -> list[tuple[float, Remaining]]:
         out = []
-        for suspect, (p, gain) in zip(group, _gains(fitter, trial, group), strict=True):
+        for suspect, (p, gain) in zip(group, _gains(trial, group), strict=True):
             share = 1.0 - float(np.exp(-gain / samples_at(fitter, suspect.place)))
             out.append((p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)))
         return out
@@ -109,17 +109,16 @@ def gain_of(fitter: CandidateFitter, trial: TrialFit, remaining: Remaining) -> f
     """The likelihood ratio that some structure promises beside a trial."""
     wanted = (remaining.port, remaining.signal, remaining.manner)
     matching = [s for s in _suspects(fitter, trial) if (s.port, s.signal, s.manner) == wanted]
-    groups = (_gains(fitter, trial, group) for group in _abreast(matching))
+    groups = (_gains(trial, group) for group in _abreast(matching))
     return max((gain for group in groups for _, gain in group), default=0.0)
 
 
 def scores_at_port(
-    fitter: CandidateFitter, port: str, trial: TrialFit, sets: Sequence[Sequence[np.ndarray]]
+    port: str, trial: TrialFit, sets: Sequence[Sequence[np.ndarray]]
 ) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Test sets of series at a port: do the errors contain any combination of one set?
 
     Args:
-        fitter: the fits in the innovations form.
         port: the port.
         trial: the current model.
         sets: for each set and log ``(knots, T)``; all go through the logs together.
@@ -128,14 +127,8 @@ def scores_at_port(
         For each set the p-value of the score test, robust to correlation within blocks of time; the
         estimated coefficients; their covariance.
     """
-    response = trial.response
-    together = [np.concatenate(rows) for rows in zip(*sets, strict=True)]
-    responses = response.to(port, response.batched(together))
-    # the observer's gains are left out: white errors say nothing of them that they say of a mean
-    estimated = [i for i, name in enumerate(trial.names) if name not in fitter.nuisance]
-    edges = np.cumsum([len(series[0]) for series in sets])[:-1]
-    by_set = zip(*(np.split(batch, edges, axis=1) for batch in responses), strict=True)
-    return [score_test(*response.scores(estimated, own), len(estimated)) for own in by_set]
+    count, scored = trial.scores(port, sets)
+    return [score_test(*of_set, count) for of_set in scored]
 
 
 def likelihood_ratio(coefficients: np.ndarray, covariance: np.ndarray) -> float:
@@ -335,13 +328,11 @@ def _abreast(suspects: Sequence[Suspect]) -> list[list[Suspect]]:
     return groups
 
 
-def _gains(
-    fitter: CandidateFitter, trial: TrialFit, suspects: Sequence[Suspect]
-) -> list[tuple[float, float]]:
+def _gains(trial: TrialFit, suspects: Sequence[Suspect]) -> list[tuple[float, float]]:
     """p-value and likelihood ratio of each of some suspects of one place."""
     port, out = suspects[0].place.port, []
     sets = [suspect.series for suspect in suspects]
-    for p, estimated, covariance in scores_at_port(fitter, port, trial, sets):
+    for p, estimated, covariance in scores_at_port(port, trial, sets):
         impossible = np.isnan(covariance).any()  # the estimated parameters can do all of it
         out.append((1.0, 0.0) if impossible else (p, likelihood_ratio(estimated, covariance)))
     return out

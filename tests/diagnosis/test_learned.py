@@ -510,7 +510,7 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     law = term_along(regressors_of(trials, trial), "drive", "speed", "value", {})
     level = law.basis(Curve("drive", "speed", -1e4, 1e4))
     level = PortSeries(*([rows[:1] for rows in part] for part in level))
-    ((left, _, alone),) = evidence.projected_information(trials, trial, "drive", [level])
+    ((left, _, alone),) = evidence.projected_information(trial, "drive", [level])
     assert left[0, 0] < 1e-9 * alone[0]
 
 

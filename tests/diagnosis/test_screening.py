@@ -153,14 +153,14 @@ def test_series_that_go_through_the_logs_together_are_tested_as_each_alone():
     base = made.base()
     lengths = [record.log.time.size for record in made.records]
     sets = [[rng.standard_normal((knots, n)) for n in lengths] for knots in (6, 2, 30)]
-    together = scores_at_port(made, "drive", base, sets)
+    together = scores_at_port("drive", base, sets)
     for series, (p, estimated, covariance) in zip(sets, together, strict=True):
-        ((p_alone, alone, covariance_alone),) = scores_at_port(made, "drive", base, [series])
+        ((p_alone, alone, covariance_alone),) = scores_at_port("drive", base, [series])
         assert p == pytest.approx(p_alone, rel=1e-6)
         np.testing.assert_allclose(estimated, alone, rtol=1e-8, atol=1e-12)
         np.testing.assert_allclose(covariance, covariance_alone, rtol=1e-8, atol=1e-15)
     nothing = [np.full((3, n), np.nan) for n in lengths]
-    beside = scores_at_port(made, "drive", base, [sets[0], nothing])
+    beside = scores_at_port("drive", base, [sets[0], nothing])
     assert beside[0][0] == pytest.approx(together[0][0], rel=1e-6)
 
 

@@ -158,7 +158,7 @@ def _evidence_of(
     port, series = terms[0].port, [basis.series for basis in bases]
     curves = []
     for (term, curve, level, _), projected in zip(
-        bases, projected_information(fitter, trial, port, series), strict=True
+        bases, projected_information(trial, port, series), strict=True
     ):
         bends = term.is_linear & (np.arange(len(curve.coefficients)) != _SLOPE_INDEX)
         best = marginal_likelihood(*projected, level, bends)
@@ -221,12 +221,11 @@ def marginal_likelihood(
 
 
 def projected_information(
-    fitter: CandidateFitter, trial: TrialFit, port: str, sets: Sequence[PortSeries]
+    trial: TrialFit, port: str, sets: Sequence[PortSeries]
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Information and gradient of series at a port, without what the model's parameters do.
 
     Args:
-        fitter: the fits in the innovations form.
         trial: the current model.
         port: where the series are added.
         sets: sets of series, which go through the logs together.
@@ -235,22 +234,11 @@ def projected_information(
         Of each set the projected information ``(K, K)``; the gradient ``(K,)``; the information of
         each series by itself.
     """
-    response = trial.response
-    current, upcoming = (
-        response.batched([np.concatenate(rows) for rows in zip(*series, strict=True)])
-        for series in zip(*sets, strict=True)
-    )
-    responses = response.to(port, current, upcoming)
-    # the observer's gains are left out: white errors say nothing of them that they say of a mean
-    estimated = [i for i, name in enumerate(trial.names) if name not in fitter.nuisance]
-    edges = np.cumsum([len(series.current[0]) for series in sets])[:-1]
-    by_set = zip(*(np.split(batch, edges, axis=1) for batch in responses), strict=True)
+    count, scored = trial.scores(port, *zip(*sets, strict=True))
     out = []
-    for of_set in by_set:
-        information, scores = response.scores(estimated, of_set)
-        projected, scores = project_out(information, scores, len(estimated))
-        unprojected = np.diagonal(information)[len(estimated) :]
-        out.append((projected, scores.sum(axis=1), unprojected))
+    for information, scores in scored:
+        projected, scores = project_out(information, scores, count)
+        out.append((projected, scores.sum(axis=1), np.diagonal(information)[count:]))
     return out
 
 
@@ -314,9 +302,7 @@ def linearized_evidence(fitter: CandidateFitter, trial: TrialFit, term: Term) ->
     pooled = np.concatenate(term.signal_values)
     low, high = float(pooled.min()), float(pooled.max())
     fine = Curve(term.port, "speed", low, high, pieces=_FINE_PIECES)
-    ((information, gradient, _),) = projected_information(
-        fitter, trial, term.port, [term.basis(fine)]
-    )
+    ((information, gradient, _),) = projected_information(trial, term.port, [term.basis(fine)])
     x = np.linspace(low, high, _GRID_POINTS)
     projection = np.linalg.pinv(fine.basis(x).T)
     reference = float(np.sqrt(np.mean(pooled**2)))

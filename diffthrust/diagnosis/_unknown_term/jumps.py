@@ -63,9 +63,7 @@ def _evidence_of_jumps(
         _steps(term.signal_values, term.factor_values, places),
         _steps(term.signal_upcoming, term.factor_upcoming, places),
     )
-    ((information, gradient, unprojected),) = projected_information(
-        fitter, trial, term.port, [series]
-    )
+    ((information, gradient, unprojected),) = projected_information(trial, term.port, [series])
     pairs = ([0, k] for k in range(1, len(places) + 1))
     return np.array(
         [
