@@ -7,14 +7,14 @@ import pytest
 
 from diffthrust.logs._tables import (  # private: sizes from which a way is taken
     csv,
-    dates,
     large_csv,
+    text,
 )
 
 LARGE = large_csv.LARGE
 """Bytes from which a file is read in blocks."""
-BadCell = dates.BadCell
-read_csv, seconds_of = csv.read_csv, dates.seconds_of
+BadCell = text.BadCell
+read_csv, seconds_of = csv.read_csv, text.seconds_of
 
 
 def in_blocks(patch: pytest.MonkeyPatch, *, never_whole: bool = False) -> None:
@@ -28,4 +28,4 @@ def in_blocks(patch: pytest.MonkeyPatch, *, never_whole: bool = False) -> None:
 
 def many_dates(patch: pytest.MonkeyPatch) -> None:
     """Any number of dates is taken for many."""
-    patch.setattr(dates, "_MANY", 0)
+    patch.setattr(text, "_MANY", 0)

@@ -1,15 +1,14 @@
 """How columns of a file become the channels of a log."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
-from diffthrust.logs._units import convert, convert_scale, same_quantity
-from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields, is_finite
+from diffthrust.logs._units import convert, convert_scale, is_finite, same_quantity
+from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields
 from diffthrust.logs._written import FURTHEST, PWM, Written
 
 _SHARES = ("", "%", "percent", "pct", "dimensionless", "1", "effort")
@@ -40,8 +39,13 @@ class Column:
         censored: samples at a rail count as "at least" or "at most" it, as in `Log`.
 
     Example:
-        >>> dft.Column("rpm", unit="rpm", unsigned=True).scale
-        1.0
+        >>> dft.Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
+        'effort'
+        >>> volts = dft.Column("u", unit="V", scale=0.1).checked("fit.toml")
+        >>> volts.read(np.array([10.0, 20.0]), "run1.csv")
+        (array([1., 2.]), Written(unit='V', column='u', pwm=None, scale=0.1), None)
+        >>> dft.Column("thrust_kgf", unit="kgf").written.unit
+        'kgf'
     """
 
     column: str
@@ -59,12 +63,7 @@ class Column:
 
     @property
     def kept_unit(self) -> str:
-        """The unit of the numbers after reading; an effort has its own unit.
-
-        Example:
-            >>> dft.Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
-            'effort'
-        """
+        """The unit of the numbers after reading; an effort has its own unit."""
         # A width stays an effort only while its unit is a time: with unit="deg" and a scale it is a
         # servo's angle, which has that unit.
         pulses = self.pwm is not None and self.unit in ("", "us", "ms", "s")
@@ -75,38 +74,29 @@ class Column:
 
         Raises:
             InputError: a field is invalid.
-
-        Example:
-            >>> dft.Column("rpm", unit="rpm").checked("fit.toml").unit
-            'rpm'
         """
+        problem = mend = ""
         if not is_finite(self.scale) or self.scale == 0:
-            raise InputError.at(
-                place,
-                f"expected a scale other than zero, found {self.scale!r}.",
-                "give the factor that multiplies the numbers.",
+            problem = f"expected a scale other than zero, found {self.scale!r}."
+            mend = "give the factor that multiplies the numbers."
+        elif not is_finite(self.offset):
+            problem = f"expected a finite offset, found {self.offset!r}."
+            mend = "give the number to add once the numbers are scaled."
+        elif self.effort and self.unit not in _SHARES:
+            problem = (
+                f"expected an effort as a share of the full one, found the unit {self.unit!r}."
             )
-        if not is_finite(self.offset):
-            raise InputError.at(
-                place,
-                f"expected a finite offset, found {self.offset!r}.",
-                "give the number to add once the numbers are scaled.",
+            mend = "write unit='%' or leave the unit out; scale brings other numbers to 1 at full, "
+            mend += "and widths of pulses are declared by pwm."
+        elif self.effort and self.pwm is not None:
+            problem, mend = (
+                "expected pwm or effort, found both.",
+                "leave effort out: pwm implies it.",
             )
-        if self.effort and self.unit not in _SHARES:
-            raise InputError.at(
-                place,
-                f"expected an effort as a share of the full one, found the unit {self.unit!r}.",
-                "write unit='%' or leave the unit out; scale brings other numbers to 1 at full, "
-                "and widths of pulses are declared by pwm.",
-            )
+        if problem:
+            raise InputError.at(place, problem, mend)
         check_hold(self.hold, place)
-        if self.pwm is None:
-            return self
-        if self.effort:
-            raise InputError.at(
-                place, "expected pwm or effort, found both.", "leave effort out: pwm implies it."
-            )
-        return replace(self, pwm=PWM.of(self.pwm, place))
+        return self if self.pwm is None else replace(self, pwm=PWM.of(self.pwm, place))
 
     def read(self, numbers: np.ndarray, place: Place) -> tuple[np.ndarray, Written, str | None]:
         """Convert numbers of a file to those of the channel, in `kept_unit`.
@@ -116,10 +106,6 @@ class Column:
 
         Raises:
             InputError: widths of pulses out of range.
-
-        Example:
-            >>> dft.Column("u", unit="V", scale=0.1).read(np.array([10.0, 20.0]), "run1.csv")
-            (array([1., 2.]), Written(unit='V', column='u', pwm=None, scale=0.1), None)
         """
         note = None
         if isinstance(self.pwm, PWM):
@@ -136,12 +122,7 @@ class Column:
 
     @property
     def written(self) -> Written:
-        """How the user writes the channel, of a checked column.
-
-        Example:
-            >>> dft.Column("thrust_kgf", unit="kgf").written.unit
-            'kgf'
-        """
+        """How the user writes the channel, of a checked column."""
         plain = (self.scale, self.offset) == (1.0, 0.0)
         if isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain:
             return Written(self.unit or "us", self.column, self.pwm)
@@ -167,40 +148,37 @@ def _check_effort(numbers: np.ndarray, place: Place) -> None:
 
 
 def channel_columns(
-    file: Path,
+    file: str,
     inputs: Mapping[str, str | Column] | None,
     measured: Mapping[str, str | Column] | None,
-) -> dict[str, Column]:
-    """The column of each channel."""
-    columns = {
-        **each_column(inputs, file, "inputs"),
-        **each_column(measured, file, "measured"),
-    }
-    both = set(inputs or {}) & set(measured or {})
-    if both or "time" in columns:
-        channel = sorted(both)[0] if both else "time"
-        raise InputError.at(
-            Place(file.name, channel=channel),
-            f"the channel {channel!r} is named twice, expected once among time, inputs and "
-            "measured.",
-            "give it under one of them.",
-        )
-    if not columns:
+) -> tuple[dict[str, Column], dict[str, Column]]:
+    """The column of each input and of each measured channel."""
+    driving, sensed = each_column(inputs, file, "inputs"), each_column(measured, file, "measured")
+    names = [*driving, *sensed]
+    for channel in names:
+        if channel == "time" or names.count(channel) > 1:
+            raise InputError.at(
+                Place(file, channel=channel),
+                f"the channel {channel!r} is named twice, expected once among time, inputs and "
+                "measured.",
+                "give it under one of them.",
+            )
+    if not names:
         raise InputError(
-            f"{file.name}: expected the columns to read, found none named.",
+            f"{file}: expected the columns to read, found none named.",
             "name at least one input or measured channel.",
         )
-    return columns
+    return driving, sensed
 
 
 def each_column(
-    channels: Mapping[str, str | Column] | None, file: Path, what: str
+    channels: Mapping[str, str | Column] | None, file: str, what: str
 ) -> dict[str, Column]:
     """The column of each channel of one kind; ``what`` names the argument for the message."""
     columns = {}
     for key, column in (channels or {}).items():
         column = Column(column) if isinstance(column, str) else column
-        place = Place(f"{file.name}, channel {key!r}", channel=key)
+        place = Place(f"{file}, channel {key!r}", channel=key)
         if not isinstance(column, Column) or not isinstance(column.column, str):
             raise InputError.at(
                 place,
@@ -218,9 +196,8 @@ def each_column(
 
 
 def fields_of_columns(
-    columns: Mapping[str, Column],
-    inputs: Collection[str],
-    measured: Collection[str],
+    inputs: Mapping[str, Column],
+    measured: Mapping[str, Column],
     *,
     time: np.ndarray,
     values: Mapping[str, np.ndarray],
@@ -234,7 +211,7 @@ def fields_of_columns(
 
     Time stamps are in seconds; ``at`` names places of the file for messages.
     """
-    columns, values, moved = _from_fixes(columns, values, at)
+    columns, values, moved = _from_fixes({**inputs, **measured}, values, at)
     read = {key: column.read(values[key], at(key, None)) for key, column in columns.items()}
     scaled = {key: numbers for key, (numbers, _, _) in read.items()}
     return checked_fields(
@@ -243,79 +220,69 @@ def fields_of_columns(
         measured={key: scaled[key] for key in measured},
         units={key: column.kept_unit for key, column in columns.items()},
         unsigned=[key for key in measured if columns[key].unsigned],
-        noise={key: sigma for key in measured if (sigma := columns[key].noise) is not None},
+        noise={key: columns[key].noise for key in measured},
         hold={key: columns[key].hold for key in inputs},
         name=name,
         interpolate_inputs=interpolate_inputs,
         notes=(*notes, *moved, *(note for _, _, note in read.values() if note)),
         written={key: written for key, (_, written, _) in read.items()},
-        rails={key: ends for key in measured if (ends := columns[key].rails) is not None},
+        rails={key: columns[key].rails for key in measured},
         censored=[key for key in measured if columns[key].censored],
         static=static,
         at=at,
     )
 
 
-def _from_fixes(
-    columns: Mapping[str, Column], values: Mapping[str, np.ndarray], at: PlaceOf
-) -> tuple[Mapping[str, Column], Mapping[str, np.ndarray], tuple[str, ...]]:
-    """Columns and numbers with ``north`` and ``east`` in metres, and a note if they were angles.
-
-    Those of a sensor, ``gps.north`` and ``gps.east``, as well.
-    """
-    notes: tuple[str, ...] = ()
-    for scope in dict.fromkeys(n.rpartition(".")[0] for n in columns if "." in n) | {"": None}:
-        columns, values, note = _of_receiver(f"{scope}." * bool(scope), columns, values, at)
-        notes += note
-    return columns, values, notes
-
-
-def _of_receiver(
-    scope: str, columns: Mapping[str, Column], values: Mapping[str, np.ndarray], at: PlaceOf
-) -> tuple[Mapping[str, Column], Mapping[str, np.ndarray], tuple[str, ...]]:
-    """The same of the two channels whose names begin with ``scope``."""
-    place = [name for name in (f"{scope}north", f"{scope}east") if name in columns]
-    angles = [n for n in place if (u := columns[n].kept_unit) and same_quantity(u, "rad")]
-    if not angles:
-        return columns, values, ()
-    if len(angles) < 2:
-        partner = f"{scope}east" if angles == [f"{scope}north"] else f"{scope}north"
-        raise InputError.at(
-            at(angles[0], None),
-            f"{angles[0]!r} is an angle, so a latitude or longitude, and {partner!r} is none.",
-            "name both columns, the latitude as north and the longitude as east, with their unit.",
-        )
-    written = {n: values[n] * float(columns[n].scale) + float(columns[n].offset) for n in angles}
-    latitude, longitude = (
-        convert(written[n], columns[n].unit, "rad", where=at(n, None)) for n in angles
-    )
-    fixes = _positions_of_fixes(latitude, longitude, lambda n, i: at(scope + n, i))
-    metres = {scope + n: series for n, series in fixes.metres.items()}
-    scales = {scope + n: scale for n, scale in fixes.scales.items()}
-    plain = {}
-    for name in angles:
-        noise, unit = columns[name].noise, columns[name].unit
-        if noise is not None:
-            noise = scales[name] * convert_scale(noise, unit, "rad", where=at(name, None))
-        plain[name] = replace(columns[name], unit="m", scale=1.0, offset=0.0, noise=noise)
-    note = fixes.note.replace("north and east", f"{scope}north and {scope}east")
-    return {**columns, **plain}, {**values, **metres}, (note,)
-
-
 _EQUATORIAL_RADIUS = 6_378_137.0  # m, WGS 84
 _ECCENTRICITY_SQUARED = 6.694_379_990_14e-3  # of the ellipsoid of WGS 84
 
 
-class _Positions(NamedTuple):
-    """North and east of the first fix [m], ``(n,)``; metres per radian of each; a note."""
+def _from_fixes(
+    columns: Mapping[str, Column], values: Mapping[str, np.ndarray], at: PlaceOf
+) -> tuple[Mapping[str, Column], Mapping[str, np.ndarray], list[str]]:
+    """Columns and numbers with ``north`` and ``east`` in metres, and a note if they were angles.
 
-    metres: dict[str, np.ndarray]
-    scales: dict[str, float]
-    note: str
+    Those of a sensor, ``gps.north`` and ``gps.east``, as well.
+    """
+    columns, values, notes = dict(columns), dict(values), []
+    for scope in dict.fromkeys(n.rpartition(".")[0] for n in columns if "." in n) | {"": None}:
+        names = [f"{scope}{'.' * bool(scope)}{side}" for side in ("north", "east")]
+        units = {n: columns[n].kept_unit for n in names if n in columns}
+        angles = [n for n, unit in units.items() if unit and same_quantity(unit, "rad")]
+        if not angles:
+            continue
+        if len(angles) < 2:
+            (partner,) = set(names) - set(angles)
+            raise InputError.at(
+                at(angles[0], None),
+                f"{angles[0]!r} is an angle, so a latitude or longitude, and {partner!r} is none.",
+                "name both columns, the latitude as north and the longitude as east, with their "
+                "unit.",
+            )
+        latitude, longitude = (_radians(columns[n], values[n], at(n, None)) for n in names)
+        first, *metres = _metres_from_first(latitude, longitude, names[0], at)
+        for name, series, radius in zip(names, metres, _radii(first[0]), strict=True):
+            noise, unit = columns[name].noise, columns[name].unit
+            if noise is not None:
+                noise = radius * convert_scale(noise, unit, "rad", where=at(name, None))
+            columns[name] = replace(columns[name], unit="m", scale=1.0, offset=0.0, noise=noise)
+            values[name] = series
+        place = ", ".join(f"{angle:.7f}" for angle in np.rad2deg(first))
+        notes.append(
+            f"{names[0]} and {names[1]} are in metres from the first fix, at {place} degrees."
+        )
+    return columns, values, notes
 
 
-def _positions_of_fixes(latitude: np.ndarray, longitude: np.ndarray, at: PlaceOf) -> _Positions:
-    """Metres from the first fix, of latitudes and longitudes [rad], ``(n,)`` each.
+def _radians(column: Column, numbers: np.ndarray, place: Place) -> np.ndarray:
+    scaled = numbers * float(column.scale) + float(column.offset)
+    return convert(scaled, column.unit, "rad", where=place)
+
+
+def _metres_from_first(
+    latitude: np.ndarray, longitude: np.ndarray, north: str, at: PlaceOf
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The first fix [rad], and metres to its north and east, of fixes [rad], ``(n,)`` each.
 
     The plane touches the ellipsoid at the first fix, with its two radii of curvature: within 1 cm
     at 1 km, and 1 m at 10 km.
@@ -323,7 +290,7 @@ def _positions_of_fixes(latitude: np.ndarray, longitude: np.ndarray, at: PlaceOf
     beyond = np.flatnonzero(np.abs(latitude) > np.pi / 2)
     if beyond.size:
         raise InputError.at(
-            at("north", int(beyond[0])),
+            at(north, int(beyond[0])),
             f"expected a latitude of -90 to 90 degrees, found {np.rad2deg(latitude[beyond[0]]):g}.",
             "exchange the two columns, or correct their unit or scale.",
         )
@@ -331,22 +298,16 @@ def _positions_of_fixes(latitude: np.ndarray, longitude: np.ndarray, at: PlaceOf
     fixed = np.isfinite(latitude) & np.isfinite(longitude) & ((latitude != 0) | (longitude != 0))
     if not fixed.any():
         raise InputError.at(
-            at("north", None), "expected fixes, found none.", "leave north and east out."
+            at(north, None), "expected fixes, found none.", "leave north and east out."
         )
-    first = int(np.flatnonzero(fixed)[0])
-    to_north, to_east = _metres_per_radian(latitude[first])
-    eastward = (longitude - longitude[first] + np.pi) % (2 * np.pi) - np.pi  # across 180 degrees
-    north = np.where(fixed, to_north * (latitude - latitude[first]), np.nan)
-    east = np.where(fixed, to_east * eastward, np.nan)
-    place = f"{np.rad2deg(latitude[first]):.7f}, {np.rad2deg(longitude[first]):.7f} degrees"
-    return _Positions(
-        {"north": north, "east": east},
-        {"north": to_north, "east": to_east},
-        f"north and east are in metres from the first fix, at {place}.",
-    )
+    first = np.array([latitude, longitude])[:, np.argmax(fixed)]
+    to_north, to_east = _radii(first[0])
+    eastward = (longitude - first[1] + np.pi) % (2 * np.pi) - np.pi  # across 180 degrees
+    metres = to_north * (latitude - first[0]), to_east * eastward
+    return first, np.where(fixed, metres[0], np.nan), np.where(fixed, metres[1], np.nan)
 
 
-def _metres_per_radian(latitude: float) -> tuple[float, float]:
+def _radii(latitude: float) -> tuple[float, float]:
     """Radii by which a small change of latitude and of longitude [rad] become metres."""
     flattened = 1.0 - _ECCENTRICITY_SQUARED * np.sin(latitude) ** 2
     meridian = _EQUATORIAL_RADIUS * (1.0 - _ECCENTRICITY_SQUARED) / flattened**1.5

@@ -12,13 +12,39 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._field import Field
 from diffthrust.logs._kinds import kind_of
-from diffthrust.logs._robots.open import all_fields
-from diffthrust.logs._tables.cells import BadCell
-from diffthrust.logs._tables.dates import OtherDate, seconds_of
+from diffthrust.logs._robots.fields import all_fields
 from diffthrust.logs._tables.open import open_table
-from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other, text_numbers
+from diffthrust.logs._tables.table import Cells, Dates, OpenTable, Other
+from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers
+
+_WORDS = 50
+"""A column with more distinct words than this holds names or remarks, not numbers."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column of a table, or one field of a message or topic.
+
+    Args:
+        name: what ``Column(...)`` takes, such as ``"rpm"``, ``"RCOU.C1"`` or
+            ``"/odom.twist.twist.linear.x"``.
+        values: numbers, ``(n,)``, NaN where missing or no number.
+        time: time stamps of the field [s], from the log's first message, ``(n,)``; None in a table.
+        unit: the unit stated in the file; empty if none is.
+        text: an example of a cell that is not a number; empty if there is none.
+        dates: a column of dates; its values are seconds after the first.
+        date_formats: for dates that do not begin with the year, the values for ``Column(dates=)``;
+            two if day and month cannot be told apart.
+    """
+
+    name: str
+    values: np.ndarray
+    time: np.ndarray | None = None
+    unit: str = ""
+    text: str = ""
+    dates: bool = False
+    date_formats: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -49,7 +75,8 @@ def contents(path: str | PathLike[str]) -> Contents:
     if kind.messages:
         fields, notes, parameters = all_fields(file, kind)
         word = kind.article.split(" ", 1)[1]
-        return Contents(file, word, True, fields, notes, parameters=parameters)
+        each = tuple(Field(*about) for about in fields)
+        return Contents(file, word, True, each, tuple(notes), parameters=parameters)
     source = open_table(file, kind, (), strict=False)
     remarks = list(source.notes)
     columns = _columns(source, remarks)
@@ -107,18 +134,12 @@ def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) 
     while True:
         try:
             values, dates, _ = text_numbers(cells, missing, comma, is_time=not missing)
-        # Dates that do not begin with the year raise: this survey then reads them in the first
-        # format that fits all cells, and lists the alternatives (03.04. may be March or April).
-        except OtherDate as bad:
-            form = bad.formats[0]
-            return Field(
-                name,
-                seconds_of(cells, (), form),
-                unit="s",
-                dates=True,
-                date_formats=tuple(bad.formats),
-            )
         except BadCell as bad:
+            # Dates that do not begin with the year: read in the first format that fits all cells,
+            # with the alternatives (03.04. may be March or April).
+            if formats := tuple(bad.formats):
+                seconds = seconds_of(cells, (), formats[0])
+                return Field(name, seconds, unit="s", dates=True, date_formats=formats)
             word = (cells[bad.index] or "").strip()
             text = text or word
             missing.add(word)
@@ -126,7 +147,3 @@ def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) 
                 return Field(name, np.full(len(cells), np.nan), unit=unit, text=text)
             continue
         return Field(name, values, unit="s" if dates else unit, text=text, dates=dates)
-
-
-_WORDS = 50
-"""A column with more distinct words than this holds names or remarks, not numbers."""

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._held import Hold
-from diffthrust.logs._validate import is_finite, window
+from diffthrust.logs._held import Hold, held_readings
+from diffthrust.logs._units import is_finite
+from diffthrust.logs._validate import window
+from diffthrust.logs._written import Written
 
 
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class LogEdits(ABC):
-    """The edits of a `Log`; each gives a new log, and notes what was done."""
+    """The fields of a `Log`, and its edits: each gives a new log, and notes what was done."""
 
     time: np.ndarray
     inputs: Mapping[str, np.ndarray]
@@ -26,24 +29,35 @@ class LogEdits(ABC):
     unsigned: frozenset[str]
     noise: Mapping[str, float]
     hold: Mapping[str, str]
+    written: Mapping[str, Written]
     rails: Mapping[str, tuple[float, float]]
     censored: frozenset[str]
+    static: bool
     name: str
     notes: tuple[str, ...]
-
-    @property
-    @abstractmethod
-    def duration(self) -> float: ...
-
-    @cached_property
-    @abstractmethod
-    def holds(self) -> Mapping[str, Hold]: ...
 
     @abstractmethod
     def replaced(self, **fields: Any) -> Self: ...
 
-    @abstractmethod
-    def __len__(self) -> int: ...
+    def _set(self, checked: Mapping[str, Any]) -> None:
+        """Keep the fields; arrays become read-only, mappings immutable."""
+        for key, value in checked.items():
+            arrays = value.values() if isinstance(value, Mapping) else (value,)
+            for array in arrays:
+                if isinstance(array, np.ndarray):
+                    array.flags.writeable = False
+            kept = MappingProxyType(dict(value)) if isinstance(value, Mapping) else value
+            object.__setattr__(self, key, kept)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return int(self.time.size)
+
+    def _hold_of(self, channel: str) -> Hold | None:
+        """How a sensor that repeats its last reading is read; None of any other channel."""
+        if self.static or channel not in self.measured:  # of a static table equal points are equal
+            return None
+        return held_readings(self.measured[channel], self.inputs.values())
 
     def slice(self, start: float | None = None, stop: float | None = None) -> Self:
         """Cut a segment out of the log; time stamps are unchanged.
@@ -63,11 +77,13 @@ class LogEdits(ABC):
             3.0
         """
         keep = window(self.time, start, stop, f"log {self.name!r}")
-        return self.replaced(
-            time=self.time[keep],
-            inputs={key: value[keep] for key, value in self.inputs.items()},
-            measured={key: value[keep] for key, value in self.measured.items()},
-        )
+        return self._mapped(lambda _, values: values[keep], time=self.time[keep])
+
+    def _mapped(self, made: Callable[[str, np.ndarray], np.ndarray], **fields: Any) -> Self:
+        """A log with each series made anew, of the name of its channel and its values."""
+        inputs = {name: made(name, values) for name, values in self.inputs.items()}
+        measured = {name: made(name, values) for name, values in self.measured.items()}
+        return self.replaced(inputs=inputs, measured=measured, **fields)
 
     def leave_out(self, start: float, stop: float, note: str = "") -> Self:
         """Leave a stretch out of fits and comparisons: nothing counts as measured there.
@@ -143,7 +159,7 @@ class LogEdits(ABC):
         inputs, measured = dict(self.inputs), dict(self.measured)
         for channel in channels:
             series = inputs if channel in inputs else measured
-            held = self.hold.get(channel) == "zero" or channel in self.holds
+            held = self.hold.get(channel) == "zero" or self._hold_of(channel) is not None
             unit = self.units[channel]
             series[channel] = _moved(self.time, series[channel], seconds, held=held, unit=unit)
         for channel, values in inputs.items():
@@ -188,10 +204,9 @@ class LogEdits(ABC):
             sums = np.where(finite, blocks, 0.0).sum(axis=1)
             return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
-        return self.replaced(
+        return self._mapped(
+            mean,
             time=self.time[:used].reshape(-1, samples).mean(axis=1),
-            inputs={key: mean(key, value) for key, value in self.inputs.items()},
-            measured={key: mean(key, value) for key, value in self.measured.items()},
             noise={key: value / samples**0.5 for key, value in self.noise.items()},
             # A mean stands at the middle of its block; kept until the next one, an input would lag
             # by half a block.
@@ -223,22 +238,21 @@ class LogEdits(ABC):
             >>> round(even.step, 6), even.hold["command"]
             (0.1, 'zero')
         """
-        steps = _EvenSteps.of(self.time, rate, self.name)
+        steps = _EvenSteps(self.time, rate, self.name)
 
         def mean(name: str, values: np.ndarray) -> np.ndarray:
             plain = unwrapped(values, self.units[name])
             if self.hold.get(name) == "zero":
-                return steps.held_means(self.time, plain)
+                return steps.held_means(plain)
             if name in self.inputs:
-                return steps.filled_means(self.time, plain)
-            return steps.means(self.time, plain)
+                return steps.filled_means(plain)
+            return steps.means(plain)
 
         counts = {name: steps.samples(self.measured[name]) for name in self.noise}
         note = f"{len(self)} rows were averaged to {steps.time.size} at {rate:g} Hz."
-        return self.replaced(
+        return self._mapped(
+            mean,
             time=steps.time,
-            inputs={name: mean(name, values) for name, values in self.inputs.items()},
-            measured={name: mean(name, values) for name, values in self.measured.items()},
             noise={name: sigma / counts[name] ** 0.5 for name, sigma in self.noise.items()},
             notes=(*self.notes, note),
         )
@@ -268,7 +282,6 @@ _LEAST = 3
 _TURN = {"rad": 2 * np.pi, "deg": 360.0}
 
 
-@dataclass(frozen=True)
 class _EvenSteps:
     """Equal steps over a log, without those in which nothing was recorded.
 
@@ -277,19 +290,10 @@ class _EvenSteps:
     each row. What was measured becomes means, and what drove the system its mean over the step that
     follows, so that a step of a command neither comes early nor lasts longer.
 
-    Args:
-        time: middle of each step [s], ``(n,)``.
-        width: of a step [s].
-        of_row: the step of each row, ``(m,)``.
+    ``time`` is the middle of each step [s], ``(n,)``, of rows with ``stamps`` [s], ``(m,)``.
     """
 
-    time: np.ndarray
-    width: float
-    of_row: np.ndarray
-
-    @classmethod
-    def of(cls, stamps: np.ndarray, rate: float, name: str) -> _EvenSteps:
-        """The steps of a log at so many a second; ``stamps`` are its time [s], ``(m,)``."""
+    def __init__(self, stamps: np.ndarray, rate: float, name: str) -> None:
         if not is_finite(rate) or rate <= 0:
             raise InputError(
                 f"log {name!r}: expected a rate above zero in Hz, found {rate!r}.",
@@ -306,47 +310,47 @@ class _EvenSteps:
         first = stamps[0] - 0.5 * row
         step = np.floor((stamps - first) * rate + 1e-9).astype(np.int64)
         # Steps without a row are left out: a gap of the recorder stays one, and is reported.
-        numbers, of_row = np.unique(step, return_inverse=True)
+        numbers, self._of_row = np.unique(step, return_inverse=True)
         if numbers.size < _LEAST:
             raise InputError(
                 f"log {name!r}: at {rate:g} Hz, its {stamps[-1] - stamps[0]:.3g} s hold fewer than "
                 f"{_LEAST} samples.",
                 "give a higher rate, in samples a second.",
             )
-        return cls(first + (numbers + 0.5) / rate, 1.0 / rate, of_row)
+        self.time, self._width = first + (numbers + 0.5) / rate, 1.0 / rate
+        self._stamps = stamps
 
     def _totals(self, weights: np.ndarray) -> np.ndarray:
-        return np.bincount(self.of_row, weights, minlength=self.time.size)
+        return np.bincount(self._of_row, weights, minlength=self.time.size)
 
     def samples(self, values: np.ndarray) -> float:
         """Samples of a channel in a step, as a rule."""
         counts = self._totals(np.isfinite(values))
         return float(np.median(counts[counts > 0])) if counts.any() else 1.0
 
-    def means(self, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def means(self, values: np.ndarray) -> np.ndarray:
         """Means of the samples in each step, at its middle; NaN where there are none."""
-        filled = self.filled_means(stamps, values)
-        return np.where(self._totals(np.isfinite(values)) > 0, filled, np.nan)
+        return np.where(self._totals(np.isfinite(values)) > 0, self.filled_means(values), np.nan)
 
-    def filled_means(self, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def filled_means(self, values: np.ndarray) -> np.ndarray:
         """As `means`, interpolated over steps without samples."""
         finite = np.isfinite(values)
         counts = self._totals(finite)
         if not counts.any():
             return np.full(self.time.size, np.nan)
         at, least = counts > 0, np.maximum(counts, 1)
-        centres = (self._totals(np.where(finite, stamps, 0.0)) / least)[at]
+        centres = (self._totals(np.where(finite, self._stamps, 0.0)) / least)[at]
         means = (self._totals(np.where(finite, values, 0.0)) / least)[at]
         # The only sample of a step may stand at its beginning: moved to the middle as it is, it
         # would be late by half a step, always.
         return np.interp(self.time, centres, means)
 
-    def held_means(self, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def held_means(self, values: np.ndarray) -> np.ndarray:
         """Means of a held signal from the middle of each step to that of the next."""
-        ends = np.append(stamps, self.time[-1] + self.width)
+        ends = np.append(self._stamps, self.time[-1] + self._width)
         integral = np.append(0.0, np.cumsum(np.diff(ends) * values))
-        until = np.interp(self.time + self.width, ends, integral)
-        return (until - np.interp(self.time, ends, integral)) / self.width
+        until = np.interp(self.time + self._width, ends, integral)
+        return (until - np.interp(self.time, ends, integral)) / self._width
 
 
 def unwrapped(values: np.ndarray, unit: str) -> np.ndarray:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.figures import BLUE, is_sparse, literal, styled, thinned
-from diffthrust.logs._written import ShownUnits, Written
+from diffthrust.logs._edits import LogEdits
+from diffthrust.logs._written import ShownUnits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,25 +37,16 @@ class Panel:
     steps: bool = False
 
 
-def log_figure(
-    name: str,
-    time: np.ndarray,
-    inputs: Mapping[str, np.ndarray],
-    measured: Mapping[str, np.ndarray],
-    *,
-    units: Mapping[str, str],
-    hold: Mapping[str, str],
-    written: Mapping[str, Written],
-) -> Figure:
+def log_figure(log: LogEdits, measured: Mapping[str, np.ndarray]) -> Figure:
     """The inputs of a log on top, measured channels below, in the units in which it was written."""
-    display, panels = ShownUnits([written]), []
-    for channel, values in {**inputs, **measured}.items():
-        driving = channel in inputs
-        steps = driving and hold.get(channel) == "zero"
-        unit = display.unit(channel, units[channel])
-        converted = display.values(channel, values, units[channel])
-        panels.append(Panel(channel, unit, time, converted, driving, steps))
-    return panels_figure(panels, name)
+    display, panels = ShownUnits([log.written]), []
+    for channel, values in {**log.inputs, **measured}.items():
+        driving = channel in log.inputs
+        unit = display.unit(channel, log.units[channel])
+        converted = display.values(channel, values, log.units[channel])
+        steps = driving and log.hold.get(channel) == "zero"
+        panels.append(Panel(channel, unit, log.time, converted, driving, steps))
+    return panels_figure(panels, log.name)
 
 
 def panels_figure(

@@ -34,14 +34,10 @@ have come meanwhile. Of waits that are purely random one in a hundred is longer.
 
 
 class Hold(NamedTuple):
-    """Which samples of a held sensor are readings.
+    """Which samples of a held sensor are readings, ``(n,)``, and how many lie between two of them.
 
-    Args:
-        regular: readings come at equal intervals.
-        every: mean number of samples from one reading to the next.
-        shortest: number of samples after which a reading is repeated at the least (5th percentile).
-        longest: the same at the most (95th percentile).
-        read: for each sample whether it is a reading, ``(n,)``.
+    ``regular`` readings come at equal intervals; from one to the next are ``every`` samples in the
+    mean, and ``shortest`` to ``longest`` (5th to 95th percentile).
     """
 
     regular: bool
@@ -91,12 +87,8 @@ def held_readings(values: np.ndarray, inputs: Collection[np.ndarray] = ()) -> Ho
     A reading equal to the previous one, as at rest, still counts where it must have come; the
     value held when the log begins does not, because its age is unknown.
 
-    Args:
-        values: a measured channel, ``(n,)``; NaN where nothing was measured.
-        inputs: the inputs of the log, ``(n,)`` each.
-
-    Returns:
-        The hold; ``None`` if the sensor is not held.
+    ``values`` are those of a measured channel, ``(n,)``, NaN where nothing was measured, ``inputs``
+    those of the log, ``(n,)`` each. None if the sensor is not held.
     """
     steps = np.diff(values)
     if np.count_nonzero(steps == 0) < _REPEATED * np.count_nonzero(np.isfinite(steps)):
@@ -120,8 +112,7 @@ def held_readings(values: np.ndarray, inputs: Collection[np.ndarray] = ()) -> Ho
         due[: new[0]] = False
     else:
         return None
-    ends = np.quantile(waits, (0.05, 0.95), method="nearest")
-    shortest, longest = (int(end) for end in ends)
+    shortest, longest = map(int, np.quantile(waits, (0.05, 0.95), method="nearest"))
     typical = float(np.mean(waits)) if every is None else every
     return Hold(every is not None, typical, shortest, longest, due & np.isfinite(values))
 
@@ -160,10 +151,9 @@ def _follows(drive: np.ndarray, values: np.ndarray, new: np.ndarray) -> bool:
 def _irregular(
     values: np.ndarray, new: np.ndarray, waits: np.ndarray, unbroken: np.ndarray
 ) -> bool:
-    """Whether changes at irregular intervals are readings of a held sensor.
+    """Whether changes at irregular intervals, at the places ``new``, are readings of a held sensor.
 
-    ``new`` are the places of the changes, ``waits`` the samples from one to the next, of those that
-    are ``unbroken`` by missing samples.
+    ``waits`` are the samples from one to the next, where ``unbroken`` by missing samples.
     """
     holds = waits >= 2
     if np.mean(holds) < _APART:
@@ -178,10 +168,7 @@ def _irregular(
 
 
 def _due(new: np.ndarray, every: float, spare: float, size: int) -> np.ndarray:
-    """Mark the readings: each new value, and in between one at every hold (repeated readings).
-
-    The last of these comes ``spare`` samples before the next change at the latest.
-    """
+    """Mark the readings: each new value, and one at every hold until ``spare`` before the next."""
     due = np.zeros(size, bool)
     # Before the first change the value is a reading of unknown age: readings are due counting back
     # from that change.

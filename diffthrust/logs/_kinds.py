@@ -12,13 +12,9 @@ from diffthrust._support.files import oddity
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file.
+    """A kind of file, told by its first bytes, or by its suffix.
 
-    Args:
-        article: what it is called in a sentence.
-        messages: it holds messages, each with its own time stamp.
-        begins: the first bytes of such a file.
-        endings: suffixes, for formats without distinctive first bytes.
+    ``article`` is what it is called in a sentence; ``messages`` have separate time stamps.
     """
 
     article: str
@@ -42,6 +38,10 @@ TELEMETRY = Kind("a MAVLink telemetry log", True, endings=(".tlog",))
 ULOG = Kind("a PX4 ULog", True, (b"ULog\x01\x12\x35",), (".ulg",))
 
 _KINDS = (PARQUET, EXCEL, HDF5, MAT, BAG, MCAP, BAG_1, DATAFLASH, TELEMETRY, ULOG)
+_TEXT = (".csv", ".tsv", ".txt", ".dat")
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+CONTROL = bytes([*range(9), *range(14, 32)])
+"""Bytes that never occur in text: with one of them the file is a picture or an archive."""
 _READ = (
     "tables (.csv and other text, .xlsx, .parquet, .mat, .h5) are read by read_log, bags of ROS, "
     ".mcap, .bin, .tlog and .ulg by read_robot_log."
@@ -106,14 +106,12 @@ def kind_of(path: Path) -> Kind:
             raise InputError(f"{path.name}: expected a log, found {what}.", mend)
     ending = path.suffix.lower()
     # Zeros at the end of a text were never written: the logger lost power.
-    text = head[:2] in (b"\xff\xfe", b"\xfe\xff") or not set(head.rstrip(b"\0") or head) & _CONTROL
+    text = head[:2] in UTF_16 or not set(head.rstrip(b"\0") or head) & set(CONTROL)
     for kind in _KINDS:
         if ending in kind.endings and not (text and kind is not TELEMETRY):
             return kind
-    if text:
+    if text or ending in (".csv", ".txt", ".tsv"):  # whose reader reports binary data
         return TEXT
-    if ending in (".csv", ".txt", ".tsv"):
-        return TEXT  # its reader reports the binary data
     raise InputError(f"{path.name}: expected a log, found binary data of an unknown format.", _READ)
 
 
@@ -126,16 +124,9 @@ def is_log(path: Path) -> bool:
     return kind is not TEXT or path.suffix.lower() in _TEXT
 
 
-_TEXT = (".csv", ".tsv", ".txt", ".dat")
-
-
 def _is_other_archive(path: Path) -> bool:
     try:
         with ZipFile(path) as archive:
             return not any(name.startswith("xl/") for name in archive.namelist())
     except (BadZipFile, OSError, ValueError):  # a damaged archive: its reader reports it
         return False
-
-
-# Bytes that never occur in text.
-_CONTROL = frozenset([*range(9), *range(14, 32)])

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,14 +10,14 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.report import Report, Rows, Section
 from diffthrust.logs._columns import Column
 from diffthrust.logs._edits import LogEdits
-from diffthrust.logs._held import Hold, held_note, held_readings
+from diffthrust.logs._held import Hold, held_note
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
-from diffthrust.logs._rails import Railed, railed, railed_between, railed_note
-from diffthrust.logs._tables.fields import TableRequest
+from diffthrust.logs._rails import Railed, railed, railed_note
+from diffthrust.logs._rows import line_of, report_of
 from diffthrust.logs._tables.frame import read_frame, time_of
+from diffthrust.logs._tables.request import TableRequest
 from diffthrust.logs._units import convert, convert_scale
 from diffthrust.logs._validate import checked_fields
 from diffthrust.logs._written import ShownUnits, Written
@@ -81,19 +80,6 @@ class Log(LogEdits):
         ('rad/s', 0.08, (3,))
     """
 
-    time: np.ndarray
-    inputs: Mapping[str, np.ndarray]
-    measured: Mapping[str, np.ndarray]
-    units: Mapping[str, str]
-    unsigned: frozenset[str]
-    noise: Mapping[str, float]
-    hold: Mapping[str, str]
-    written: Mapping[str, Written]
-    rails: Mapping[str, tuple[float, float]]
-    censored: frozenset[str]
-    static: bool
-    name: str
-    notes: tuple[str, ...]
     file: LogFile | None = field(default=None, init=False)
 
     def __init__(
@@ -131,16 +117,6 @@ class Log(LogEdits):
             at=partial(_place, name),
         )
         self._set(checked)
-
-    def _set(self, checked: Mapping[str, Any]) -> None:
-        """Keep the fields; arrays become read-only, mappings immutable."""
-        for key, value in checked.items():
-            arrays = value.values() if isinstance(value, Mapping) else (value,)
-            for array in arrays:
-                if isinstance(array, np.ndarray):
-                    array.flags.writeable = False
-            kept = MappingProxyType(dict(value)) if isinstance(value, Mapping) else value
-            object.__setattr__(self, key, kept)
 
     @classmethod
     def from_dataframe(
@@ -189,7 +165,7 @@ class Log(LogEdits):
             array([0.   , 6.283])
         """
         source = read_frame(frame, name)
-        clock = time_of(frame, name) if time is None else time
+        clock = time_of(frame, source) if time is None else time
         request = TableRequest(
             name, clock, inputs, measured, missing_values, interpolate_inputs, start, stop, static
         )
@@ -236,10 +212,6 @@ class Log(LogEdits):
         plain = {k: dict(v) if isinstance(v, Mapping) else v for k, v in fields.items()}
         return Log.of_checked, (plain,)
 
-    def __len__(self) -> int:
-        """Number of samples."""
-        return int(self.time.size)
-
     @property
     def duration(self) -> float:
         """Time from the first to the last sample [s].
@@ -282,10 +254,7 @@ class Log(LogEdits):
             >>> log.holds
             {}
         """
-        if self.static:  # equal rows are equal points
-            return {}
-        held = {n: held_readings(v, self.inputs.values()) for n, v in self.measured.items()}
-        return {name: hold for name, hold in held.items() if hold is not None}
+        return {name: hold for name in self.measured if (hold := self._hold_of(name))}
 
     @cached_property
     def unrepeated(self) -> "Log":
@@ -317,14 +286,11 @@ class Log(LogEdits):
         """
         by_channel = {}
         for channel, values in self.unrepeated.measured.items():
-            if channel in self.rails:
-                at = railed_between(values, *self.rails[channel])
-            else:
-                companions = [v for name, v in self.measured.items() if name != channel]
-                at = railed(values, [*self.inputs.values()], companions)
-            if at is not None:
-                by_channel[channel] = at
-        return by_channel
+            others = [v for name, v in self.measured.items() if name != channel]
+            by_channel[channel] = railed(
+                values, self.rails.get(channel), self.inputs.values(), others
+            )
+        return {channel: at for channel, at in by_channel.items() if at is not None}
 
     @cached_property
     def counted(self) -> "Log":
@@ -393,11 +359,10 @@ class Log(LogEdits):
             >>> rpm.measured["speed"].round(1), rpm.values("speed", in_units=True)
             (array([0. , 6.3, 9.4]), array([ 0., 60., 90.]))
         """
-        samples = self.inputs.get(channel)
-        if samples is None:
-            samples = self.measured.get(channel)
-        if samples is None:
+        channels = {**self.inputs, **self.measured}
+        if channel not in channels:
             raise self._no_channel(channel)
+        samples = channels[channel]
         stored = self.units[channel]
         if in_units:
             return ShownUnits([self.written]).values(channel, samples, stored)
@@ -422,7 +387,7 @@ class Log(LogEdits):
             >>> log.noise_in("speed", "rpm") is None  # the log names no noise
             True
         """
-        if channel not in self.inputs and channel not in self.measured:
+        if channel not in {**self.inputs, **self.measured}:
             raise self._no_channel(channel)
         sigma, stored = self.noise.get(channel), self.units[channel]
         if sigma is None or not stored or not unit or stored == unit:
@@ -443,64 +408,22 @@ class Log(LogEdits):
         """
         from diffthrust.logs._figures import log_figure
 
-        return log_figure(
-            self.name,
-            self.time,
-            self.inputs,
-            self.unrepeated.measured,
-            units=self.units,
-            hold=self.hold,
-            written=self.written,
-        )
+        return log_figure(self, self.unrepeated.measured)
 
     def __repr__(self) -> str:
-        display = ShownUnits([self.written])
-
-        def described(channels: Mapping[str, np.ndarray]) -> str:
-            texts = []
-            for key, samples in channels.items():
-                about = [f"{n} missing"] if (n := int(np.isnan(samples).sum())) else []
-                about += ["unsigned"] if key in self.unsigned else []
-                hold = self.holds.get(key) if key in self.measured else None
-                about += [f"{hold.readings} readings, repeated"] if hold else []
-                unit = display.unit(key, self.units[key])
-                texts.append(
-                    key
-                    + (f" [{unit}]" if unit else "")
-                    + (f" ({', '.join(about)})" if about else "")
-                )
-            return ", ".join(texts) or "none"
-
-        return (
-            f"Log({self.name!r}: {len(self)} samples over {self.duration:.6g} s, "
-            f"inputs: {described(self.inputs)}; measured: {described(self.measured)})"
-        )
+        return line_of(self, self.duration, self.holds)
 
     def _repr_html_(self) -> str:
         from diffthrust._support.page import notebook_html
-        from diffthrust._support.words import number
 
-        display, rows = ShownUnits([self.written]), []
-        for name, samples in {**self.inputs, **self.measured}.items():
-            unit = display.unit(name, self.units[name])
-            valid = display.values(name, samples[np.isfinite(samples)], self.units[name])
-            ends = [number(float(pick(valid)), 4) for pick in (np.min, np.mean, np.max)]
-            kind = "input" if name in self.inputs else "measured"
-            kind += ", unsigned" * (name in self.unsigned)
-            rows.append((name, kind, *ends, unit, str(samples.size - valid.size)))
-        headings = ("Channel", "", "Least", "Mean", "Greatest", "Unit", "Missing")
-        size = f"Log {self.name!r}: {len(self)} samples over {self.duration:.6g} s, "
-        size += f"a sample every {self.step:.4g} s"
-        table = Rows.of(headings, rows, numbers=(2, 3, 4, 6))
-        return notebook_html(Report(Section("", size, table, *self.notes)))
+        return notebook_html(report_of(self, self.duration, self.step))
 
     def _no_channel(self, channel: str) -> InputError:
         channels = [*self.inputs, *self.measured]
-        near = nearest(str(channel), channels)
         return InputError.at(
             Place(f"log {self.name!r}", channel=channel),
             f"expected a channel {channel!r}, found {listing(channels)}"
-            f"{'; ' + near if near else ''}.",
+            f"{nearest(str(channel), channels, '; ')}.",
             f"map a column of the log to {channel!r}.",
         )
 

@@ -45,12 +45,9 @@ _CLEAR = 8.0
 
 
 class Railed(NamedTuple):
-    """The samples of a channel that stand at the ends of its sensor's range.
+    """The ends of a sensor's range, infinite where there is none, and the samples that stand there.
 
-    Args:
-        low: lower end; minus infinity if there is none.
-        high: upper end; infinity if there is none.
-        side: -1 at the lower end, 1 at the upper end, 0 between them, ``(n,)``.
+    ``side`` is -1 at the lower end, 1 at the upper one, 0 between them, ``(n,)``.
     """
 
     low: float
@@ -63,7 +60,7 @@ class Railed(NamedTuple):
         return int(np.count_nonzero(self.side))
 
 
-def railed_between(values: np.ndarray, low: float, high: float) -> Railed | None:
+def _railed_between(values: np.ndarray, low: float, high: float) -> Railed | None:
     """Samples at given rails; ``None`` if there are none."""
     # Given rails pass through conversions of units, and the samples as well: 300 rpm in rad/s may
     # differ in the last bit.
@@ -95,9 +92,12 @@ def railed_note(
 # Numbers in a wrong unit may overflow; the check of units reports them.
 @np.errstate(over="ignore", invalid="ignore")
 def railed(
-    values: np.ndarray, inputs: Collection[np.ndarray], measured: Collection[np.ndarray]
+    values: np.ndarray,
+    rails: tuple[float, float] | None,
+    inputs: Collection[np.ndarray],
+    measured: Collection[np.ndarray],
 ) -> Railed | None:
-    """Detect samples of a sensor at its rails; ``None`` if there are none.
+    """Samples of a sensor at its rails, given or detected; ``None`` if there are none.
 
     A rail is an extreme value that is repeated far more often than a signal would repeat it. A
     sensor whose noise is wider than its resolution does not repeat any value like that: the extreme
@@ -106,11 +106,11 @@ def railed(
     sensors that keep moving meanwhile. (If these stand still too, the system is at its limit, not
     the sensor.) Inputs are considered only if there are no other sensors.
 
-    Args:
-        values: a measured channel, ``(n,)``; NaN where nothing was measured, or a reading is held.
-        inputs: the inputs of the log, ``(n,)`` each.
-        measured: its other measured channels, ``(n,)`` each.
+    ``values`` are NaN where nothing was measured, or a reading is held; ``measured`` are the other
+    sensors; all ``(n,)``.
     """
+    if rails is not None:
+        return _railed_between(values, *rails)
     finite = np.isfinite(values)
     valid = values[finite]
     if valid.size < 3 * _LEAST or not np.ptp(valid) > 0:
@@ -121,7 +121,7 @@ def railed(
     if np.isinf(low) and np.isinf(high):
         return None
     same = _SAME * np.ptp(valid)
-    at_rails = railed_between(values, float(low) + same, float(high) - same)
+    at_rails = _railed_between(values, float(low) + same, float(high) - same)
     return at_rails and at_rails._replace(low=float(low), high=float(high))
 
 

@@ -10,8 +10,8 @@ from diffthrust.logs._columns import Column
 from diffthrust.logs._identity import log_file
 from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
-from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.open import open_table
+from diffthrust.logs._tables.request import TableRequest
 
 
 def read_log(

@@ -1,5 +1,6 @@
 """Unit conversion at input and output. Inside the library every channel has one fixed unit."""
 
+import math
 import re
 from contextlib import suppress
 from dataclasses import replace
@@ -13,30 +14,29 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import nearest
 from diffthrust.logs._channels import CHANNELS
 
-# Written out so that the common spellings are offered first, and so that a message about a
-# misspelt unit does not suggest one of pint's thousand exotic ones.
-# fmt: off
 _COMMON = (
     "s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "W", "N", "kN", "kgf", "lbf", "N*m",
     "kN*m", "m", "mm", "cm", "km", "m/s", "m/s^2", "km/h", "knot", "rad", "deg", "rad/s", "deg/s",
     "rpm", "rps", "rev", "rev/s", "rev/min", "kg", "g", "kg*m^2", "Pa", "kPa", "bar", "K",
     "degC", "percent", "dimensionless", "effort",
-)
-# fmt: on
-
-# Coherent SI units with special names, to write 'N' and not 'kg*m/s**2'.
-# fmt: off
+)  # fmt: skip
+"""Offered first for a misspelt unit, before one of pint's thousand exotic ones."""
 _NAMED_SI = (
     "s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "m/s^2", "N", "N*m", "V", "A", "W", "Pa", "K",
     "effort",
-)
-# fmt: on
+)  # fmt: skip
+"""Coherent SI units with special names, to write 'N' and not 'kg*m/s**2'."""
 
 # Unit strings reach pint's expression evaluator, which would compute 9**9**9 for a very long time.
 _ALLOWED = re.compile(r"[\w%°·⋅*/^(). +\-²³¹⁻⁰Ωμµ]{1,80}")
 _NUMBER = re.compile(
     r"(\^|\*\*)?\s*\(?\s*[+\-]?(?<![A-Za-z_\d])(\d+\.?\d*|\.\d+)\s*\)?\s*(\^|\*\*)?"
 )
+
+
+def is_finite(value: object) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, (int, float, np.number)) and math.isfinite(value)
 
 
 @lru_cache(maxsize=1)
@@ -58,10 +58,10 @@ def _registry() -> Any:
 @lru_cache(maxsize=256)  # whether names of columns are units is asked at each reading
 def _mend_unknown(word: str) -> str:
     if word.lower() in set(_registry()):  # 'Volt': only the case is wrong
-        near = f"the nearest is {word.lower()!r}"
+        near = f"; the nearest is {word.lower()!r}"
     else:
-        near = nearest(word, _COMMON) or nearest(word, _registry())
-    return f"write a unit such as 'rad/s', 'rpm', 'N' or 'ms'{'; ' + near if near else ''}."
+        near = nearest(word, _COMMON, "; ") or nearest(word, _registry(), "; ")
+    return f"write a unit such as 'rad/s', 'rpm', 'N' or 'ms'{near}."
 
 
 @lru_cache(maxsize=256)
@@ -89,18 +89,16 @@ def _parse(unit: str) -> Any:
         raise InputError(f"{unit!r} is not a known unit", _mend_unknown(str(word))) from None
 
 
-def _blame_unit(where: Place | str) -> Place | str:
-    """The same place, marked as a fault of its unit."""
-    return replace(where, unit=True) if isinstance(where, Place) else where
+def _unit_error(where: Place | str, problem: str, mend: str) -> InputError:
+    """The error for a unit that is to blame, not the numbers."""
+    place = replace(where, unit=True) if isinstance(where, Place) else where
+    return InputError.at(place, problem, mend)
 
 
 def _parsed(unit: str, where: Place | str) -> Any:
     if not isinstance(unit, str):
-        raise InputError.at(
-            _blame_unit(where),
-            f"expected a unit as text, found {unit!r}.",
-            "write it as in unit = 'rpm'.",
-        )
+        problem = f"expected a unit as text, found {unit!r}."
+        raise _unit_error(where, problem, "write it as in unit = 'rpm'.")
     try:
         return _parse(unit)
     except InputError as error:
@@ -150,8 +148,8 @@ def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
     """Raise InputError unless the two units measure the same quantity."""
     source, target = _parsed(unit_from, where), _parsed(unit_to, where)
     if source.dimensionality != target.dimensionality:
-        raise InputError.at(
-            _blame_unit(where),
+        raise _unit_error(
+            where,
             f"expected a unit that agrees with {unit_to!r} ({_dimension(target)}), "
             f"found {unit_from!r} ({_dimension(source)}).",
             f"give the unit in which the numbers are written, of the same kind as {unit_to!r}, "

@@ -1,6 +1,5 @@
 """Checks that every log passes, whether made from arrays or read from a file."""
 
-import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
@@ -16,28 +15,34 @@ from diffthrust.logs._written import Written
 PlaceOf = Callable[[str, int | None], Place]
 
 
-def is_finite(value: object) -> bool:
-    """Whether a value is a finite number."""
-    return isinstance(value, (int, float, np.number)) and math.isfinite(value)
+def _check_samples(
+    bad: np.ndarray, channel: str, at: PlaceOf, problem: Callable[[int], str], mend: str
+) -> None:
+    """Raise InputError about the first of the marked samples, saying how many more there are."""
+    marked = np.flatnonzero(bad)
+    if marked.size:
+        index = int(marked[0])
+        more = f", and {marked.size - 1} more like it" if marked.size > 1 else ""
+        raise InputError.at(at(channel, index), f"{problem(index)}{more}.", mend)
 
 
-def check_time(time: np.ndarray, at: PlaceOf) -> None:
+def _check_time(time: np.ndarray, at: PlaceOf) -> None:
     """Raise InputError unless the time stamps are finite and strictly increasing."""
     if time.size == 0:
         raise InputError.at(at("time", None), "expected time stamps, found none.", "give samples.")
     check_stamps(time, at)
     with np.errstate(all="ignore"):
-        steps = np.diff(time)
-    bad = np.flatnonzero(~(steps > 0))
-    if bad.size:
-        index = int(bad[0]) + 1
-        kind = "the same again" if time[index] == time[index - 1] else "a step backward"
-        raise InputError.at(
-            at("time", index),
-            f"expected a time stamp after {time[index - 1]:.15g} s, "
-            f"found {time[index]:.15g} s ({kind}){more_like_it(bad.size)}.",
-            "remove the repeated or misplaced samples; if the clock was restarted, split the log.",
-        )
+        steps = np.diff(time, prepend=-np.inf)
+    _check_samples(
+        ~(steps > 0),
+        "time",
+        at,
+        lambda k: (
+            f"expected a time stamp after {time[k - 1]:.15g} s, found {time[k]:.15g} s "
+            f"({'the same again' if time[k] == time[k - 1] else 'a step backward'})"
+        ),
+        "remove the repeated or misplaced samples; if the clock was restarted, split the log.",
+    )
     # Stamps such as -1e308 and 1e308 are finite and increasing.
     if not np.isfinite(time[-1] - time[0]):
         raise InputError.at(
@@ -49,34 +54,27 @@ def check_time(time: np.ndarray, at: PlaceOf) -> None:
 
 def check_stamps(time: np.ndarray, at: PlaceOf) -> None:
     """Raise InputError unless the time stamps are finite."""
-    bad = np.flatnonzero(~np.isfinite(time))
-    if bad.size:
-        index = int(bad[0])
-        description = "none" if np.isnan(time[index]) else f"{time[index]}"
-        raise InputError.at(
-            at("time", index),
-            f"expected a time stamp, found {description}{more_like_it(bad.size)}.",
-            "complete the time stamp, or remove the sample.",
-        )
+    _check_samples(
+        ~np.isfinite(time),
+        "time",
+        at,
+        lambda k: f"expected a time stamp, found {'none' if np.isnan(time[k]) else time[k]}",
+        "complete the time stamp, or remove the sample.",
+    )
 
 
-def more_like_it(count: int) -> str:
-    """A phrase for further samples with the same defect: ``', and 3 more like it'``."""
-    return f", and {count - 1} more like it" if count > 1 else ""
-
-
-def check_finite_or_missing(values: np.ndarray, channel: str, at: PlaceOf) -> None:
+def _check_finite_or_missing(values: np.ndarray, channel: str, at: PlaceOf) -> None:
     """Raise InputError if a sample is infinite: only NaN means missing."""
-    bad = np.flatnonzero(np.isinf(values))
-    if bad.size:
-        raise InputError.at(
-            at(channel, int(bad[0])),
-            f"expected a finite number, found {values[bad[0]]}{more_like_it(bad.size)}.",
-            "correct the sample; a missing one is written as nan or left empty.",
-        )
+    _check_samples(
+        np.isinf(values),
+        channel,
+        at,
+        lambda k: f"expected a finite number, found {values[k]}",
+        "correct the sample; a missing one is written as nan or left empty.",
+    )
 
 
-def complete_input(
+def _complete_input(
     time: np.ndarray, values: np.ndarray, channel: str, interpolate: bool, at: PlaceOf
 ) -> tuple[np.ndarray, str | None]:
     """An input without gaps, ``(n,)``, if the user allows it, and a note on what was filled.
@@ -87,26 +85,26 @@ def complete_input(
     count = int(missing.sum())
     if count == 0:
         return values, None
-    first = int(np.argmax(missing))
     if count == values.size:
         raise InputError.at(
             at(channel, None),
             f"expected an input, found no number in {count} samples.",
             "choose another column for this input.",
         )
-    if not interpolate:
-        raise InputError.at(
-            at(channel, first),
-            f"expected a value of the input, found none{more_like_it(count)}.",
-            "complete it, cut the log with start and stop, or set interpolate_inputs = true.",
-        )
+    _check_samples(
+        missing & (not interpolate),
+        channel,
+        at,
+        lambda _: "expected a value of the input, found none",
+        "complete it, cut the log with start and stop, or set interpolate_inputs = true.",
+    )
     filled = values.copy()
     with np.errstate(all="ignore"):
         filled[missing] = np.interp(time[missing], time[~missing], values[~missing])
-    check_finite_or_missing(filled, channel, at)
+    _check_finite_or_missing(filled, channel, at)
     if np.isnan(filled).any():  # the slope between huge neighbours overflows
         raise InputError.at(
-            at(channel, first),
+            at(channel, int(np.argmax(missing))),
             "the gap cannot be interpolated, its neighbours are too large.",
             "correct the samples around it.",
         )
@@ -115,7 +113,7 @@ def complete_input(
     )
 
 
-def missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
+def _missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
     """Count the missing samples (NaN) of a measured channel, ``(n,)``; None if there are none."""
     count = int(np.isnan(values).sum())
     if count == values.size:
@@ -124,18 +122,15 @@ def missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
             f"expected measured samples, found no number in {count} samples.",
             "choose another column, or leave this channel out.",
         )
-    if count == 0:
-        return None
-    return (
-        f"measured {channel!r}: {count} of {values.size} samples are missing and carry no weight."
-    )
+    about = f"{count} of {values.size} samples are missing and carry no weight."
+    return f"measured {channel!r}: {about}" if count else None
 
 
 _GAP = 10.0
 """A step above this multiple of the usual step is a gap."""
 
 
-def gap_note(time: np.ndarray) -> str | None:
+def _gap_note(time: np.ndarray) -> str | None:
     """A note on the largest gaps in time, with moment and length; None without gaps.
 
     The usual step is the 90 % quantile of the steps, not their median: where messages of several
@@ -198,7 +193,7 @@ def checked_fields(
     measured: Mapping[str, Any],
     units: Mapping[str, str],
     unsigned: Collection[str],
-    noise: Mapping[str, float],
+    noise: Mapping[str, float | None],
     hold: str | Mapping[str, str],
     name: str,
     interpolate_inputs: bool,
@@ -225,13 +220,13 @@ def checked_fields(
 
     stamps = numeric_vector(time, at("time", None))
     stamps = convert(stamps, units.get("time") or "s", "s", where=at("time", None))
-    check_time(stamps, at)
+    _check_time(stamps, at)
 
     stored_units: dict[str, str] = {}
     stored: dict[str, np.ndarray] = {}
     sigmas: dict[str, float] = {}
     ends: dict[str, tuple[float, float]] = {}
-    sentences: list[str | None] = [gap_note(stamps)]
+    sentences: list[str | None] = [_gap_note(stamps)]
     for key, samples in {**inputs, **measured}.items():
         where = at(key, None)
         numbers = numeric_vector(samples, where)
@@ -241,23 +236,28 @@ def checked_fields(
                 f"expected {stamps.size} samples as in time, found {numbers.size}.",
                 "give one sample for each time stamp, nan where a measured one is missing.",
             )
-        check_finite_or_missing(numbers, key, at)
+        _check_finite_or_missing(numbers, key, at)
         unit = units.get(key) or ""
         stored_units[key] = si_unit(unit, key, where)
         if unit:
             numbers = convert(numbers, unit, stored_units[key], where=where)
-            check_finite_or_missing(numbers, key, at)
+            _check_finite_or_missing(numbers, key, at)
         if key in inputs:
-            numbers, sentence = complete_input(stamps, numbers, key, interpolate_inputs, at)
+            numbers, sentence = _complete_input(stamps, numbers, key, interpolate_inputs, at)
         else:
-            sentence = missing_note(numbers, key, at)
+            sentence = _missing_note(numbers, key, at)
         sentences.append(sentence)
         stored[key] = numbers
         if noise.get(key) is not None:
             sigmas[key] = _checked_noise(noise[key], unit, stored_units[key], where)
         if rails.get(key) is not None:
             ends[key] = _checked_rails(rails[key], unit, stored_units[key], where)
-    sentences += _negative_notes(unsigned, stored)
+    for key in unsigned:
+        if negative := int((stored[key] < 0).sum()):
+            sentences.append(
+                f"measured {key!r}: {negative} samples are negative although the sensor is "
+                "declared to report the absolute value."
+            )
     return dict(
         time=stamps,
         inputs={key: stored[key] for key in inputs},
@@ -273,17 +273,6 @@ def checked_fields(
         name=name,
         notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
     )
-
-
-def _negative_notes(unsigned: Collection[str], stored: Mapping[str, np.ndarray]) -> list[str]:
-    """A sentence for each sensor that is said to give no sign, and does."""
-    counts = {key: int((stored[key] < 0).sum()) for key in unsigned}
-    return [
-        f"measured {key!r}: {negative} samples are negative although the sensor is declared to "
-        "report the absolute value."
-        for key, negative in counts.items()
-        if negative
-    ]
 
 
 def _check_names(
@@ -312,10 +301,9 @@ def _check_names(
     ):
         for key in keys:
             if key not in allowed:
-                near = nearest(str(key), allowed)
                 raise InputError(
                     f"log {name!r}: {kind} names {key!r}, expected one of {listing(allowed)}"
-                    f"{'; ' + near if near else ''}.",
+                    f"{nearest(str(key), allowed, '; ')}.",
                     f"correct the name under {kind}, or give the channel.",
                 )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._units import convert, convert_scale
+from diffthrust.logs._units import convert, convert_scale, is_finite
 
 FURTHEST = 3.0
 """Multiple of a full command: numbers beyond are no effort, or pulses with other widths."""
@@ -51,39 +50,35 @@ class PWM:
             InputError: a width is missing, unknown or not a number, or two widths coincide.
         """
         if not isinstance(widths, PWM):
-            names = [field.name for field in fields(cls)]
-            example = "write pwm = {'stop': 1500, 'full': 1900}."
+            names, example = (
+                [f.name for f in fields(cls)],
+                "write pwm = {'stop': 1500, 'full': 1900}.",
+            )
             if not isinstance(widths, Mapping) or not {"stop", "full"} <= set(widths):
                 raise InputError.at(
                     place, f"expected pwm with a stop and a full width, found {widths!r}.", example
                 )
             for key in widths:
                 if key not in names:
-                    near = nearest(str(key), names)
+                    near = nearest(str(key), names, "; ")
                     raise InputError.at(
-                        place,
-                        f"pwm knows {listing(names)}, found {key!r}{'; ' + near if near else ''}.",
-                        example,
+                        place, f"pwm knows {listing(names)}, found {key!r}{near}.", example
                     )
             widths = cls(**widths)
-        widths._check(place)
-        return widths
-
-    def _check(self, place: Place | str) -> None:
-        widths = [self.stop, self.full, *([] if self.reverse is None else [self.reverse])]
-        for width in widths:
-            number = isinstance(width, int | float) and not isinstance(width, bool)
-            if not number or not math.isfinite(width):
+        for width in (widths.stop, widths.full, widths.reverse):
+            if width is not None and (isinstance(width, bool) or not is_finite(width)):
                 raise InputError.at(
                     place, f"expected a width of pulses, found {width!r}.", "write it as in 1500."
                 )
-        if self.full == self.stop or (self.astern - self.stop) * (self.full - self.stop) >= 0:
+        ahead, astern = widths.full - widths.stop, widths.astern - widths.stop
+        if ahead == 0 or ahead * astern >= 0:
             raise InputError.at(
                 place,
-                f"expected the stop ({self.stop:g}) between full ahead ({self.full:g}) and full "
-                f"astern ({self.astern:g}).",
+                f"expected the stop ({widths.stop:g}) between full ahead ({widths.full:g}) and "
+                f"full astern ({widths.astern:g}).",
                 "correct the widths; reverse may be left out where it is as far from the stop.",
             )
+        return widths
 
     @property
     def astern(self) -> float:

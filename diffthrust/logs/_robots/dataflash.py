@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from diffthrust.logs._largest import reading
 from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
-from diffthrust.logs._tables.table import damaged
 from diffthrust.logs._units import unit_in
 
 _MARKS = (0xA3, 0x95)
@@ -87,14 +87,12 @@ def read_dataflash(path: Path, names: Collection[str] | None) -> RobotContents:
     Time stamps are ``TimeUS`` (``TimeMS`` in old logs), the autopilot's time since power-up.
     """
     gathered: list[Gathered] = []
-    try:
+    with reading(path, "DataFlash"):
         log = _indexed(path)
         for message in log.messages.values():
             if message.name in names if names is not None else message.name not in _METADATA:
                 gathered += _gathered(message, log, named=names is not None)
         parameters = _parameters(log)
-    except Exception as error:  # a damaged log raises exceptions of any kind
-        raise damaged(path, "DataFlash", error) from None
     return RobotContents(gathered, damage_notes(log.damages), parameters, log.messages)
 
 

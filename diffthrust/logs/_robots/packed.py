@@ -19,6 +19,9 @@ _PIECE = 2**20
 _DENSE = 50
 """No real log packs better than this ratio; whatever exceeds it counts against the limit."""
 
+Chunk = tuple[str, BinaryIO, int]
+"""Its compression, a stream at its first byte, and its length."""
+
 
 def check_unpacked(path: Path) -> None:
     """Raise InputError if a bag, a file or a folder, does not fit in memory once unpacked.
@@ -26,7 +29,7 @@ def check_unpacked(path: Path) -> None:
     A chunk counts, and the excess of implausibly dense chunks together.
     """
     budget = MemoryBudget(path)
-    for packing, stream, length in _packed(path):
+    for packing, stream, length in _chunks(path):
         begin, most, size = stream.tell(), budget.remaining, 0
         for piece in _pieces(packing, stream, length):
             size += piece
@@ -38,21 +41,21 @@ def check_unpacked(path: Path) -> None:
         stream.seek(begin + length)
 
 
-def _packed(path: Path) -> Iterator[tuple[str, BinaryIO, int]]:
-    """The packed chunks of a bag: compression, a stream at the first byte, and length."""
+def _chunks(path: Path) -> Iterator[Chunk]:
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         if not file.is_file():
             continue
         with file.open("rb") as stream:
+            end = file.stat().st_size
             if file.suffix == ".zstd":
-                yield "zstd", stream, file.stat().st_size
+                yield "zstd", stream, end
             elif stream.read(8) == MCAP.begins[0]:
-                yield from _mcap_chunks(stream, file.stat().st_size)
+                yield from _mcap_chunks(stream, end)
             elif kind_of(file) is BAG_1:
-                yield from _bag_1_chunks(stream, file.stat().st_size)
+                yield from _bag_1_chunks(stream, end)
 
 
-def _mcap_chunks(stream: BinaryIO, end: int) -> Iterator[tuple[str, BinaryIO, int]]:
+def _mcap_chunks(stream: BinaryIO, end: int) -> Iterator[Chunk]:
     while (at := stream.tell()) + 9 <= end:
         kind, length = struct.unpack("<BQ", stream.read(9))
         # Start and end time, size and checksum (28 bytes), then the length of the compression's
@@ -69,29 +72,24 @@ def _mcap_chunks(stream: BinaryIO, end: int) -> Iterator[tuple[str, BinaryIO, in
         stream.seek(at + 9 + length)
 
 
-def _bag_1_chunks(stream: BinaryIO, end: int) -> Iterator[tuple[str, BinaryIO, int]]:
+def _bag_1_chunks(stream: BinaryIO, end: int) -> Iterator[Chunk]:
     stream.seek(len("#ROSBAG V2.0\n"))
     while (at := stream.tell()) + 4 <= end:
         size = struct.unpack("<I", stream.read(4))[0]
         if at + 8 + size > end:
             return
-        fields = dict(_fields(stream.read(size)))
+        header, fields, place = stream.read(size), {}, 0
+        while place + 4 <= size:
+            length = struct.unpack_from("<I", header, place)[0]
+            name, _, value = header[place + 4 : place + 4 + length].partition(b"=")
+            fields[name] = value
+            place += 4 + length
         length = struct.unpack("<I", stream.read(4))[0]
         begin = stream.tell()
         if fields.get(b"op") == bytes([_CHUNK_1]):
             packing = fields.get(b"compression", b"").decode("latin-1")
             yield packing, stream, min(length, end - begin)
         stream.seek(begin + length)
-
-
-def _fields(header: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """The fields of a record's header in a bag of ROS 1."""
-    at = 0
-    while at + 4 <= len(header):
-        size = struct.unpack_from("<I", header, at)[0]
-        name, _, value = header[at + 4 : at + 4 + size].partition(b"=")
-        yield name, value
-        at += 4 + size
 
 
 def _pieces(packing: str, stream: BinaryIO, length: int) -> Iterator[int]:

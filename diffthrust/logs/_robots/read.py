@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -16,10 +17,11 @@ from diffthrust.logs._edits import unwrapped
 from diffthrust.logs._identity import log_file
 from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
-from diffthrust.logs._robots.open import series_in
+from diffthrust.logs._robots.fields import Series, series_in
+from diffthrust.logs._robots.messages import column_place
 from diffthrust.logs._robots.resample import resample
-from diffthrust.logs._robots.series import Series, column_place
-from diffthrust.logs._validate import is_finite, window
+from diffthrust.logs._units import is_finite
+from diffthrust.logs._validate import window
 
 
 def read_robot_log(
@@ -99,8 +101,9 @@ def read_robot_log(
             'give base="messages" for all stamps, base="speed" for those of that channel, '
             "base=0.05 for a step, or rate=10 for means of 10 samples a second.",
         )
-    columns = channel_columns(file, inputs, measured)
-    _check(file, gap, faster, stamps, start, stop)
+    driving, sensed = channel_columns(file.name, inputs, measured)
+    columns = {**driving, **sensed}
+    _check(file, stamps, gap=gap, faster=faster, start=start, stop=stop)
     missing = _numbers(file, missing_values)
     wanted = list(dict.fromkeys(column.column for column in columns.values()))
     kind = kind_of(file)
@@ -110,10 +113,11 @@ def read_robot_log(
             "tables are read by read_log.",
         )
     fields = series_in(file, kind, wanted, stamps == "header", missing)
-    series = {key: _unwrapped(fields[c.column], c, key) for key, c in columns.items()}
-    driving = frozenset(inputs or {})
-    held = {key: key in driving and c.hold == "zero" for key, c in columns.items()}
-    even = resample(file.name, series, held, driving, base, gap, faster)
+    series = {
+        key: _unwrapped(fields[c.column], c, key, driving=key in driving)
+        for key, c in columns.items()
+    }
+    even = resample(file.name, series, base, gap, faster)
     # Cut after resampling: a held input keeps the value that was set before `start`.
     keep, notes = window(even.time, start, stop, file.name), even.notes
     if not keep.all():
@@ -126,9 +130,8 @@ def read_robot_log(
         return column_place(file.name, columns[channel].column, moment)
 
     fields = fields_of_columns(
-        columns,
-        inputs or {},
-        measured or {},
+        driving,
+        sensed,
         time=even.time[keep],
         values={key: values[keep] for key, values in even.values.items()},
         name=in_line(file.name if name is None else str(name)),
@@ -141,24 +144,11 @@ def read_robot_log(
     return log if rate is None else log.resampled(rate)
 
 
-def _check(
-    file: Path,
-    gap: float | None,
-    faster: float,
-    stamps: str,
-    start: float | None,
-    stop: float | None,
-) -> None:
-    for word, value, least in (
-        ("gap", gap, 0.0),
-        ("faster", faster, 1.0),
-        ("start", start, None),
-        ("stop", stop, None),
-    ):
-        if value is None:
-            continue
-        if not is_finite(value) or (least is not None and value < least):
-            bound = "" if least is None else f" of at least {least:g}"
+def _check(file: Path, stamps: str, **numbers: float | None) -> None:
+    for word, value in numbers.items():
+        least = {"gap": 0.0, "faster": 1.0}.get(word, -np.inf)
+        if value is not None and not (is_finite(value) and value >= least):
+            bound = f" of at least {least:g}" if np.isfinite(least) else ""
             raise InputError(
                 f"{file.name}: expected {word} as a number{bound}, found {value!r}.",
                 "give a number" + (" of seconds." if word != "faster" else "."),
@@ -181,11 +171,12 @@ def _numbers(file: Path, words: Sequence[str | float]) -> list[float]:
         ) from None
 
 
-def _unwrapped(series: Series, column: Column, channel: str) -> Series:
-    """Unwrap an angle, so that nothing is interpolated between pi and -pi."""
+def _unwrapped(series: Series, column: Column, channel: str, *, driving: bool) -> Series:
+    """The series of a channel; an angle so that nothing is interpolated between pi and -pi."""
     standard = CHANNELS[channel].unit if channel in CHANNELS else ""
     values = unwrapped(series.values, column.unit or standard)
     # where an angle was unwrapped it differs by turns, of 6.28 or 360
     jumps = int((np.abs(np.diff(values - series.values)) > 1.0).sum())
     notes = (*series.notes, f"{jumps} jumps of a full turn were removed") if jumps else series.notes
-    return Series(series.place, series.time, values, notes)
+    held = driving and column.hold == "zero"
+    return replace(series, values=values, notes=notes, driving=driving, held=held)

@@ -14,7 +14,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._robots.series import Series
+from diffthrust.logs._robots.fields import Series
 
 _MESSAGES = "messages"
 
@@ -36,40 +36,32 @@ class Resampled:
 def resample(
     file: str,
     series: Mapping[str, Series],
-    held: Mapping[str, bool],
-    inputs: frozenset[str],
     base: str | float,
     gap: float | None,
     faster: float,
 ) -> Resampled:
     """Put channels on one time base; its arguments are those of `read_robot_log`.
 
-    ``held`` says which channels keep their last value. The log covers the time in which all inputs
-    are known.
+    The log covers the time in which all inputs are known.
     """
     every = base == _MESSAGES
-    step, stamps = _merged_stamps(series, held) if every else _step_and_stamps(file, series, base)
+    step, stamps = _merged_stamps(series) if every else _step_and_stamps(file, series, base)
     for name, channel in series.items():
-        if not held[name]:
+        if not channel.held:
             _check_rate(name, channel, step, np.inf if every else faster)
-    time, notes = _time_base(file, series, held, inputs, base, step, stamps)
-    out = {}
+    time, note = _time_base(file, series, base, step, stamps)
+    notes, out = [note], {}
     for name, channel in series.items():
-        role = "input" if name in inputs else "measured"
-        head = f"{role} {name!r}: {_rate_note(channel)}"
-        if held[name]:
-            out[name] = channel.values[
-                # A message at the very time of a sample counts already, in spite of rounding.
-                np.searchsorted(channel.time, time + _SAME, side="right") - 1
-            ]
-            late = (
-                f", so a change appears up to {step:.3g} s late (on the base 'messages', on time)"
-            )
-            late = "" if every or name == base else late
+        if channel.held:
+            # A message at the very time of a sample counts already, in spite of rounding.
+            at = np.searchsorted(channel.time, time + _SAME, side="right") - 1
+            out[name], how = channel.values[at], "held between messages"
+            if not every and name != base:
+                how += f", so a change appears up to {step:.3g} s late (on the base 'messages', on "
+                how += "time)"
             after = time[-1] - channel.time[-1]
-            end = f"; held for {after:.3g} s after its last message" if after > step else ""
-            how = f"held between messages{late}{end}"
-        elif every and name not in inputs:
+            how += f"; held for {after:.3g} s after its last message" if after > step else ""
+        elif every and not channel.driving:
             # A negative limit: no interpolation at all, only samples at their own stamps.
             out[name], _ = _interpolated(channel, time, -1.0)
             how = f"{int(np.isfinite(out[name]).sum())} samples, each at its own stamp"
@@ -81,20 +73,19 @@ def resample(
             how += f", {missing} are missing (gaps above {limit:.3g} s)" if missing else ""
             if channel.period < 0.75 * step:
                 how += "; it is faster than the base: content above half the base's rate is aliased"
+        head = f"{'input' if channel.driving else 'measured'} {name!r}: {_rate_note(channel)}"
         notes.append("; ".join([head, how, *channel.notes]) + ".")
     return Resampled(time, out, notes)
 
 
-def _merged_stamps(
-    series: Mapping[str, Series], held: Mapping[str, bool]
-) -> tuple[float, np.ndarray]:
+def _merged_stamps(series: Mapping[str, Series]) -> tuple[float, np.ndarray]:
     """The median step [s] and the time stamps of all messages; of held inputs only the changes."""
     stamps = []
-    for name, channel in series.items():
+    for channel in series.values():
         # A held input often repeats its value at 50 Hz: its repeats would only add samples without
         # any measurement.
         changed = np.append(True, np.diff(channel.values) != 0)
-        stamps.append(channel.time[changed] if held[name] else channel.time)
+        stamps.append(channel.time[changed] if channel.held else channel.time)
     merged = np.sort(np.concatenate(stamps))
     merged = merged[np.append(True, np.diff(merged) > _SAME)]
     return float(np.median(np.diff(merged))) if merged.size > 1 else 0.0, merged
@@ -106,10 +97,9 @@ def _step_and_stamps(
     """The step [s], and the time stamps if a channel is the base."""
     if isinstance(base, str):
         if base not in series:
-            near = nearest(base, series)
             raise InputError(
                 f"{file}: expected a channel as time base, one of {listing(series)}, found "
-                f"{base!r}{'; ' + near if near else ''}.",
+                f"{base!r}{nearest(base, series, '; ')}.",
                 "name the channel whose stamps to use, write 'messages' for those of all, "
                 "or give a step in seconds.",
             )
@@ -149,21 +139,18 @@ def _check_rate(name: str, channel: Series, step: float, faster: float) -> None:
 def _time_base(
     file: str,
     series: Mapping[str, Series],
-    held: Mapping[str, bool],
-    inputs: frozenset[str],
     base: str | float,
     step: float,
     stamps: np.ndarray | None,
-) -> tuple[np.ndarray, list[str]]:
-    """The time base, limited to the time in which all inputs are known."""
+) -> tuple[np.ndarray, str]:
+    """The time base, limited to the time in which all inputs are known, and a note."""
     # Before its first message an input is unknown. After the last one a held input keeps its value;
     # an interpolated one is unknown.
-    first = max((series[n].time[0] for n in inputs), default=-np.inf)
-    last = min((series[n].time[-1] for n in inputs if not held[n]), default=np.inf)
+    inputs = [channel for channel in series.values() if channel.driving]
+    first = max((channel.time[0] for channel in inputs), default=-np.inf)
+    last = min((channel.time[-1] for channel in inputs if not channel.held), default=np.inf)
     if stamps is None:
-        measured = [channel for name, channel in series.items() if name not in inputs] or list(
-            series.values()
-        )
+        measured = [c for c in series.values() if not c.driving] or inputs
         first = max(first, min(channel.time[0] for channel in measured))
         last = min(last, max(channel.time[-1] for channel in measured))
         # 1e-9: ten seconds of 0.1 s are 100 steps, though the quotient may be 99.999...
@@ -189,16 +176,19 @@ def _time_base(
             f"{file}: the channels have no time in common: {ends}.",
             "choose channels that were recorded together.",
         )
-    return time, [note]
+    return time, note
 
 
 def _rate_note(channel: Series) -> str:
+    """How often a channel is sent, its largest gap, and by how much its period varies (95 %)."""
     if channel.time.size < 2:
         return "one message"
-    gap, moment = channel.largest_gap
+    steps = np.diff(channel.time)
+    largest = int(np.argmax(steps))
+    jitter = 1e3 * float(np.quantile(np.abs(steps - channel.period), 0.95))
     return (
-        f"{channel.time.size} messages at {1 / channel.period:.4g} Hz, largest gap {gap:.3g} s at "
-        f"{moment:.6g} s, jitter {round(channel.jitter * 1e3, 3):.2g} ms"
+        f"{channel.time.size} messages at {1 / channel.period:.4g} Hz, largest gap "
+        f"{steps[largest]:.3g} s at {channel.time[largest]:.6g} s, jitter {round(jitter, 3):.2g} ms"
     )
 
 

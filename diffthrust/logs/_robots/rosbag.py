@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass, replace
-from operator import attrgetter
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,68 +15,136 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._robots.messages import LONGEST, Gathered, RobotContents
-from diffthrust.logs._robots.packed import check_unpacked
-from diffthrust.logs._robots.series import (
-    Series,
+from diffthrust.logs._largest import damaged
+from diffthrust.logs._robots.messages import (
+    LONGEST,
+    Gathered,
+    RobotContents,
     absent,
     column_place,
     lacking,
-    series_of,
     split_column,
 )
-from diffthrust.logs._tables.table import damaged
+from diffthrust.logs._robots.packed import check_unpacked
 
 _STEP = re.compile(r"(\w+)|\[(\d+)\]|(\.)")
+_ANGLES = ("yaw", "heading")
+_NUMBERS = (bool, int, float, np.number, np.bool_)
+_ARRAYS = (np.ndarray, list, tuple)
+_SKIPPED = ("header", "stamp", "layout")
+
 Steps = tuple[str | int, ...]
+"""The names and indices that lead to a field: of ``a.b[2]`` a, b and 2."""
+
+# Standard messages are in SI units (REP 103). Units of fields, by type of message.
+_UNITS = {
+    "geometry_msgs/msg/Twist": {"linear": "m/s", "angular": "rad/s"},
+    "geometry_msgs/msg/Accel": {"linear": "m/s^2", "angular": "rad/s^2"},
+    "geometry_msgs/msg/Wrench": {"force": "N", "torque": "N*m"},
+    "geometry_msgs/msg/Pose": {"position": "m"},
+    "geometry_msgs/msg/Transform": {"translation": "m"},
+    "sensor_msgs/msg/Imu": {"angular_velocity": "rad/s", "linear_acceleration": "m/s^2"},
+    "sensor_msgs/msg/FluidPressure": {"fluid_pressure": "Pa"},
+    "sensor_msgs/msg/Temperature": {"temperature": "degC"},
+    "sensor_msgs/msg/Range": {"range": "m"},
+    "sensor_msgs/msg/BatteryState": {"voltage": "V", "current": "A", "temperature": "degC"},
+}
+
+
+class _Topic:
+    """Some fields of a topic: their numbers, one of each message, and the way to them in it."""
+
+    def __init__(
+        self, file: str, name: str, fields: Mapping[str, str], units: Mapping[str, str]
+    ) -> None:
+        self.file = file
+        self.gathered = Gathered(name, array("q"), {key: array("d") for key in fields}, units)
+        self.steps = [_steps(file, key, field) for key, field in fields.items()]
+
+    def add(self, message: Any, stamp: int, strict: bool) -> None:
+        """Take the numbers of a message; an element that it lacks is missing if not ``strict``."""
+        for (key, values), steps in zip(self.gathered.values.items(), self.steps, strict=True):
+            # What is no number is none in any message, up to the lengths of arrays.
+            if strict and not values:
+                _check_number(self.file, key, message, steps)
+            try:
+                values.append(_number(message, steps))
+            except (IndexError, AttributeError, TypeError, ValueError):
+                if strict:
+                    _check_number(self.file, key, message, steps)
+                values.append(math.nan)
+        self.gathered.ticks.append(stamp)
 
 
 def read_bag(
-    path: Path, wanted: Sequence[str], header: bool, missing: Sequence[float]
-) -> dict[str, Series]:
-    """Read fields of a ROS bag, the samples of each column.
+    path: Path, wanted: Sequence[str] | None = None, header: bool = False
+) -> RobotContents:
+    """Read fields of a ROS bag by column; all numbers, and notes on what is left out, if None.
 
     The library builds classes from message definitions in the bag: open only bags from sources that
     you trust. Columns are such as ``"/odom.twist.twist.linear.x"`` or ``"/rpm.data[0]"``; an
     orientation (x, y, z, w) also has ``.yaw`` and ``.heading`` [rad]. With ``header`` the stamp of
     the message's header counts, where it has one, and not the recorder's.
     """
-    targets: dict[str, list[tuple[str, Steps]]] = {}
-    for column in wanted:
-        topic, field = split_column(path.name, column)
-        targets.setdefault(topic, []).append((column, _steps(path.name, column, field)))
-    ticks = {column: array("q") for column in wanted}
-    values = {column: array("d") for column in wanted}
-    stamped: dict[str, bool] = {}
-    with opened(path) as reader:
-        for topic, columns in targets.items():
-            if topic not in reader.topics:
-                raise absent(path.name, columns[0][0], "topic", topic, sorted(reader.topics))
-        chosen = [c for c in reader.connections if c.topic in targets]
-        for connection, recorded, raw in reader.messages(chosen):
-            message = reader.deserialize(raw, connection.msgtype)
-            stamp = _header_stamp(message) if header else None
-            stamped[connection.topic] = stamp is not None
-            for column, steps in targets[connection.topic]:
-                values[column].append(_number(path.name, column, message, steps))
-                ticks[column].append(int(recorded) if stamp is None else stamp)
-    if header and not any(stamped.values()):
+    topics = _wanted_topics(path.name, wanted or ())
+    stamped: set[str] = set()
+    unreadable: set[str] = set()
+    notes = []
+    with _opened(path) as reader:
+        for name, topic in topics.items():
+            if name not in reader.topics:
+                column = next(iter(topic.gathered.values))
+                raise absent(path.name, column, "topic", name, sorted(reader.topics))
+        chosen = [c for c in reader.connections if wanted is None or c.topic in topics]
+        try:
+            for connection, recorded, raw in reader.messages(chosen):
+                name = connection.topic
+                if name in unreadable or (name in topics and not topics[name].steps):
+                    continue
+                try:
+                    message = reader.deserialize(raw, connection.msgtype)
+                except Exception as error:
+                    if wanted is not None:
+                        raise
+                    # A type that the library cannot read costs its topic, not the bag.
+                    unreadable.add(name)
+                    notes.append(f"{name!r} cannot be read ({_short(error)}).")
+                    continue
+                if name not in topics:
+                    units = dict(_numeric_fields(message))
+                    topics[name] = _Topic(path.name, name, {key: key for key in units}, units)
+                stamp = _header_stamp(message) if header else None
+                if stamp is not None:
+                    stamped.add(name)
+                moment = int(recorded) if stamp is None else stamp
+                topics[name].add(message, moment, strict=wanted is not None)
+        except Exception as error:
+            if wanted is not None or not topics:
+                raise
+            # keep what was read up to the damage
+            notes.append(f"the file is damaged; it was read up to the damage ({_short(error)}).")
+    if header and not stamped:
         raise InputError(
             f"{path.name}: expected a header with a time stamp in the messages, found none.",
             "leave stamps at 'recorder'.",
         )
-    origin = min((stamps[0] for stamps in ticks.values() if stamps), default=0)
-    series = {c: series_of(path.name, c, ticks[c], values[c], origin, missing) for c in wanted}
-    for topic, columns in targets.items() if header else ():
-        if not stamped[topic]:
-            note = "no header, so the recorder's stamps are taken"
-            for column, _ in columns:
-                series[column] = replace(series[column], notes=(*series[column].notes, note))
-    return series
+    for name in set(topics) - stamped if header else ():
+        topics[name].gathered.note = "no header, so the recorder's stamps are taken"
+    if empty := sorted(name for name, topic in topics.items() if not topic.steps):
+        notes.append(f"left out, as they hold no numbers: {listing(empty, 8)}.")
+    return RobotContents([topic.gathered for topic in topics.values()], notes)
+
+
+def _wanted_topics(file: str, wanted: Sequence[str]) -> dict[str, _Topic]:
+    fields: dict[str, dict[str, str]] = {}
+    for column in wanted:
+        topic, field = split_column(file, column)
+        fields.setdefault(topic, {})[column] = field
+    return {name: _Topic(file, name, columns, {}) for name, columns in fields.items()}
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Any]:
+def _opened(path: Path) -> Iterator[Any]:
     """Open a bag with its reader."""
     try:
         from rosbags.highlevel import AnyReader
@@ -127,60 +194,63 @@ def _steps(file: str, column: str, field: str) -> Steps:
     return tuple(steps)
 
 
-def _number(file: str, column: str, message: Any, steps: Steps) -> float:
-    value = message
+def _number(message: Any, steps: Steps) -> float:
+    """The number of a message to which the steps lead."""
     for step in steps:
-        field_names = getattr(value, "__dataclass_fields__", ())
-        if isinstance(step, str) and step in field_names and not step.startswith("__"):
-            value = getattr(value, step)
-        elif isinstance(step, int) and isinstance(value, np.ndarray | list | tuple):
+        if isinstance(step, int):
+            message = message[step]
+        else:
+            message = _angle(step, message) if step in _ANGLES else getattr(message, step)
+    return float(message)
+
+
+def _check_number(file: str, column: str, message: Any, steps: Steps) -> None:
+    """Raise InputError unless the steps lead to a number of a message."""
+    place, value = column_place(file, column), message
+    for step in steps:
+        names = getattr(value, "__dataclass_fields__", ())
+        is_field = isinstance(step, str) and step in names and not step.startswith("__")
+        if isinstance(step, int) and isinstance(value, _ARRAYS):
             if step >= len(value):
                 raise InputError.at(
-                    column_place(file, column),
-                    f"expected an element [{step}], found "
-                    f"{len(value)} elements in a message; they are counted from 0.",
+                    place,
+                    f"expected an element [{step}], found {len(value)} elements in a message; "
+                    "they are counted from 0.",
                     "choose one that every message has.",
                 )
             value = value[step]
-        elif step in ("yaw", "heading") and all(axis in field_names for axis in "xyzw"):
-            value = angle_of(value, str(step))
+        elif is_field or (step in _ANGLES and set("xyzw") <= set(names)):
+            value = _angle(step, value) if step in _ANGLES else getattr(value, str(step))
         else:
-            raise absent(file, column, "field", _written(steps), _paths(message))
-    if isinstance(value, bool | int | float | np.number | np.bool_):
-        return float(value)
-    if isinstance(value, np.ndarray | list | tuple):
+            text = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps)
+            paths = [name for name, _ in _numeric_fields(message)]
+            raise absent(file, column, "field", text.removeprefix("."), paths)
+    if isinstance(value, _NUMBERS):
+        return
+    mend = "choose a field of numbers."
+    if isinstance(value, _ARRAYS):
         description, mend = f"an array of {len(value)}", "append the element, such as [0]."
     elif is_dataclass(value):
-        description, mend = (
-            "a message",
-            f"name one of its fields, such as {next(iter(_paths(value)), '')!r}.",
-        )
+        description, inner = "a message", next((name for name, _ in _numeric_fields(value)), "")
+        mend = f"name one of its fields, such as {inner!r}."
     else:
-        description, mend = (
-            f"{type(value).__name__} {str(value)[:40]!r}",
-            "choose a field of numbers.",
-        )
-    raise InputError.at(
-        column_place(file, column), f"expected a number, found {description}.", mend
-    )
+        description = f"{type(value).__name__} {str(value)[:40]!r}"
+    raise InputError.at(place, f"expected a number, found {description}.", mend)
 
 
-def angle_of(quaternion: Any, word: str) -> float:
-    """The yaw of an orientation [rad], or its heading, by ROS conventions (REP 103).
+def _angle(word: str, value: Any) -> Any:
+    """A field of this name, or else the yaw of an orientation [rad], or its heading.
 
-    x is east and y is north; yaw runs from east to north, heading from north to east. A quaternion
-    of zeros was never set, hence is missing.
+    By ROS conventions (REP 103) x is east and y is north; yaw runs from east to north, heading from
+    north to east. A quaternion of zeros was never set, hence is missing.
     """
-    w, x, y, z = (float(getattr(quaternion, axis)) for axis in "wxyz")
+    if hasattr(value, word):
+        return getattr(value, word)
+    w, x, y, z = (float(getattr(value, axis)) for axis in "wxyz")
     if w == x == y == z == 0.0:
         return math.nan
     yaw = math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return yaw if word == "yaw" else math.pi / 2 - yaw
-
-
-def _written(steps: Steps) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
-    return text.removeprefix(".")
 
 
 def _header_stamp(message: Any) -> int | None:
@@ -190,113 +260,31 @@ def _header_stamp(message: Any) -> int | None:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-# Standard messages are in SI units (REP 103). Units of fields, by type of message.
-_UNITS = {
-    "geometry_msgs/msg/Twist": {"linear": "m/s", "angular": "rad/s"},
-    "geometry_msgs/msg/Accel": {"linear": "m/s^2", "angular": "rad/s^2"},
-    "geometry_msgs/msg/Wrench": {"force": "N", "torque": "N*m"},
-    "geometry_msgs/msg/Pose": {"position": "m"},
-    "geometry_msgs/msg/Transform": {"translation": "m"},
-    "sensor_msgs/msg/Imu": {"angular_velocity": "rad/s", "linear_acceleration": "m/s^2"},
-    "sensor_msgs/msg/FluidPressure": {"fluid_pressure": "Pa"},
-    "sensor_msgs/msg/Temperature": {"temperature": "degC"},
-    "sensor_msgs/msg/Range": {"range": "m"},
-    "sensor_msgs/msg/BatteryState": {"voltage": "V", "current": "A", "temperature": "degC"},
-}
-
-NumericField = tuple[str, str, int | str | None, str]
-"""The name of a field, the path to it, its element or angle, and its unit."""
-
-
-def bag_fields(path: Path) -> RobotContents:
-    """Read all numbers of all topics, with notes on what was left out."""
-    topics: dict[str, Gathered] = {}
-    leaves: dict[str, list[NumericField]] = {}
-    readers: dict[str, list[Any]] = {}
-    silent: set[str] = set()
-    notes = []
-    with opened(path) as reader:
-        try:
-            for connection, recorded, raw in reader.messages():
-                topic = connection.topic
-                if topic in silent:
-                    continue
-                try:
-                    message = reader.deserialize(raw, connection.msgtype)
-                # A type that the library cannot read costs its topic, not the bag.
-                except Exception as error:
-                    silent.add(topic)
-                    notes.append(f"{topic!r} cannot be read ({_short(error)}).")
-                    continue
-                if topic not in topics:
-                    leaves[topic] = list(_numeric_fields(message))
-                    readers[topic] = [
-                        attrgetter(at) if at else _itself for _, at, *_ in leaves[topic]
-                    ]
-                    units = {name: unit for name, _, _, unit in leaves[topic] if unit}
-                    values = {name: array("d") for name, *_ in leaves[topic]}
-                    topics[topic] = Gathered(topic, array("q"), values, units)
-                    if not values:
-                        silent.add(topic)
-                gathered = topics[topic]
-                gathered.ticks.append(int(recorded))
-                for (name, _, element, _), get in zip(leaves[topic], readers[topic], strict=True):
-                    gathered.values[name].append(_leaf_number(get(message), element))
-        except Exception as error:  # keep what was read up to the damage
-            if not topics:
-                raise
-            notes.append(f"the file is damaged; it was read up to the damage ({_short(error)}).")
-    empty = sorted(silent & set(topics))
-    if empty:
-        notes.append(f"left out, as they hold no numbers: {listing(empty, 8)}.")
-    return RobotContents(list(topics.values()), notes)
-
-
-def _paths(message: Any) -> list[str]:
-    """Paths to the numbers of a message, for errors."""
-    return [name for name, *_ in _numeric_fields(message)]
-
-
-def _itself(message: Any) -> Any:
-    return message
-
-
 def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:80]
 
 
-def _leaf_number(value: Any, element: int | str | None) -> float:
-    if isinstance(element, str):
-        return angle_of(value, element)
-    if element is not None:
-        return float(value[element]) if element < len(value) else np.nan
-    return float(value)
-
-
 def _numeric_fields(
     value: Any, path: str = "", unit: str = "", depth: int = 6
-) -> Iterator[NumericField]:
+) -> Iterator[tuple[str, str]]:
+    """The numbers of a message, and their units."""
     if is_dataclass(value) and depth:
         units = _UNITS.get(getattr(value, "__msgtype__", ""), {})
         names = [f.name for f in fields(value) if not f.name.startswith("__")]
+        dot = f"{path}." if path else ""
         # A quaternion: its components jump and mean little as channels, so its angles are listed as
         # well.
         if set(names) == set("xyzw"):
-            yield f"{path}.yaw".removeprefix("."), path, "yaw", "rad"
-            yield f"{path}.heading".removeprefix("."), path, "heading", "rad"
+            yield from ((f"{dot}{angle}", "rad") for angle in _ANGLES)
             unit = ""
         for name in names:
             # Bookkeeping, and 36 entries of covariance per pose, of which a model uses none.
-            if name in ("header", "stamp", "layout") or "covariance" in name:
-                continue
-            deeper = f"{path}.{name}" if path else name
-            yield from _numeric_fields(
-                getattr(value, name), deeper, units.get(name, unit), depth - 1
-            )
-    elif isinstance(value, np.ndarray | list | tuple):
-        if len(value) <= LONGEST:
-            for k, element in enumerate(value):
-                if isinstance(element, bool | int | float | np.number | np.bool_):
-                    yield f"{path}[{k}]", path, k, unit
-    elif isinstance(value, bool | int | float | np.number | np.bool_):
-        yield path, path, None, unit
+            if name not in _SKIPPED and "covariance" not in name:
+                inner = getattr(value, name), dot + name, units.get(name, unit)
+                yield from _numeric_fields(*inner, depth - 1)
+    elif isinstance(value, _ARRAYS) and len(value) <= LONGEST:
+        for k, element in enumerate(value):
+            if isinstance(element, _NUMBERS):
+                yield f"{path}[{k}]", unit
+    elif isinstance(value, _NUMBERS):
+        yield path, unit

@@ -10,18 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust.logs._kinds import CONTROL, UTF_16
 from diffthrust.logs._largest import MemoryBudget
-from diffthrust.logs._tables.cells import is_number, quoted
 from diffthrust.logs._tables.large_csv import LARGE, scanned, top_of
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
-from diffthrust.logs._tables.source import Cells, OpenTable
+from diffthrust.logs._tables.table import Cells, OpenTable
+from diffthrust.logs._tables.text import is_number, quoted
 
-# Bytes that never occur in text: with one of them the file is a picture or an archive.
-_CONTROL = bytes([*range(9), *range(14, 32)])
+_DELIMITERS = (",", ";", "\t", " ")
 
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-
-ReadCells = Callable[[Sequence[str], Collection[str]], Mapping[str, Cells]]
+Splitter = Callable[[str], list[str]]
 
 
 def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> OpenTable:
@@ -40,19 +38,32 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> OpenTa
 def _read_all_lines(path: Path, wanted: Collection[str], strict: bool) -> OpenTable:
     """Open a file by reading all of its lines at once."""
     MemoryBudget(path).take(path.stat().st_size)
-    whole_file = path.read_bytes()
-    raw = whole_file if whole_file[:2] in _UTF_16 else whole_file.rstrip(b"\0")
+    content = path.read_bytes()
+    raw = content if content[:2] in UTF_16 else content.rstrip(b"\0")
     lines = _lines(raw, path.name)
     complete = not lines[-1]
     if complete:  # the newline after the last line, not a blank row
         lines.pop()
-    head = head_of(path.name, lines, wanted)
-    notes = [*head.notes, *_zeros(len(whole_file) - len(raw))]
+    head = _head_of(path.name, lines, wanted)
     body = {i + 1: lines[i] for i in head.body}
-    if not complete and _cut_short(head, body):
-        notes.append(_cut_off(body.popitem()[0]))
-    rows = _Rows(path.name, head, body, strict)
-    return _table(path, head, rows.cells, np.array([*body], dtype=np.int64), notes)
+    cut = body.popitem()[0] if not complete and _is_cut_off(head, body) else None
+
+    def read(wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
+        if not body and strict:
+            raise InputError(
+                f"{path.name}: expected samples below the header in line {head.line + 1}, found "
+                "none.",
+                "check that the recording was saved.",
+            )
+        columns: dict[str, list[str]] = {name: [] for name in wanted}
+        by_index = {head.placement.names.index(name): column for name, column in columns.items()}
+        for number, line in body.items():
+            row = _row(path.name, head, number, line, strict)
+            for index, column in by_index.items():
+                column.append(row[index])
+        return {**columns}
+
+    return _table(path, head, read, np.array([*body], np.int64), len(content) - len(raw), cut)
 
 
 def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
@@ -60,8 +71,7 @@ def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
     top = top_of(path)
     if top is None:
         return None
-    lines = _lines(top, path.name)[:-1]
-    head = head_of(path.name, lines, wanted)
+    head = _head_of(path.name, _lines(top, path.name)[:-1], wanted)
     if len(head.body) < SEARCHED:
         return None
     begin = sum(map(len, top.splitlines(keepends=True)[: head.body[0]]))
@@ -69,28 +79,36 @@ def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
     body = scanned(path, begin, head.delimiter, len(names))
     if body is None:
         return None
-    numbers = np.arange(head.body[0], head.body[0] + body.rows) + 1
-    notes = [*head.notes, *_zeros(body.zeros)]
-    if body.cut:
-        notes.append(_cut_off(int(numbers[-1]) + 1))
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
         indices = {name: names.index(name) for name in wanted}
         cells = body.cells(sorted(set(indices.values())), missing)
         return {name: cells[index] for name, index in indices.items()}
 
-    return _table(path, head, read, numbers, notes)
+    numbers = np.arange(head.body[0], head.body[0] + body.rows) + 1
+    return _table(path, head, read, numbers, body.zeros, numbers[-1] + 1 if body.cut else None)
 
 
 def _table(
-    path: Path, head: Head, read: ReadCells, numbers: np.ndarray, notes: list[str]
+    path: Path,
+    head: _Head,
+    read: Callable[[Sequence[str], Collection[str]], Mapping[str, Cells]],
+    rows: np.ndarray,
+    zeros: int,
+    cut: int | None,
 ) -> OpenTable:
+    """The open table, with notes on zeros at the end and on the number of a line cut off."""
+    notes = [*head.notes]
+    if zeros:  # a file system that loses power has extended the file but not written its data
+        notes.append(f"{zeros} bytes of zeros at the end were skipped.")
+    if cut is not None:
+        notes.append(f"line {cut}, the last, was skipped: it is cut off.")
     return OpenTable(
         path.name,
         "CSV table",
         head.placement.names,
         read,
-        numbers,
+        rows,
         row_word="line",
         comma=head.delimiter != ",",
         units=head.placement.units,
@@ -98,40 +116,26 @@ def _table(
     )
 
 
-def _zeros(count: int) -> list[str]:
-    # A file system that loses power has extended the file but not written its data.
-    return [f"{count} bytes of zeros at the end were skipped."] if count else []
-
-
-def _cut_off(line: int) -> str:
-    return f"line {line}, the last, was skipped: it is cut off."
-
-
 def _lines(raw: bytes, file: str) -> list[str]:
-    return _decode(raw, file).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def _decode(raw: bytes, file: str) -> str:
-    if raw[:2] in _UTF_16:  # Excel's "Unicode text"
-        try:
-            raw = raw.decode("utf-16").encode()
-        except UnicodeError:
-            raise _binary(file) from None
-    if len(raw.translate(None, _CONTROL)) != len(raw):
-        raise _binary(file)
+    """The lines of a text; InputError for binary data."""
     try:
-        return raw.decode("utf-8-sig")
+        if raw[:2] in UTF_16:  # Excel's "Unicode text"
+            raw = raw.decode("utf-16").encode()
+        binary = len(raw.translate(None, CONTROL)) != len(raw)
+    except UnicodeError:
+        binary = True
+    if binary:
+        raise InputError(
+            f"{file}: expected a table of text, found binary data.", "export the log as CSV."
+        )
+    try:
+        text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return raw.decode("latin-1")  # old programs write a degree sign in Latin-1
+        text = raw.decode("latin-1")  # old programs write a degree sign in Latin-1
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _binary(file: str) -> InputError:
-    return InputError(
-        f"{file}: expected a table of text, found binary data.", "export the log as CSV."
-    )
-
-
-def _cut_short(head: Head, body: Mapping[int, str]) -> bool:
+def _is_cut_off(head: _Head, body: Mapping[int, str]) -> bool:
     """Whether the last line has too few cells.
 
     Without a newline at its end the recording was cut off in this line, so that its last cell may
@@ -141,85 +145,56 @@ def _cut_short(head: Head, body: Mapping[int, str]) -> bool:
     last = body[max(body)] if len(body) > 1 else ""
     if not last.strip() or '"' in last:
         return False
-    return len(splitter(head.delimiter)(last)) < len(head.placement.names)
+    return len(head.split(last)) < len(head.placement.names)
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """The lines of a file that hold cells, by line number."""
-
-    file: str
-    head: Head
-    lines: Mapping[int, str]
-    strict: bool
-
-    def cells(self, wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
-        """The cells of some columns."""
-        if not self.lines and self.strict:
-            raise InputError(
-                f"{self.file}: expected samples below the header in line {self.head.line + 1}, "
-                "found none.",
-                "check that the recording was saved.",
-            )
-        split = splitter(self.head.delimiter)
-        columns: dict[int, list[str]] = {self.head.placement.names.index(n): [] for n in wanted}
-        for number, line in self.lines.items():
-            row = self._row(split, number, line)
-            for index, column in columns.items():
-                column.append(row[index])
-        return dict(zip(wanted, columns.values(), strict=True))
-
-    def _row(self, split: Splitter, number: int, line: str) -> list[str]:
-        """As many cells as in the header; those of a blank line are empty."""
-        expected, delimiter = len(self.head.placement.names), self.head.delimiter
-        try:
-            cells = split(line) if line.count('"') % 2 == 0 else None
-        except csv.Error:
-            cells = None
-        if cells is not None and len(cells) == expected:
-            return cells
-        if not line.strip(delimiter + ' \t"\x0b\x0c'):
-            return [""] * expected
-        # Many loggers write a delimiter after the last cell of every row.
-        while cells and len(cells) > expected and not cells[-1]:
-            cells.pop()
-        if cells is not None and len(cells) == expected:
-            return cells
-        place = f"{self.file}, line {number}"
-        if not self.strict:
-            cells = split(line.replace('"', ""))
-            return [*cells, *[""] * (expected - len(cells))]
-        if cells is None:
-            raise InputError(
-                f"{place}: expected quoted cells to end in their line, found {quoted(line)}.",
-                "correct the quotes; a cell must not run over several lines.",
-            )
-        commas = delimiter == "," and len(cells) > expected
+def _row(file: str, head: _Head, number: int, line: str, strict: bool) -> list[str]:
+    """As many cells as in the header; those of a blank line are empty."""
+    expected, delimiter, split = len(head.placement.names), head.delimiter, head.split
+    try:
+        cells = split(line) if line.count('"') % 2 == 0 else None
+    except csv.Error:
+        cells = None
+    if cells is not None and len(cells) == expected:
+        return cells
+    if not line.strip(delimiter + ' \t"\x0b\x0c'):
+        return [""] * expected
+    # Many loggers write a delimiter after the last cell of every row.
+    while cells and len(cells) > expected and not cells[-1]:
+        cells.pop()
+    if cells is not None and len(cells) == expected:
+        return cells
+    if not strict:
+        cells = split(line.replace('"', ""))
+        return [*cells, *[""] * (expected - len(cells))]
+    if cells is None:
         raise InputError(
-            f"{place}: expected {expected} cell{'s' if expected != 1 else ''} as in the header, "
-            f"found {len(cells)}.",
-            "complete the line or remove it"
-            + ("; with decimal commas, separate the cells by semicolons." if commas else "."),
+            f"{file}, line {number}: expected quoted cells to end in their line, found "
+            f"{quoted(line)}.",
+            "correct the quotes; a cell must not run over several lines.",
         )
-
-
-_DELIMITERS = (",", ";", "\t", " ")
-
-Splitter = Callable[[str], list[str]]
+    commas = delimiter == "," and len(cells) > expected
+    raise InputError(
+        f"{file}, line {number}: expected {expected} cell{'s' if expected != 1 else ''} as in the "
+        f"header, found {len(cells)}.",
+        "complete the line or remove it"
+        + ("; with decimal commas, separate the cells by semicolons." if commas else "."),
+    )
 
 
 @dataclass(frozen=True)
-class Head:
+class _Head:
     """Where the table is: its columns, delimiter, header line, the lines below it, and notes."""
 
     placement: Placement
     delimiter: str
+    split: Splitter
     line: int
     body: Sequence[int]
     notes: list[str]
 
 
-def head_of(file: str, lines: Sequence[str], wanted: Collection[str]) -> Head:
+def _head_of(file: str, lines: Sequence[str], wanted: Collection[str]) -> _Head:
     """Find the header."""
     kept: Sequence[int] = range(len(lines))
     if any("#" in line for line in lines):
@@ -246,7 +221,7 @@ def head_of(file: str, lines: Sequence[str], wanted: Collection[str]) -> Head:
         # numpy.savetxt writes its header as a comment ("# t u"): the line above the numbers.
         placement = replace(placement, names=named[0].names, units=named[0].units)
         top, first = top - 1, placement.header
-    return Head(placement, delimiter, top, kept[first:], notes)
+    return _Head(placement, delimiter, _splitter(delimiter), top, kept[first:], notes)
 
 
 def _find_table(
@@ -255,7 +230,7 @@ def _find_table(
     """Position of the table, its delimiter, and the top of the text split by it."""
     candidates = []
     for delimiter in _DELIMITERS:
-        split, rows = splitter(delimiter), []
+        split, rows = _splitter(delimiter), []
         for line in lines[:SEARCHED]:
             try:
                 rows.append([cell.strip() for cell in split(line)])
@@ -267,7 +242,7 @@ def _find_table(
     return max(candidates, key=lambda f: (*f[0].measure, f[1] != " ")) if candidates else None
 
 
-def splitter(delimiter: str) -> Splitter:
+def _splitter(delimiter: str) -> Splitter:
     def split(line: str) -> list[str]:
         if delimiter == " ":
             line = " ".join(line.split())

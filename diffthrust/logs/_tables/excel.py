@@ -12,11 +12,10 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._largest import MemoryBudget
+from diffthrust.logs._largest import MemoryBudget, reading
 from diffthrust.logs._tables.frame import object_cells, text_of
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
-from diffthrust.logs._tables.source import Cells, OpenTable
-from diffthrust.logs._tables.table import damaged
+from diffthrust.logs._tables.table import Cells, OpenTable
 
 _Row = Sequence[Any]
 
@@ -28,16 +27,15 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
     """
     sheets = _sheets(path)
     if sheet is not None and sheet not in sheets:
-        near = nearest(sheet, sheets)
         raise InputError(
             f"{path.name}: expected a sheet {sheet!r}, found {listing(sheets)}.",
-            f"name a sheet of this file{'; ' + near if near else ''}.",
+            f"name a sheet of this file{nearest(sheet, sheets, '; ')}.",
         )
-    placements = {}
-    for name, rows in sheets.items():
-        placement = locate([[_header(cell) for cell in row] for row in rows[:SEARCHED]], wanted)
-        if placement is not None:
-            placements[name] = placement
+    tops = {
+        name: [[_header(cell) for cell in row] for row in rows[:SEARCHED]]
+        for name, rows in sheets.items()
+    }
+    placements = {name: at for name, top in tops.items() if (at := locate(top, wanted))}
     chosen = sheet or _chosen(path, placements, set(wanted))
     if chosen not in placements:
         raise InputError(
@@ -45,8 +43,7 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
             f"name another sheet; there are {listing(sheets)}.",
         )
     placement, rows = placements[chosen], sheets[chosen]
-    top = [[_header(cell) for cell in row] for row in rows[:SEARCHED]]
-    notes = skipped_notes(placement, top, range(1, len(rows) + 1), "row")
+    notes = skipped_notes(placement, tops[chosen], range(1, len(rows) + 1), "row")
     other_sheets = [name for name in placements if name != chosen]
     if other_sheets and sheet is None:
         notes.append(f"sheet {chosen!r} was read; there are also {listing(other_sheets, 5)}.")
@@ -78,29 +75,21 @@ def _sheets(path: Path, results: bool = True) -> dict[str, list[_Row]]:
     from openpyxl import load_workbook
 
     budget = MemoryBudget(path)
-    try:
+    sheets: dict[str, list[_Row]] = {}
+    with reading(path, "spreadsheet (.xlsx)"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # openpyxl warns about drawings that it skips
         with ZipFile(path) as archive:
             # The directory of the zip states the unpacked sizes: the bomb is refused before it is
             # unpacked.
             budget.take(sum(member.file_size for member in archive.infolist()))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # openpyxl warns about drawings that it skips
-            with path.open("rb") as stream:  # given a path, openpyxl insists on its own suffixes
-                book = load_workbook(stream, read_only=True, data_only=results)
-                return {s.title: _rows(s, budget) for s in book.worksheets}
-    except InputError:
-        raise
-    except Exception as error:  # a damaged file raises exceptions of any kind
-        raise damaged(path, "spreadsheet (.xlsx)", error) from None
-
-
-def _rows(sheet: Any, budget: MemoryBudget) -> list[_Row]:
-    """The rows of a sheet, padded to the widest: a single stray cell makes all of them wide."""
-    rows = []
-    for row in sheet.iter_rows(values_only=True):
-        budget.take(8 * len(row))
-        rows.append(row)
-    return rows
+        with path.open("rb") as stream:  # given a path, openpyxl insists on its own suffixes
+            for sheet in load_workbook(stream, read_only=True, data_only=results).worksheets:
+                rows = sheets[sheet.title] = []
+                # Rows are padded to the widest: a single stray cell makes all of them wide.
+                for row in sheet.iter_rows(values_only=True):
+                    budget.take(8 * len(row))
+                    rows.append(row)
+    return sheets
 
 
 def _chosen(path: Path, placements: Mapping[str, Placement], wanted: set[str]) -> str:

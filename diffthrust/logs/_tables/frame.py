@@ -1,22 +1,21 @@
-"""Columns of pandas data frames, with the index as the time; cells that are objects."""
+"""Columns of pandas' data frames, with the index as the time, and of Parquet files."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from datetime import date, datetime, time, timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other
-
-INDEX = "the index"
-"""The name of an index without a name, in messages and requests."""
+from diffthrust.logs._largest import MemoryBudget, reading
+from diffthrust.logs._tables.table import Cells, Dates, OpenTable, Other
 
 
 def read_frame(frame: Any, name: str) -> OpenTable:
-    """A pandas DataFrame as a table; its index is read by its name, or as `INDEX`."""
+    """A pandas DataFrame as a table; its last column is the index, by its name if it has one."""
     import pandas as pd
 
     if not isinstance(frame, pd.DataFrame):
@@ -24,49 +23,100 @@ def read_frame(frame: Any, name: str) -> OpenTable:
             f"{name}: expected a pandas DataFrame, found {type(frame).__name__}.",
             "give a DataFrame; other tables have a method such as to_pandas().",
         )
-    columns = {
-        ".".join(map(str, c)) if isinstance(c, tuple) else str(c): position
-        # Reversed: of several columns with one name the first one counts.
-        for position, c in reversed(list(enumerate(frame.columns)))
-    }
     names = [".".join(map(str, c)) if isinstance(c, tuple) else str(c) for c in frame.columns]
     index = frame.index
-    index_name = None if index.name is None or str(index.name) in columns else str(index.name)
+    unnamed = index.name is None or str(index.name) in names
+    index_name = "the index" if unnamed else str(index.name)
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
         return {
-            name: series_cells(frame.iloc[:, columns[name]] if name in columns else index)
+            name: _cells(frame.iloc[:, names.index(name)] if name in names else index)
             for name in wanted
         }
 
-    return OpenTable(
-        name, "DataFrame", [*names, index_name or INDEX], read, np.arange(1, len(frame) + 1)
-    )
+    rows = np.arange(1, len(frame) + 1)
+    return OpenTable(name, "DataFrame", [*names, index_name], read, rows)
 
 
-def time_of(frame: Any, name: str) -> str:
+def time_of(frame: Any, source: OpenTable) -> str:
     """The name by which the index of a data frame is read as the time."""
     import pandas as pd
 
     index = frame.index
     if isinstance(index, pd.MultiIndex):
         raise InputError(
-            f"{name}: expected an index of one level as the time, found {index.nlevels} levels.",
+            f"{source.file}: expected an index of one level as the time, found {index.nlevels} "
+            "levels.",
             "name the time column, as time = 't', or reset the index.",
         )
     if index.name is None and (
         isinstance(index, pd.RangeIndex) or pd.api.types.is_integer_dtype(index.dtype)
     ):
         raise InputError(
-            f"{name}: expected a time, found an index that counts rows.",
+            f"{source.file}: expected a time, found an index that counts rows.",
             "name the time column, as time = 't', give the step in seconds, as time = 0.05, or "
             "name the index where it is a time: frame.index.name = 'time'.",
         )
-    named = index.name is not None and str(index.name) not in map(str, frame.columns)
-    return str(index.name) if named else INDEX
+    return source.names[-1]
 
 
-def series_cells(column: Any) -> Cells:
+def read_parquet(path: Path) -> OpenTable:
+    """Open a Parquet file."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    budget = MemoryBudget(path)
+    budget.take(path.stat().st_size)
+    with reading(path, "Parquet"):
+        data = path.read_bytes()
+        plain = pq.ParquetFile(pa.BufferReader(data))
+        # Reversed: of equal names the first one counts.
+        kinds = {field.name: field.type for field in reversed(plain.schema_arrow)}
+        # Keep equal texts once, as the file does: unpacked, they may take many times its size.
+        is_text = (pa.types.is_string, pa.types.is_large_string)
+        texts = [name for name, kind in kinds.items() if any(of(kind) for of in is_text)]
+        source = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts) if texts else plain
+        rows = source.metadata.num_rows
+    budget.take(8 * rows)
+
+    def read(wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
+        chosen = [n for n in dict.fromkeys(wanted) if not pa.types.is_nested(kinds[n])]
+        MemoryBudget(path).take(_unpacked_size(source.metadata, chosen))
+        with reading(path, "Parquet"):
+            table = source.read(columns=chosen)
+            # Arrow trusts the offsets inside a file; with damaged ones a later access reads foreign
+            # memory.
+            table.validate(full=True)
+            columns = {name: table.column(name) for name in chosen}
+        cells: dict[str, Cells] = {}
+        for name in wanted:
+            try:
+                cells[name] = _cells(columns[name].to_pandas()) if name in columns else Other("")
+            except Exception:  # values that pandas cannot hold
+                cells[name] = Other("")
+            if isinstance(cells[name], Other):  # in the words of the file's types
+                cells[name] = Other(f"values of type {kinds[name]}")
+        return cells
+
+    names = list(plain.schema_arrow.names)
+    return OpenTable(path.name, "Parquet table", names, read, np.arange(1, rows + 1))
+
+
+def _unpacked_size(metadata: Any, columns: Collection[str]) -> int:
+    """Bytes of unpacked columns: 8 per number, or the size in the file before packing if larger.
+
+    The size in the file alone is not enough: a repeated number is stored once.
+    """
+    size = 0
+    for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            if column.path_in_schema in columns:
+                values = max(column.num_values, group.num_rows)
+                size += max(8 * values, column.total_uncompressed_size)
+    return size
+
+
+def _cells(column: Any) -> Cells:
     """The cells of a column of pandas, or of an index."""
     import pandas as pd
 

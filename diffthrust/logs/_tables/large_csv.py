@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -12,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust.logs._kinds import CONTROL, UTF_16
 from diffthrust.logs._largest import MemoryBudget
-from diffthrust.logs._tables.source import Cells
+from diffthrust.logs._tables.table import Cells
 
 LARGE = 2**21
 """Files of at least this many bytes are read in blocks."""
@@ -22,7 +24,7 @@ _TOP = 2**20
 _BLOCK = 2**23
 _NEWLINE, _RETURN = 10, 13
 # Quotes, comments and anything that is not plain text: left to the line-by-line reader.
-_SPECIAL = bytes([*range(9), 11, 12, *range(14, 32), *b'"#', *range(128, 256)])
+_SPECIAL = CONTROL + bytes([11, 12, *b'"#', *range(128, 256)])
 
 
 def top_of(path: Path) -> bytes | None:
@@ -33,8 +35,7 @@ def top_of(path: Path) -> bytes | None:
     complete = len(top) < _TOP
     top = top[: top.rfind(b"\n") + 1]
     lone = top.count(b"\r") != top.count(b"\r\n")
-    utf_16 = top[:2] in (b"\xff\xfe", b"\xfe\xff")
-    return None if complete or lone or utf_16 else top or None
+    return None if complete or lone or top[:2] in UTF_16 else top or None
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class LargeBody:
             numeric = {column: numeric[column] for column in numbers}
             for column, values in numbers.items():
                 numeric[column][row : row + values.size] = values
-            row += _lines(block)
+            row += block.count(b"\n") + (not block.endswith(b"\n"))
         if row != self.rows:
             raise InputError(
                 f"{self.path.name}: expected {self.rows} lines of samples, found {row}: the file "
@@ -76,7 +77,7 @@ class LargeBody:
         cells: dict[int, Any] = dict(self._texts(texts))
         if any("," in cell for text in cells.values() for cell in text):
             # Decimal commas in one column make decimal points in another doubtful: 1.000 may mean
-            # a thousand there. As text, `number_cells` judges them.
+            # a thousand there. As text, `text_numbers` judges them.
             cells |= self._texts(list(numeric))
         return {**numeric, **cells}
 
@@ -87,7 +88,7 @@ class LargeBody:
 
         pandas rejects a set of columns if a single one of them is not numeric.
         """
-        try:
+        with suppress(Exception):  # a cell is no number
             frame = self._frame(
                 block,
                 columns,
@@ -97,21 +98,14 @@ class LargeBody:
                 float_precision="round_trip",  # the same number as the cell-by-cell path gives
             )
             return {column: frame[column].to_numpy(dtype=np.float64) for column in columns}
-        except Exception:  # a cell is no number
-            if len(columns) < 2:
-                return {}
         half = len(columns) // 2
-        return {
-            **self._numbers(block, columns[:half], missing),
-            **self._numbers(block, columns[half:], missing),
-        }
+        halves = (columns[:half], columns[half:]) if half else ()
+        return {c: v for part in halves for c, v in self._numbers(block, part, missing).items()}
 
     def _texts(self, columns: list[int]) -> dict[int, list[str]]:
         texts: dict[int, list[str]] = {column: [] for column in columns}
-        if not columns:
-            return texts
-        for block in _blocks(self.path, self.begin, self.end):
-            frame = self._frame(block, columns, na_filter=False)
+        for block in _blocks(self.path, self.begin, self.end) if columns else ():
+            frame = self._frame(block, columns, dtype=object, na_filter=False)
             for column in columns:
                 texts[column] += frame[column].fillna("").tolist()
         return texts
@@ -130,7 +124,7 @@ class LargeBody:
             skip_blank_lines=False,
             skipinitialspace=True,
             quoting=csv.QUOTE_NONE,
-            **{"dtype": object, **options},
+            **options,
         )
 
 
@@ -142,13 +136,13 @@ def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | N
     widths: set[int] = set()
     for block in _blocks(path, begin, end):
         # Bytes, not lines: translate and count scan the block without an object for each line.
-        if len(block.translate(None, _SPECIAL)) < len(block):
-            return None
-        if block.count(b"\r") != block.count(b"\r\n"):
+        special = len(block.translate(None, _SPECIAL)) < len(block)
+        if special or block.count(b"\r") != block.count(b"\r\n"):
             return None
         counts = _counts(np.frombuffer(block, np.uint8), delimiter, width)
         last = block[block.rfind(b"\n") + 1 :]
-        if last.strip() and _cells(last.decode(), delimiter) < width:
+        cells = last.split(None if delimiter == " " else delimiter.encode())
+        if last.strip() and len(cells) < width:
             cut, counts, end = True, counts[:-1], end - len(last)
         rows += counts.size
         distinct = set(np.unique(counts).tolist())
@@ -182,14 +176,6 @@ def _counts(block: np.ndarray, delimiter: str, width: int) -> np.ndarray:
     return counts
 
 
-def _cells(line: str, delimiter: str) -> int:
-    return len(line.split() if delimiter == " " else line.split(delimiter))
-
-
-def _lines(block: bytes) -> int:
-    return block.count(b"\n") + (not block.endswith(b"\n"))
-
-
 def _end(path: Path, begin: int, end: int) -> int:
     """Offset at which trailing zeros begin, which a logger reserved but never wrote."""
     with path.open("rb") as stream:
@@ -207,16 +193,10 @@ def _blocks(path: Path, begin: int, end: int) -> Iterator[bytes]:
     """The bytes of a file in blocks of complete lines."""
     with path.open("rb") as stream:
         stream.seek(begin)
-        remaining, tail = end - begin, b""
-        while remaining > 0:
-            more = stream.read(min(_BLOCK, remaining))
-            # Nothing read although bytes remain: the file was truncated meanwhile.
-            remaining -= len(more) if more else remaining
-            block = tail + more
-            stop = len(block) if remaining <= 0 else block.rfind(b"\n") + 1
-            tail = block[stop:]
-            if stop:
-                yield block[:stop]
-            if not stop and len(block) > 8 * _BLOCK:  # no line ends: not a table
-                remaining, tail = 0, b""
-                yield block
+        while (remaining := end - stream.tell()) > 0:
+            block = stream.read(min(_BLOCK, remaining))
+            # No line of a table is longer than eight blocks: a file without line ends is none.
+            block += stream.readline(min(8 * _BLOCK, remaining - len(block)))
+            if not block:  # the file was truncated meanwhile
+                return
+            yield block

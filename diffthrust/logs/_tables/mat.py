@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,18 +11,31 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
-from diffthrust.logs._largest import MemoryBudget
+from diffthrust.logs._largest import MemoryBudget, reading
 from diffthrust.logs._tables.mat5 import parse
-from diffthrust.logs._tables.source import Cells, OpenTable, Other
-from diffthrust.logs._tables.table import damaged
+from diffthrust.logs._tables.table import Cells, OpenTable, Other
 
 _WIDEST = 64
 """A matrix with more columns than this is not a set of channels."""
+_DEEPEST = 20
+_NUMBERS = (
+    "double",
+    "single",
+    "logical",
+    *(f"{u}int{bits}" for u in ("", "u") for bits in (8, 16, 32, 64)),
+)
+_WORDS = {
+    "char": "text",
+    "cell": "a cell array",
+    "function_handle": "a function",
+    "table": "a table",
+    "timetable": "a timetable",
+    "datetime": "an array of datetime",
+}
 
 
 @dataclass(frozen=True, eq=False)
-class Unread:
+class _Array:
     """An array in a file that is not read yet: its shape, and its bytes once loaded."""
 
     shape: tuple[int, ...]
@@ -35,7 +48,7 @@ class Unread:
         return 0 < math.prod(self.shape) == max(self.shape, default=0)
 
     @property
-    def channels(self) -> int:
+    def vectors(self) -> int:
         """Number of vectors of a matrix, along its shorter side; 0 if it is not a matrix."""
         narrow = min(self.shape) if len(self.shape) == 2 else 0
         return narrow if 1 < narrow <= _WIDEST else 0
@@ -45,35 +58,100 @@ def read_mat(path: Path) -> OpenTable:
     """Open a MATLAB file up to version 7; structs are reached as ``a.b``."""
     budget = MemoryBudget(path)
     budget.take(path.stat().st_size)
-    try:
-        leaves = _leaves(parse(path.read_bytes(), budget))
-    except InputError:
-        raise
-    except (ValueError, OverflowError, MemoryError) as error:
-        raise damaged(path, "MATLAB", error) from None
-    return vectors(path, "MATLAB file", leaves)
+    data = path.read_bytes()
+    with reading(path, "MATLAB"):
+        variables = parse(data, budget)
+    return _vectors(path, "MATLAB file", [(name, _loaded(value)) for name, value in variables])
 
 
-def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -> OpenTable:
+def _loaded(value: np.ndarray | str) -> _Array | str:
+    if isinstance(value, str):
+        return value
+    return _Array(value.shape, lambda: value, 8 * value.size)
+
+
+def read_hdf5(path: Path) -> OpenTable:
+    """Open an HDF5 file; groups (structs in MATLAB) are named ``a.b``."""
+    import h5py
+
+    with reading(path, "MATLAB 7.3 or HDF5"), h5py.File(path, "r") as file:
+        variables = list(_variables(path, file))
+    matlab = any(by_matlab for *_, by_matlab in variables)
+    leaves = [(name, value) for name, value, _ in variables if value is not None]
+    return _vectors(path, "MATLAB 7.3 file" if matlab else "HDF5 file", leaves)
+
+
+def _variables(
+    path: Path, group: Any, prefix: str = "", depth: int = 0
+) -> Iterator[tuple[str, _Array | str | None, bool]]:
+    """Name, array or description of each dataset, None for a group, and whether MATLAB wrote it."""
+    import h5py
+
+    for name in group:
+        node, link = group.get(name), group.get(name, getlink=True)
+        if name.startswith("#") or node is None or not isinstance(link, h5py.HardLink):
+            continue  # internal to MATLAB, a broken link, or a link to a listed variable
+        kind = node.attrs.get("MATLAB_class", b"")
+        kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
+        if isinstance(node, h5py.Dataset):
+            yield prefix + name, _variable(path, node, kind), bool(kind)
+        elif "MATLAB_sparse" in node.attrs:
+            yield prefix + name, "a sparse matrix", bool(kind)
+        elif isinstance(node, h5py.Group):
+            yield name, None, bool(kind)
+            if depth < _DEEPEST:
+                yield from _variables(path, node, f"{prefix}{name}.", depth + 1)
+
+
+def _variable(path: Path, node: Any, kind: str) -> _Array | str:
+    if kind and kind not in _NUMBERS:
+        return _WORDS.get(kind, f"an object of class {kind}")
+    # MATLAB stores an empty array as its size, such as the two numbers 0 and 5: they are no
+    # samples.
+    if node.attrs.get("MATLAB_empty"):
+        return _Array((0, 0), lambda: np.zeros((0, 0)), 0)
+    if node.dtype.kind == "O":
+        return "an array of structs or of objects" if kind == "" else "an array of references"
+    if node.dtype.names and set(node.dtype.names) == {"real", "imag"}:
+        return "complex numbers"
+    if node.dtype.kind not in "biuf" or node.shape is None:
+        return f"values of type {node.dtype}"
+    shape = tuple(map(int, node.shape))
+    chunk = math.prod(node.chunks or ()) * node.dtype.itemsize  # a chunk is unpacked at once
+    size = max(8 * math.prod(shape), chunk)
+    # MATLAB is column-major: the first axis varies fastest
+    return _Array(shape[::-1] if kind else shape, partial(_load, path, node.name, bool(kind)), size)
+
+
+def _load(path: Path, name: str, matlab: bool) -> np.ndarray:
+    """Read a dataset, by its path in the file."""
+    import h5py
+
+    with reading(path, "MATLAB 7.3 or HDF5"), h5py.File(path, "r") as file:
+        dataset: Any = file[name]
+        values = np.asarray(dataset[()])
+    return values.T if matlab else values
+
+
+def _vectors(path: Path, kind: str, leaves: Sequence[tuple[str, _Array | str]]) -> OpenTable:
     """A table of those variables that are vectors, or columns of a matrix: ``data(:,2)``.
 
     What is not an array comes as a description.
     """
-    columns: list[tuple[str, Unread | str, int | None]] = []
+    columns: list[tuple[str, _Array | str, int | None]] = []
     for name, value in leaves:
         columns.append((name, value, None))
-        if isinstance(value, Unread):
-            tall = value.shape[0] >= value.shape[-1] if value.shape else False
-            for k in range(value.channels):
-                label = f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)"
-                columns.append((label, value, k))
+        if isinstance(value, _Array):
+            for k in range(value.vectors):
+                tall = value.shape[0] >= value.shape[1]
+                columns.append((f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)", value, k))
     # Reversed: of equal names the first one counts, as in the other formats.
     by_name = {name: (value, k) for name, value, k in reversed(columns)}
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
-        needed: dict[int, Unread] = {}
+        needed: dict[int, _Array] = {}
         for value, k in (by_name[name] for name in wanted):
-            if isinstance(value, Unread) and (k is not None or value.is_vector):
+            if isinstance(value, _Array) and (k is not None or value.is_vector):
                 needed[id(value)] = value
         budget = MemoryBudget(path)
         for value in needed.values():
@@ -93,7 +171,7 @@ def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -
     )
 
 
-def _cells(value: Unread | str, k: int | None, loaded: Mapping[int, np.ndarray]) -> Cells:
+def _cells(value: _Array | str, k: int | None, loaded: Mapping[int, np.ndarray]) -> Cells:
     if isinstance(value, str):
         return Other(value)
     if id(value) not in loaded:
@@ -103,102 +181,3 @@ def _cells(value: Unread | str, k: int | None, loaded: Mapping[int, np.ndarray])
         numbers = numbers[:, k] if numbers.shape[0] >= numbers.shape[1] else numbers[k]
     # An unsigned or single-precision vector is as good as a double one.
     return numbers.reshape(-1).astype(np.float64)
-
-
-def _leaves(variables: Sequence[tuple[str, Any]], prefix: str = "") -> list[tuple[str, Any]]:
-    """All variables that are not structs, with their paths."""
-    leaves: list[tuple[str, Any]] = []
-    for name, value in variables:
-        if isinstance(value, dict):
-            leaves += _leaves(list(value.items()), f"{prefix}{name}.")
-        elif isinstance(value, np.ndarray):
-            leaves.append((prefix + name, _held(value)))
-        else:
-            leaves.append((prefix + name, value))
-    return leaves
-
-
-def _held(numbers: np.ndarray) -> Unread:
-    return Unread(numbers.shape, lambda: numbers, 8 * numbers.size)
-
-
-_NUMBERS = (
-    "double",
-    "single",
-    "logical",
-    *(f"{u}int{bits}" for u in ("", "u") for bits in (8, 16, 32, 64)),
-)
-_WORDS = {
-    "char": "text",
-    "cell": "a cell array",
-    "function_handle": "a function",
-    "table": "a table",
-    "timetable": "a timetable",
-    "datetime": "an array of datetime",
-}
-
-
-def read_hdf5(path: Path) -> OpenTable:
-    """Open an HDF5 file; groups (structs in MATLAB) are named ``a.b``."""
-    import h5py
-
-    leaves: list[tuple[str, Any]] = []
-
-    def visit(group: Any, prefix: str, depth: int) -> bool:
-        matlab = False
-        for name in group:
-            node = group.get(name)
-            link = group.get(name, getlink=True)
-            if name.startswith("#") or node is None or not isinstance(link, h5py.HardLink):
-                continue  # internal to MATLAB, a broken link, or a link to a listed variable
-            kind = node.attrs.get("MATLAB_class", b"")
-            kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
-            matlab = matlab or bool(kind)
-            if isinstance(node, h5py.Group):
-                if "MATLAB_sparse" in node.attrs:
-                    leaves.append((prefix + name, "a sparse matrix"))
-                elif depth:
-                    matlab = visit(node, f"{prefix}{name}.", depth - 1) or matlab
-            elif isinstance(node, h5py.Dataset):
-                leaves.append((prefix + name, _variable(path, node, kind)))
-        return matlab
-
-    try:
-        with h5py.File(path, "r") as file:
-            matlab = visit(file, "", 20)
-    except Exception as error:  # a damaged file raises exceptions of any kind
-        raise damaged(path, "MATLAB 7.3 or HDF5", error) from None
-    return vectors(path, "MATLAB 7.3 file" if matlab else "HDF5 file", leaves)
-
-
-def _variable(path: Path, node: Any, kind: str) -> Unread | str:
-    if kind and kind not in _NUMBERS:
-        return _WORDS.get(kind, f"an object of class {kind}")
-    # MATLAB stores an empty array as its size, such as the two numbers 0 and 5: they are no
-    # samples.
-    if node.attrs.get("MATLAB_empty"):
-        return Unread((0, 0), lambda: np.zeros((0, 0)), 0)
-    if node.dtype.kind == "O":
-        return "an array of structs or of objects" if kind == "" else "an array of references"
-    if node.dtype.names and set(node.dtype.names) == {"real", "imag"}:
-        return "complex numbers"
-    if node.dtype.kind not in "biuf" or node.shape is None:
-        return f"values of type {node.dtype}"
-    shape = tuple(map(int, node.shape))
-    chunk = math.prod(node.chunks or ()) * node.dtype.itemsize  # a chunk is unpacked at once
-    size = max(8 * math.prod(shape), chunk)
-    # MATLAB is column-major: the first axis varies fastest
-    return Unread(shape[::-1] if kind else shape, partial(_load, path, node.name, bool(kind)), size)
-
-
-def _load(path: Path, name: str, matlab: bool) -> np.ndarray:
-    """Read a dataset, by its path in the file."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            dataset: Any = file[name]
-            values = np.asarray(dataset[()])
-    except Exception as error:  # as above
-        raise damaged(path, "MATLAB 7.3 or HDF5", error) from None
-    return values.T if matlab else values

@@ -5,7 +5,7 @@ damaged copies of three files (seeded flips of bits, bytes zeroed, swapped or cu
 4, level 5 plain and compressed) SciPy 1.17.1 died of 18 (16 segmentation faults, 2 bus errors),
 read at one for more than 20 s, and at three more for 3 to 13 s. This reader finished each of 3000
 within 0.4 s, with the content or a ValueError. It reads what logs need, numbers and structs, and
-names anything else.
+names anything else. SciPy in a process of its own takes 1.9 s for what this reads in 0.5 ms.
 The layout is that of MathWorks' "MAT-File Format".
 """
 
@@ -13,7 +13,6 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -24,15 +23,11 @@ _NUMBERS = {
 }  # fmt: skip
 _LEVEL_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
 _MATRIX, _COMPRESSED = 14, 15
-_CELL, _STRUCT, _OBJECT, _TEXT, _SPARSE, _FIRST_NUMERIC, _LAST_NUMERIC = 1, 2, 3, 4, 5, 6, 15
-_FUNCTION, _OPAQUE = 16, 17
+_STRUCT, _FIRST_NUMERIC, _LAST_NUMERIC, _OPAQUE = 2, 6, 15, 17
 _OTHER = {
-    _CELL: "a cell array",
-    _OBJECT: "an object",
-    _TEXT: "text",
-    _SPARSE: "a sparse matrix",
-    _FUNCTION: "a function",
-}
+    1: "a cell array", 2: "an array of structs", 3: "an object", 4: "text", 5: "a sparse matrix",
+    16: "a function", 17: "an object (such as a table or dates)",
+}  # fmt: skip
 _COMPLEX = 0x0800
 _DEEPEST = 20
 _PADDING = 8
@@ -40,15 +35,16 @@ _PIECE = 2**16
 _HEAD = 1024
 """Packed bytes that surely unpack to the first few bytes, behind any Huffman tables."""
 
-# A variable is an array, a struct as a dict, or a description of anything else.
-Variable = Any
+Variable = tuple[str, np.ndarray | str]
+"""Its name, that of a field of a struct as ``a.b``; its numbers, or what it is instead."""
+Element = tuple[int, memoryview]
 
 
-def parse(data: bytes, budget: MemoryBudget) -> list[tuple[str, Variable]]:
+def parse(data: bytes, budget: MemoryBudget) -> list[Variable]:
     """Read all variables of a MATLAB file, in its order, within the budget once unpacked.
 
-    Numbers are an array with its shape in MATLAB, a struct is a dict, anything else a description.
-    ValueError if the file is damaged, or none of MATLAB's.
+    Numbers are an array with its shape in MATLAB. ValueError if the file is damaged, or none of
+    MATLAB's.
     """
     try:
         if len(data) >= 128 and data[126:128] in (b"IM", b"MI"):
@@ -61,7 +57,7 @@ def parse(data: bytes, budget: MemoryBudget) -> list[tuple[str, Variable]]:
     raise ValueError("it does not begin as a MATLAB file does")
 
 
-def _level_5(data: memoryview, order: str, budget: MemoryBudget) -> Iterator[tuple[str, Variable]]:
+def _level_5(data: memoryview, order: str, budget: MemoryBudget) -> Iterator[Variable]:
     # Check all sizes before unpacking the first: the file may hold a thousand small bombs.
     for kind, content in _elements(data, order):
         if kind == _COMPRESSED:
@@ -72,9 +68,7 @@ def _level_5(data: memoryview, order: str, budget: MemoryBudget) -> Iterator[tup
             kind, content = next(_elements(inflated, order), (0, memoryview(b"")))
         if kind != _MATRIX:
             raise ValueError(f"expected a variable, found an element of kind {kind}")
-        name, variable = _matrix(content, order, 0)
-        if name:  # MATLAB's workspace of functions has no name
-            yield name, variable
+        yield from _variables(content, order)
 
 
 def _unpacked_size(content: memoryview, order: str) -> int:
@@ -96,7 +90,7 @@ def _inflated(content: memoryview, size: int) -> bytearray:
     return out
 
 
-def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+def _elements(data: memoryview, order: str) -> Iterator[Element]:
     """Iterate over the elements of one level: a kind, a length, and as many bytes."""
     at = 0
     while at < len(data):
@@ -116,72 +110,74 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
         yield kind, data[begin : begin + length]
 
 
-def _next(elements: Iterator[tuple[int, memoryview]]) -> tuple[int, memoryview]:
+def _next(elements: Iterator[Element]) -> Element:
     element = next(elements, None)
     if element is None:
         raise ValueError("a variable is cut short")
     return element
 
 
-def _numbers(element: tuple[int, memoryview], order: str) -> np.ndarray:
-    kind, content = element
+def _numbers(elements: Iterator[Element], order: str) -> np.ndarray:
+    kind, content = _next(elements)
     if kind not in _NUMBERS:
         raise ValueError(f"expected numbers, found an element of kind {kind}")
     return np.frombuffer(content, dtype=np.dtype(order + _NUMBERS[kind]))
 
 
-def _text(element: tuple[int, memoryview]) -> str:
-    return bytes(element[1]).decode("latin-1").rstrip("\0")
+def _variables(
+    content: memoryview, order: str, path: str = "", depth: int = 0
+) -> Iterator[Variable]:
+    """The array of an element, or those of a struct; none without a name, as MATLAB's functions.
 
-
-def _matrix(content: memoryview, order: str, depth: int) -> tuple[str, Variable]:
-    if len(content) == 0:
-        return "", np.zeros((0, 0))
+    ``path`` is that of a field of a struct, whose element has no name.
+    """
+    if not len(content):
+        if path:
+            yield path, np.zeros((0, 0))
+        return
     if depth > _DEEPEST:
         raise ValueError("the structs are nested too deep")
     elements = _elements(content, order)
-    flags = int(_numbers(_next(elements), order)[:1].sum())
-    kind = flags & 0xFF
-    if kind == _OPAQUE:  # a timetable or dates: no size, and an undocumented content
-        return _text(_next(elements)), "an object (such as a table or dates)"
-    shape = tuple(int(size) for size in _numbers(_next(elements), order))
-    if len(shape) < 2 or min(shape) < 0:
-        raise ValueError("a variable has no valid size")
-    name = _text(_next(elements))
-    if kind == _STRUCT:
-        if math.prod(shape) != 1:
-            return name, "an array of structs"
-        return name, _struct(elements, order, depth)
-    if not _FIRST_NUMERIC <= kind <= _LAST_NUMERIC:
-        return name, _OTHER.get(kind, "an unknown kind of variable")
-    if flags & _COMPLEX:
-        return name, "complex numbers"
-    numbers = _numbers(_next(elements), order)
-    if numbers.size != math.prod(shape):
-        raise ValueError(f"variable {name!r} does not have the size that it says")
-    # MATLAB stores columns one after the other; numbers are saved in the smallest type that holds
-    # them.
-    return name, numbers.reshape(shape, order="F")
+    flags = int(_numbers(elements, order)[:1].sum())
+    kind, shape = flags & 0xFF, ()
+    if kind != _OPAQUE:  # a timetable or dates: no size, and an undocumented content
+        shape = tuple(int(size) for size in _numbers(elements, order))
+        if len(shape) < 2 or min(shape) < 0:
+            raise ValueError("a variable has no valid size")
+    name = bytes(_next(elements)[1]).decode("latin-1").rstrip("\0")
+    path = path or name
+    if not path:
+        return
+    if kind == _STRUCT and math.prod(shape) == 1:
+        yield from _fields(elements, order, path, depth)
+    elif not _FIRST_NUMERIC <= kind <= _LAST_NUMERIC:
+        yield path, _OTHER.get(kind, "an unknown kind of variable")
+    elif flags & _COMPLEX:
+        yield path, "complex numbers"
+    else:
+        numbers = _numbers(elements, order)
+        if numbers.size != math.prod(shape):
+            raise ValueError(f"variable {path!r} does not have the size that it says")
+        # MATLAB stores columns one after the other; numbers are saved in the smallest type that
+        # holds them.
+        yield path, numbers.reshape(shape, order="F")
 
 
-def _struct(
-    elements: Iterator[tuple[int, memoryview]], order: str, depth: int
-) -> dict[str, Variable]:
-    width = int(_numbers(_next(elements), order)[:1].sum())
+def _fields(elements: Iterator[Element], order: str, path: str, depth: int) -> Iterator[Variable]:
+    """The variables of a struct."""
+    width = int(_numbers(elements, order)[:1].sum())
     packed = bytes(_next(elements)[1])
     if width <= 0 and packed:
         raise ValueError("the fields of a struct have no valid names")
-    fields: dict[str, Variable] = {}
     for at in range(0, len(packed), max(width, 1)):
         field = packed[at : at + width].split(b"\0")[0].decode("latin-1")
         kind, content = _next(elements)
         if kind != _MATRIX:
             raise ValueError(f"expected the field {field!r}, found an element of kind {kind}")
-        fields[field] = _matrix(content, order, depth + 1)[1]
-    return fields
+        yield from _variables(content, order, f"{path}.{field}", depth + 1)
 
 
-def _level_4(data: bytes) -> Iterator[tuple[str, Variable]]:
+def _level_4(data: bytes) -> Iterator[Variable]:
     at = 0
     while at < len(data):
         # Level 4 has no mark of its byte order: the code is MOPT, at most 4052, in the right one
@@ -196,8 +192,7 @@ def _level_4(data: bytes) -> Iterator[tuple[str, Variable]]:
         name = data[at + 20 : at + 20 + length].split(b"\0")[0].decode("latin-1")
         dtype = np.dtype(order + _LEVEL_4[precision])
         begin = at + 20 + length
-        size = rows * columns * dtype.itemsize
-        at = begin + size * (2 if imaginary else 1)
+        at = begin + rows * columns * dtype.itemsize * (2 if imaginary else 1)
         if at > len(data):
             raise ValueError("the file is cut short")
         if kind != 0 or imaginary:

@@ -7,9 +7,11 @@ from diffthrust._support.errors import InputError
 from diffthrust.logs._kinds import EXCEL, HDF5, MAT, PARQUET, Kind
 from diffthrust.logs._tables.csv import read_csv
 from diffthrust.logs._tables.excel import read_excel
+from diffthrust.logs._tables.frame import read_parquet
 from diffthrust.logs._tables.mat import read_hdf5, read_mat
-from diffthrust.logs._tables.parquet import read_parquet
-from diffthrust.logs._tables.source import OpenTable
+from diffthrust.logs._tables.table import OpenTable
+
+_READERS = {PARQUET: read_parquet, HDF5: read_hdf5, MAT: read_mat}
 
 
 def open_table(
@@ -27,12 +29,8 @@ def open_table(
     try:
         if kind is EXCEL:
             return read_excel(path, wanted, sheet)
-        if kind is PARQUET:
-            return read_parquet(path)
-        if kind is HDF5:
-            return read_hdf5(path)
-        if kind is MAT:
-            return read_mat(path)
+        if kind in _READERS:
+            return _READERS[kind](path)
         return read_csv(path, wanted, strict)
     except OSError as error:
         raise InputError(

@@ -3,30 +3,20 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from diffthrust.logs._tables.cells import is_number, quoted
-from diffthrust.logs._tables.dates import formats_of, is_date
+from diffthrust.logs._tables.text import formats_of, is_date, is_number, quoted
 from diffthrust.logs._units import unit_in
 
 SEARCHED = 200
 """Rows at the top of a file in which the header is searched."""
 
-Measure = tuple[int, bool, int, float, int]
-
 
 @dataclass(frozen=True)
 class Placement:
-    """Position of a table.
+    """Position of a table: rows of its header, first samples and units, and rows above the header.
 
-    Args:
-        names: of its columns.
-        header: index of the row that holds them.
-        first: index of the first row of samples.
-        units: unit by column, from the header or from a row of units below it.
-        unit_row: index of the row of units, where there is one.
-        preamble: number of rows above the header.
-        measure: how plausible the table is, to compare ways of splitting the same text into cells:
-            number of wanted names in the header, whether it is as wide as the rows of numbers,
-            the number of those rows, their share of numbers, and their width.
+    ``measure`` is how plausible it is, to compare ways of splitting the same text into cells:
+    number of wanted names in the header, whether it is as wide as the rows of numbers, the number
+    of those rows, their share of numbers, and their width.
     """
 
     names: list[str]
@@ -35,7 +25,7 @@ class Placement:
     units: dict[str, str]
     unit_row: int | None
     preamble: int
-    measure: Measure
+    measure: tuple[int, bool, int, float, int]
 
 
 def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement | None:

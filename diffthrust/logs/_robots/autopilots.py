@@ -1,18 +1,19 @@
-"""Read ArduPilot's telemetry logs (.tlog)."""
+"""Read logs of autopilots by libraries: ArduPilot's telemetry (.tlog), PX4's ULog (.ulg)."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from diffthrust.logs._robots.dataflash import LATEST
-from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
-from diffthrust.logs._robots.series import lacking
-from diffthrust.logs._tables.table import damaged
-from diffthrust.logs._units import unit_in
+import numpy as np
 
-_SETTING = "PARAM_VALUE"
+from diffthrust.logs._largest import damaged, reading
+from diffthrust.logs._robots.dataflash import LATEST
+from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes, lacking
+from diffthrust.logs._units import unit_in
 
 
 def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:
@@ -30,7 +31,7 @@ def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:
     groups: dict[tuple[str, tuple[int, ...], str], Gathered] = {}
     parameters: dict[str, float] = {}
     damages: list[str] = []
-    try:
+    with reading(path, "telemetry"):
         data = path.read_bytes()
         frames = [frame for frame in _frames(data, damages) if frame[1] in kinds]
         if not frames:
@@ -44,7 +45,7 @@ def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:
             except dialect.MAVError as error:
                 damages.append(f"at byte {begin}: {error}")
                 continue
-            if names is None and name == _SETTING:
+            if names is None and name == "PARAM_VALUE":
                 parameters[str(message.param_id)] = float(message.param_value)
                 continue
             source = (message.get_srcSystem(), message.get_srcComponent())
@@ -57,8 +58,6 @@ def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:
             groups[key].ticks.append(stamp * 1_000)
             for n, held in groups[key].values.items():
                 held.append(getattr(message, n))
-    except Exception as error:  # a damaged log raises exceptions of any kind
-        raise damaged(path, "telemetry", error) from None
     present = {kinds[number].msgname for _, number, _, _ in frames}
     return RobotContents([*groups.values()], damage_notes(damages), parameters, present)
 
@@ -97,3 +96,48 @@ def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, in
         at = end
     if at < len(data):
         damages.append(f"at byte {at}: the last message is cut off")
+
+
+def read_ulog(path: Path, names: Collection[str] | None) -> RobotContents:
+    """Read the messages of some names, or all; time stamps count from the autopilot's power-up."""
+    # pyulog parses only the named messages: a flight log has many more.
+    log = _load(path, names)
+    present = {data.name for data in log.data_list}
+    if names is not None and not set(names) <= present:  # for the message, which lists all
+        present = {data.name for data in _load(path, None).data_list}
+    gathered = []
+    for data in log.data_list:
+        values = {key: values for key, values in data.data.items() if key != "timestamp"}
+        ticks = data.data["timestamp"].astype(np.int64) * 1_000
+        gathered.append(Gathered(data.name, ticks, values, instance=str(data.multi_id)))
+    # those that were changed while it recorded: stamp, name, value
+    changed = {name: value for _, name, value in log.changed_parameters}
+    parameters = {n: float(v) for n, v in {**log.initial_parameters, **changed}.items()}
+    return RobotContents(gathered, _damages(log), parameters, present)
+
+
+def _load(path: Path, names: Collection[str] | None) -> Any:
+    try:
+        from pyulog import ULog
+    except ImportError as error:
+        raise lacking(path.name, "pyulog", "px4", error) from None
+    printed = StringIO()
+    # pyulog prints what it skips, and given a path it leaves a damaged file open.
+    silent = redirect_stdout(printed), redirect_stderr(printed)
+    with reading(path, "ULog"), path.open("rb") as stream, silent[0], silent[1]:
+        log = ULog(stream, None if names is None else list(names))
+    # PX4 subscribes to topics that then never publish.
+    log.data_list[:] = [d for d in log.data_list if len(d.data.get("timestamp", ()))]
+    if names is None and not log.data_list:
+        raise damaged(path, "ULog", ValueError("it holds no message"))
+    return log
+
+
+def _damages(log: Any) -> list[str]:
+    notes = []
+    if log.file_corruption:
+        notes.append("the file is damaged; what could be read is used.")
+    if log.dropouts:
+        total = sum(d.duration for d in log.dropouts) / 1e3
+        notes.append(f"the recorder lost messages {len(log.dropouts)} times, {total:.3g} s in all.")
+    return notes
