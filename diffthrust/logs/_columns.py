@@ -180,11 +180,9 @@ def each_column(
         column = Column(column) if isinstance(column, str) else column
         place = Place(f"{file}, channel {key!r}", channel=key)
         if not isinstance(column, Column) or not isinstance(column.column, str):
-            raise InputError.at(
-                place,
-                f"expected the name of a column or a Column, found {column!r}.",
-                f"write {what} = {{{key!r}: 'name of the column'}}.",
-            )
+            problem = f"expected the name of a column or a Column, found {column!r}."
+            mend = f"write {what} = {{{key!r}: 'name of the column'}}."
+            raise InputError.at(place, problem, mend)
         if column.dates and key != "time":
             raise InputError.at(
                 place,

@@ -12,6 +12,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.validation import finite
 from diffthrust.logs._held import Hold, held_readings
 from diffthrust.logs._units import is_finite
 from diffthrust.logs._validate import window
@@ -143,16 +144,13 @@ class LogEdits(ABC):
             >>> bool(late.measured["speed"][2] == log.measured["speed"][0])
             True
         """
-        if not is_finite(seconds):
-            raise InputError(
-                f"log {self.name!r}: expected a shift in seconds, found {seconds!r}.",
-                "give a number.",
-            )
+        where = f"log {self.name!r}"
+        finite(where, seconds, lambda _: True, "a shift in seconds", "give a number.")
         unknown = [channel for channel in channels if channel not in self.units]
         if unknown or not channels:
             found = repr(unknown[0]) if unknown else "none"
             raise InputError(
-                f"log {self.name!r}: expected channels to shift, found {found}; it has "
+                f"{where}: expected channels to shift, found {found}; it has "
                 f"{', '.join(self.units)}.",
                 "name one or several of them.",
             )
@@ -294,11 +292,8 @@ class _EvenSteps:
     """
 
     def __init__(self, stamps: np.ndarray, rate: float, name: str) -> None:
-        if not is_finite(rate) or rate <= 0:
-            raise InputError(
-                f"log {name!r}: expected a rate above zero in Hz, found {rate!r}.",
-                "give the samples a second, such as rate = 10.",
-            )
+        mend = "give the samples a second, such as rate = 10."
+        rate = finite(f"log {name!r}", rate, lambda hz: hz > 0, "a rate above zero in Hz", mend)
         row = float(np.median(np.diff(stamps))) if stamps.size > 1 else np.inf
         if rate * row > 1 + 1e-6:
             raise InputError(

@@ -12,14 +12,14 @@ from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
 from diffthrust.logs._edits import LogEdits
+from diffthrust.logs._figures import line_of, log_figure, report_of
 from diffthrust.logs._held import Hold, held_note
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._rails import Railed, railed, railed_note
-from diffthrust.logs._rows import line_of, report_of
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._tables.request import TableRequest
 from diffthrust.logs._units import convert, convert_scale
-from diffthrust.logs._validate import checked_fields
+from diffthrust.logs._validate import checked_fields, place_in_log
 from diffthrust.logs._written import ShownUnits, Written
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class Log(LogEdits):
             rails=rails or {},
             censored=censored,
             static=static,
-            at=partial(_place, name),
+            at=partial(place_in_log, name),
         )
         self._set(checked)
 
@@ -368,7 +368,7 @@ class Log(LogEdits):
             return ShownUnits([self.written]).values(channel, samples, stored)
         if not stored or not unit or stored == unit:
             return samples
-        return convert(samples, stored, unit, where=_place(self.name, channel))
+        return convert(samples, stored, unit, where=place_in_log(self.name, channel))
 
     def noise_in(self, channel: str, unit: str) -> float | None:
         """The known standard deviation of a measured channel.
@@ -392,7 +392,7 @@ class Log(LogEdits):
         sigma, stored = self.noise.get(channel), self.units[channel]
         if sigma is None or not stored or not unit or stored == unit:
             return sigma
-        return convert_scale(sigma, stored, unit, where=_place(self.name, channel))
+        return convert_scale(sigma, stored, unit, where=place_in_log(self.name, channel))
 
     @showing
     def plot(self) -> "Figure":
@@ -406,8 +406,6 @@ class Log(LogEdits):
         Example:
             >>> log.plot().savefig("run1.png")
         """
-        from diffthrust.logs._figures import log_figure
-
         return log_figure(self, self.unrepeated.measured)
 
     def __repr__(self) -> str:
@@ -420,17 +418,7 @@ class Log(LogEdits):
 
     def _no_channel(self, channel: str) -> InputError:
         channels = [*self.inputs, *self.measured]
-        return InputError.at(
-            Place(f"log {self.name!r}", channel=channel),
-            f"expected a channel {channel!r}, found {listing(channels)}"
-            f"{nearest(str(channel), channels, '; ')}.",
-            f"map a column of the log to {channel!r}.",
-        )
-
-
-def _place(log: str, channel: str, index: int | None = None) -> Place:
-    """Name a channel of a log, or its time, and the sample where a single one is at fault."""
-    sample = "" if index is None else f", sample {index}"
-    if channel == "time":
-        return Place(f"log {log!r}, time{sample}")
-    return Place(f"log {log!r}, channel {channel!r}{sample}", channel=channel)
+        problem = f"expected a channel {channel!r}, found {listing(channels)}"
+        problem += f"{nearest(str(channel), channels, '; ')}."
+        place = Place(f"log {self.name!r}", channel=channel)
+        return InputError.at(place, problem, f"map a column of the log to {channel!r}.")

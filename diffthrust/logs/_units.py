@@ -162,11 +162,9 @@ def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
         else:
             problem = "only one of them counts an angle, so turns or radians is undecided"
             mend = "write 'rev/s' or 'rad/s' (or 'rpm', 'deg/s') for a speed of rotation."
-        raise InputError.at(
-            where,
-            f"the unit {unit_from!r} is ambiguous where {unit_to!r} is expected: {problem}.",
-            mend,
-        )
+        problem = f"the unit {unit_from!r} is ambiguous where {unit_to!r} is expected: {problem}."
+        mend = mend
+        raise InputError.at(where, problem, mend)
 
 
 def _effort_hint(source: Any) -> str:
@@ -209,11 +207,9 @@ def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | s
                 _registry().convert(numbers, _parse(unit_from), _parse(unit_to)), dtype=np.float64
             )
     except Exception as error:  # offset and logarithmic units in a product
-        raise InputError.at(
-            where,
-            f"numbers in {unit_from!r} cannot be converted to {unit_to!r} ({error}).",
-            "write the log in a plain unit.",
-        ) from None
+        problem = f"numbers in {unit_from!r} cannot be converted to {unit_to!r} ({error})."
+        mend = "write the log in a plain unit."
+        raise InputError.at(where, problem, mend) from None
 
 
 def convert_scale(value: float, unit_from: str, unit_to: str, *, where: Place | str) -> float:

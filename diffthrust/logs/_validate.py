@@ -15,6 +15,14 @@ from diffthrust.logs._written import Written
 PlaceOf = Callable[[str, int | None], Place]
 
 
+def place_in_log(log: str, channel: str, index: int | None = None) -> Place:
+    """Name a channel of a log, or its time, and the sample where a single one is at fault."""
+    sample = "" if index is None else f", sample {index}"
+    if channel == "time":
+        return Place(f"log {log!r}, time{sample}")
+    return Place(f"log {log!r}, channel {channel!r}{sample}", channel=channel)
+
+
 def _check_samples(
     bad: np.ndarray, channel: str, at: PlaceOf, problem: Callable[[int], str], mend: str
 ) -> None:
@@ -45,11 +53,9 @@ def _check_time(time: np.ndarray, at: PlaceOf) -> None:
     )
     # Stamps such as -1e308 and 1e308 are finite and increasing.
     if not np.isfinite(time[-1] - time[0]):
-        raise InputError.at(
-            at("time", None),
-            "the time stamps span more than numbers can hold.",
-            "check the unit of the time.",
-        )
+        problem = "the time stamps span more than numbers can hold."
+        mend = "check the unit of the time."
+        raise InputError.at(at("time", None), problem, mend)
 
 
 def check_stamps(time: np.ndarray, at: PlaceOf) -> None:
@@ -86,11 +92,9 @@ def _complete_input(
     if count == 0:
         return values, None
     if count == values.size:
-        raise InputError.at(
-            at(channel, None),
-            f"expected an input, found no number in {count} samples.",
-            "choose another column for this input.",
-        )
+        problem = f"expected an input, found no number in {count} samples."
+        mend = "choose another column for this input."
+        raise InputError.at(at(channel, None), problem, mend)
     _check_samples(
         missing & (not interpolate),
         channel,
@@ -103,11 +107,9 @@ def _complete_input(
         filled[missing] = np.interp(time[missing], time[~missing], values[~missing])
     _check_finite_or_missing(filled, channel, at)
     if np.isnan(filled).any():  # the slope between huge neighbours overflows
-        raise InputError.at(
-            at(channel, int(np.argmax(missing))),
-            "the gap cannot be interpolated, its neighbours are too large.",
-            "correct the samples around it.",
-        )
+        problem = "the gap cannot be interpolated, its neighbours are too large."
+        mend = "correct the samples around it."
+        raise InputError.at(at(channel, int(np.argmax(missing))), problem, mend)
     return filled, (
         f"input {channel!r}: {count} of {values.size} samples were missing and were interpolated."
     )
@@ -117,11 +119,9 @@ def _missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
     """Count the missing samples (NaN) of a measured channel, ``(n,)``; None if there are none."""
     count = int(np.isnan(values).sum())
     if count == values.size:
-        raise InputError.at(
-            at(channel, None),
-            f"expected measured samples, found no number in {count} samples.",
-            "choose another column, or leave this channel out.",
-        )
+        problem = f"expected measured samples, found no number in {count} samples."
+        mend = "choose another column, or leave this channel out."
+        raise InputError.at(at(channel, None), problem, mend)
     about = f"{count} of {values.size} samples are missing and carry no weight."
     return f"measured {channel!r}: {about}" if count else None
 
@@ -224,55 +224,53 @@ def checked_fields(
 
     stored_units: dict[str, str] = {}
     stored: dict[str, np.ndarray] = {}
-    sigmas: dict[str, float] = {}
-    ends: dict[str, tuple[float, float]] = {}
     sentences: list[str | None] = [_gap_note(stamps)]
     for key, samples in {**inputs, **measured}.items():
-        where = at(key, None)
-        numbers = numeric_vector(samples, where)
-        if numbers.size != stamps.size:
-            raise InputError.at(
-                where,
-                f"expected {stamps.size} samples as in time, found {numbers.size}.",
-                "give one sample for each time stamp, nan where a measured one is missing.",
-            )
-        _check_finite_or_missing(numbers, key, at)
-        unit = units.get(key) or ""
-        stored_units[key] = si_unit(unit, key, where)
-        if unit:
-            numbers = convert(numbers, unit, stored_units[key], where=where)
-            _check_finite_or_missing(numbers, key, at)
+        numbers, stored_units[key] = _in_si(key, samples, units.get(key) or "", stamps.size, at)
         if key in inputs:
             numbers, sentence = _complete_input(stamps, numbers, key, interpolate_inputs, at)
         else:
             sentence = _missing_note(numbers, key, at)
-        sentences.append(sentence)
         stored[key] = numbers
-        if noise.get(key) is not None:
-            sigmas[key] = _checked_noise(noise[key], unit, stored_units[key], where)
-        if rails.get(key) is not None:
-            ends[key] = _checked_rails(rails[key], unit, stored_units[key], where)
+        sentences.append(sentence)
     for key in unsigned:
         if negative := int((stored[key] < 0).sum()):
             sentences.append(
                 f"measured {key!r}: {negative} samples are negative although the sensor is "
                 "declared to report the absolute value."
             )
+    about = {key: (units.get(key) or "", stored_units[key], at(key, None)) for key in measured}
     return dict(
         time=stamps,
         inputs={key: stored[key] for key in inputs},
         measured={key: stored[key] for key in measured},
         units=stored_units,
         unsigned=frozenset(unsigned),
-        noise=sigmas,
+        noise={k: _checked_noise(noise[k], *about[k]) for k in about if noise.get(k) is not None},
         hold={key: hold.get(key, "zero") for key in inputs},
         written={key: written.get(key) or Written(units.get(key) or "") for key in stored},
-        rails=ends,
+        rails={k: _checked_rails(rails[k], *about[k]) for k in about if rails.get(k) is not None},
         censored=frozenset(censored),
         static=bool(static),
         name=name,
         notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
     )
+
+
+def _in_si(channel: str, samples: Any, unit: str, size: int, at: PlaceOf) -> tuple[np.ndarray, str]:
+    """The samples of a channel in the unit in which they are kept, and that unit."""
+    where = at(channel, None)
+    numbers = numeric_vector(samples, where)
+    if numbers.size != size:
+        problem = f"expected {size} samples as in time, found {numbers.size}."
+        mend = "give one sample for each time stamp, nan where a measured one is missing."
+        raise InputError.at(where, problem, mend)
+    _check_finite_or_missing(numbers, channel, at)
+    kept = si_unit(unit, channel, where)
+    if unit:
+        numbers = convert(numbers, unit, kept, where=where)
+        _check_finite_or_missing(numbers, channel, at)
+    return numbers, kept
 
 
 def _check_names(
@@ -287,11 +285,9 @@ def _check_names(
     """Raise InputError unless each channel has one role and every option names a channel."""
     channels = [*inputs, *measured]
     for key in set(inputs) & set(measured):
-        raise InputError.at(
-            at(key, None),
-            "expected an input or a measured channel, found both.",
-            "give it under one of the two.",
-        )
+        problem = "expected an input or a measured channel, found both."
+        mend = "give it under one of the two."
+        raise InputError.at(at(key, None), problem, mend)
     if "time" in channels:
         raise InputError(f"log {name!r}: a channel is called 'time'.", "give it another name.")
     for kind, keys, allowed in (
@@ -311,11 +307,9 @@ def _check_names(
 def check_hold(word: str, where: Place) -> None:
     """Raise InputError unless a hold is 'zero' or 'linear'."""
     if word not in ("zero", "linear"):
-        raise InputError.at(
-            where,
-            f"expected a hold of 'zero' or 'linear', found {word!r}.",
-            "write 'zero' for a held command, 'linear' for a measured input.",
-        )
+        problem = f"expected a hold of 'zero' or 'linear', found {word!r}."
+        mend = "write 'zero' for a held command, 'linear' for a measured input."
+        raise InputError.at(where, problem, mend)
 
 
 def _checked_noise(value: Any, unit: str, stored_unit: str, where: Place) -> float:
@@ -326,11 +320,9 @@ def _checked_noise(value: Any, unit: str, stored_unit: str, where: Place) -> flo
     if unit and np.isfinite(sigma):
         sigma = convert_scale(sigma, unit, stored_unit, where=where)
     if not (np.isfinite(sigma) and sigma > 0):
-        raise InputError.at(
-            where,
-            f"expected a standard deviation above zero as noise, found {value!r}.",
-            "give the noise in the unit of the channel, or leave it out to have it estimated.",
-        )
+        problem = f"expected a standard deviation above zero as noise, found {value!r}."
+        mend = "give the noise in the unit of the channel, or leave it out to have it estimated."
+        raise InputError.at(where, problem, mend)
     return sigma
 
 

@@ -264,18 +264,14 @@ def series_of(
         numbers[numbers == number] = np.nan
     keep = ~np.isnan(numbers)
     if not keep.any():
-        raise InputError.at(
-            place,
-            f"expected numbers, found none in {numbers.size} messages.",
-            "choose another field, or check that the recording was complete.",
-        )
+        problem = f"expected numbers, found none in {numbers.size} messages."
+        mend = "choose another field, or check that the recording was complete."
+        raise InputError.at(place, problem, mend)
     bad = np.flatnonzero(np.isinf(numbers))
     if bad.size:
-        raise InputError.at(
-            column_place(file, column, f", message {bad[0] + 1}"),
-            f"expected a finite number, found {numbers[bad[0]]}.",
-            "choose another field; a missing sample is written as nan.",
-        )
+        problem = f"expected a finite number, found {numbers[bad[0]]}."
+        mend = "choose another field; a missing sample is written as nan."
+        raise InputError.at(column_place(file, column, f", message {bad[0] + 1}"), problem, mend)
     if not keep.all():
         notes.append(f"{int((~keep).sum())} of {keep.size} messages held no number")
         ticks, numbers = ticks[keep], numbers[keep]

@@ -67,11 +67,9 @@ def split_column(file: str, column: str) -> tuple[str, str]:
     """Split ``MESSAGE.FIELD`` at its first dot."""
     message, _, field = column.partition(".")
     if not message or not field:
-        raise InputError.at(
-            column_place(file, column),
-            "expected a message and its field with a dot between.",
-            "write it as '/odom.twist.twist.linear.x', 'RCOU.C1' or 'ATTITUDE.yaw'.",
-        )
+        problem = "expected a message and its field with a dot between."
+        mend = "write it as '/odom.twist.twist.linear.x', 'RCOU.C1' or 'ATTITUDE.yaw'."
+        raise InputError.at(column_place(file, column), problem, mend)
     return message, field
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from operator import le
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
+from diffthrust._support.validation import finite
 from diffthrust._support.visible import in_line
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, fields_of_columns
@@ -20,7 +23,6 @@ from diffthrust.logs._log import Log
 from diffthrust.logs._robots.fields import Series, series_in
 from diffthrust.logs._robots.messages import column_place
 from diffthrust.logs._robots.resample import resample
-from diffthrust.logs._units import is_finite
 from diffthrust.logs._validate import window
 
 
@@ -147,12 +149,10 @@ def read_robot_log(
 def _check(file: Path, stamps: str, **numbers: float | None) -> None:
     for word, value in numbers.items():
         least = {"gap": 0.0, "faster": 1.0}.get(word, -np.inf)
-        if value is not None and not (is_finite(value) and value >= least):
-            bound = f" of at least {least:g}" if np.isfinite(least) else ""
-            raise InputError(
-                f"{file.name}: expected {word} as a number{bound}, found {value!r}.",
-                "give a number" + (" of seconds." if word != "faster" else "."),
-            )
+        bound = f" of at least {least:g}" if np.isfinite(least) else ""
+        mend = "give a number." if word == "faster" else "give a number of seconds."
+        if value is not None:
+            finite(file.name, value, partial(le, least), f"{word} as a number{bound}", mend)
     if stamps not in ("recorder", "header"):
         raise InputError(
             f"{file.name}: expected stamps 'recorder' or 'header', found {stamps!r}.",

@@ -14,6 +14,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import finite
 from diffthrust.logs._robots.fields import Series
 
 _MESSAGES = "messages"
@@ -104,27 +105,20 @@ def _step_and_stamps(
                 "or give a step in seconds.",
             )
         if series[base].time.size < 2:
-            raise InputError.at(
-                series[base].place,
-                "expected several messages to take the stamps from, found one.",
-                "choose another channel as base, or a step in seconds.",
-            )
+            problem = "expected several messages to take the stamps from, found one."
+            mend = "choose another channel as base, or a step in seconds."
+            raise InputError.at(series[base].place, problem, mend)
         return series[base].period, series[base].time
-    if isinstance(base, bool) or not isinstance(base, int | float) or not 0 < base < float("inf"):
-        raise InputError(
-            f"{file}: expected a channel or a step above zero as time base, found {base!r}.",
-            "write base = 'speed' for the stamps of that channel, or base = 0.05 for a step.",
-        )
-    return float(base), None
+    expected = "a channel or a step above zero as time base"
+    mend = "write base = 'speed' for the stamps of that channel, or base = 0.05 for a step."
+    return finite(file, base, lambda step: step > 0, expected, mend), None
 
 
 def _check_rate(name: str, channel: Series, step: float, faster: float) -> None:
     if channel.time.size < 2:
-        raise InputError.at(
-            channel.place,
-            f"expected several messages for the channel {name!r}, found one.",
-            "choose another field; an input that is set once is read with hold = 'zero'.",
-        )
+        problem = f"expected several messages for the channel {name!r}, found one."
+        mend = "choose another field; an input that is set once is read with hold = 'zero'."
+        raise InputError.at(channel.place, problem, mend)
     if channel.period > faster * step * (1 + 1e-9):
         raise InputError.at(
             channel.place,

@@ -183,11 +183,9 @@ def _steps(file: str, column: str, field: str) -> Steps:
     while position < len(field):
         match = _STEP.match(field, position)
         if not match:
-            raise InputError.at(
-                column_place(file, column),
-                f"expected names, dots and [numbers] in the field, found {field[position]!r}.",
-                "write it as 'twist.twist.linear.x' or 'data[0]'.",
-            )
+            problem = f"expected names, dots and [numbers] in the field, found {field[position]!r}."
+            mend = "write it as 'twist.twist.linear.x' or 'data[0]'."
+            raise InputError.at(column_place(file, column), problem, mend)
         if not match[3]:
             steps.append(match[1] or int(match[2]))
         position = match.end()

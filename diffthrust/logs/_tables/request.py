@@ -11,11 +11,12 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import finite
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
 from diffthrust.logs._tables.table import Dates, OpenTable, Other
 from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers
-from diffthrust.logs._units import convert, is_finite, same_unit
+from diffthrust.logs._units import convert, same_unit
 from diffthrust.logs._validate import PlaceOf, check_stamps, window
 
 _COARSE = 0.1
@@ -136,22 +137,17 @@ class TableRequest:
         self.clock: Column | None = None
         self.step = 1.0
         if isinstance(time, int | float) and not isinstance(time, bool):
-            if not is_finite(time) or time <= 0:
-                raise InputError(
-                    f"{file}: expected a time column, or a step above zero, found {time!r}.",
-                    "give the name of the column, or the step in seconds.",
-                )
-            self.step = float(time)
+            expected = "a time column, or a step above zero"
+            mend = "give the name of the column, or the step in seconds."
+            self.step = finite(file, time, lambda step: step > 0, expected, mend)
         elif time is not None:
             named: dict[str, Any] = {"time": time}
             self.clock = each_column(named, file, "time")["time"]
         words = (missing_values,) if isinstance(missing_values, str | float) else missing_values
         self.missing = frozenset(str(word).strip() for word in words)
         for word, value in (("start", start), ("stop", stop)):
-            if value is not None and not is_finite(value):
-                raise InputError(
-                    f"{file}: expected {word} in seconds, found {value!r}.", "give a number."
-                )
+            if value is not None:
+                finite(file, value, lambda _: True, f"{word} in seconds", "give a number.")
         self.start, self.stop = start, stop
         self.options = {"interpolate_inputs": interpolate_inputs, "static": static or time is None}
 
@@ -282,11 +278,9 @@ def _check_column(source: OpenTable, name: str, is_clock: bool) -> None:
             f"{_TIMELESS if is_clock and not near else ''}.",
         )
     if count > 1:
-        raise InputError.at(
-            Place(source.file, name),
-            f"expected one {word} {name!r}, found several of that name.",
-            f"rename or remove the other {word}.",
-        )
+        problem = f"expected one {word} {name!r}, found several of that name."
+        mend = f"rename or remove the other {word}."
+        raise InputError.at(Place(source.file, name), problem, mend)
 
 
 def _numbers(
@@ -302,11 +296,9 @@ def _numbers(
     """
     if isinstance(cells, Dates):
         if form is None:
-            raise InputError.at(
-                source.place(name),
-                "expected numbers, found dates.",
-                "choose a column of numbers; dates are read as the time.",
-            )
+            problem = "expected numbers, found dates."
+            mend = "choose a column of numbers; dates are read as the time."
+            raise InputError.at(source.place(name), problem, mend)
         return cells.seconds, True, False
     if isinstance(cells, np.ndarray):
         return cells, False, False
