@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from diffthrust import Column, InputError, Log, Thruster, read_log, read_robot_log, simulate
 from diffthrust.logs._robots.fields import Series, series_of  # private: series without a file
-from diffthrust.logs._robots.resample import resample  # private: likewise
+from diffthrust.logs._robots.read import resample  # private: likewise
 from diffthrust.specs import load_spec
 from tests.robot_files import (
     attitude,
