@@ -284,12 +284,10 @@ class Log(LogEdits):
             >>> log.railed
             {}
         """
-        by_channel = {}
+        by_channel, drives = {}, self.inputs.values()
         for channel, values in self.unrepeated.measured.items():
             others = [v for name, v in self.measured.items() if name != channel]
-            by_channel[channel] = railed(
-                values, self.rails.get(channel), self.inputs.values(), others
-            )
+            by_channel[channel] = railed(values, self.rails.get(channel), drives, others)
         return {channel: at for channel, at in by_channel.items() if at is not None}
 
     @cached_property
@@ -359,11 +357,7 @@ class Log(LogEdits):
             >>> rpm.measured["speed"].round(1), rpm.values("speed", in_units=True)
             (array([0. , 6.3, 9.4]), array([ 0., 60., 90.]))
         """
-        channels = {**self.inputs, **self.measured}
-        if channel not in channels:
-            raise self._no_channel(channel)
-        samples = channels[channel]
-        stored = self.units[channel]
+        samples, stored = self._samples(channel), self.units[channel]
         if in_units:
             return ShownUnits([self.written]).values(channel, samples, stored)
         if not stored or not unit or stored == unit:
@@ -387,8 +381,7 @@ class Log(LogEdits):
             >>> log.noise_in("speed", "rpm") is None  # the log names no noise
             True
         """
-        if channel not in {**self.inputs, **self.measured}:
-            raise self._no_channel(channel)
+        self._samples(channel)  # raises if there are none
         sigma, stored = self.noise.get(channel), self.units[channel]
         if sigma is None or not stored or not unit or stored == unit:
             return sigma
@@ -416,9 +409,11 @@ class Log(LogEdits):
 
         return notebook_html(report_of(self, self.duration, self.step))
 
-    def _no_channel(self, channel: str) -> InputError:
-        channels = [*self.inputs, *self.measured]
-        problem = f"expected a channel {channel!r}, found {listing(channels)}"
-        problem += f"{nearest(str(channel), channels, '; ')}."
-        place = Place(f"log {self.name!r}", channel=channel)
-        return InputError.at(place, problem, f"map a column of the log to {channel!r}.")
+    def _samples(self, channel: str) -> np.ndarray:
+        channels = {**self.inputs, **self.measured}
+        if channel not in channels:
+            problem = f"expected a channel {channel!r}, found {listing(channels)}"
+            problem += f"{nearest(str(channel), channels, '; ')}."
+            place = Place(f"log {self.name!r}", channel=channel)
+            raise InputError.at(place, problem, f"map a column of the log to {channel!r}.")
+        return channels[channel]
