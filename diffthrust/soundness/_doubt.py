@@ -10,24 +10,10 @@ from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 
 DOUBT_KINDS = (
-    "sign",
-    "exchanged",
-    "frame",
-    "unit",
-    "time_base",
-    "lag",
-    "stuck",
-    "saturated",
-    "sentinel",
-    "outliers",
-    "gap",
-    "odd_log",
-    "silent",
-    "runaway",
+    *("sign", "exchanged", "frame", "unit", "time_base", "lag", "stuck", "saturated", "sentinel"),
+    *("outliers", "gap", "odd_log", "silent", "runaway"),
 )
 """What may be wrong with a channel, the graver mistakes first; "runaway" is of a parameter."""
-
-
 _LONGEST_STAMP = 1e5
 """Display: of stamps of a clock that counts since 1970 the first four digits say nothing: an
 Otter's compass stood still "from t = 1.714e+09 s on"."""
@@ -54,13 +40,7 @@ class Reading:
     sources: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     def log(self, log: Log) -> Log:
-        """A log as it would be without the mistake; itself where it lacks a channel of it.
-
-        Example:
-            >>> slow = dft.soundness.Reading("twice as slow", "", {"time": ("time", 2.0)})
-            >>> slow.log(log).step / log.step
-            2.0
-        """
+        """A log as it would be without the mistake; itself where it lacks a channel of it."""
         values = {"time": log.time, **log.inputs, **log.measured}
         if not {source for source, _ in self.sources.values()} <= set(values):
             return log
@@ -105,8 +85,11 @@ class Doubt:
         ...     log.time, log.inputs, {**log.measured, "thrust": -log.measured["thrust"]}
         ... )
         >>> doubt = dft.soundness.doubts(reversed_sign, dft.Thruster())[0]
-        >>> doubt.channel, doubt.kind, sorted(doubt.to_json())
-        ('thrust', 'sign', ['channel', 'evidence', 'kind', 'mend'])
+        >>> doubt.channel, doubt.kind, doubt.contrary, doubt.harmless, list(doubt.to_json())
+        ('thrust', 'sign', True, False, ['channel', 'kind', 'evidence', 'mend'])
+        >>> (mended,) = doubt.mended([reversed_sign])
+        >>> bool((mended.measured["thrust"] == log.measured["thrust"]).all())
+        True
     """
 
     channel: str
@@ -119,23 +102,12 @@ class Doubt:
 
     @property
     def contrary(self) -> bool:
-        """Whether the channel moves against the others: its sign is doubted, or its column.
-
-        Example:
-            >>> dft.soundness.Doubt("thrust", "sign", "It is turned.", "scale = -1").contrary
-            True
-        """
+        """Whether the channel moves against the others: its sign is doubted, or its column."""
         return self.kind in ("sign", "exchanged")
 
     @property
     def harmless(self) -> bool:
-        """Whether fits allow for it already, so that nothing is to be mended.
-
-        Example:
-            >>> slow = "none is needed: fits count the readings alone."
-            >>> dft.soundness.Doubt("speed", "stuck", "It changes seldom.", slow).harmless
-            True
-        """
+        """Whether fits allow for it already, so that nothing is to be mended."""
         return self.mend.startswith("none is needed")
 
     def mended(self, logs: Iterable[Log], reading: int = 0) -> tuple[Log, ...]:
@@ -147,15 +119,6 @@ class Doubt:
 
         Raises:
             InputError: the doubt has no such reading.
-
-        Example:
-            >>> reversed_sign = dft.Log(
-            ...     log.time, log.inputs, {**log.measured, "thrust": -log.measured["thrust"]}
-            ... )
-            >>> doubt = dft.soundness.doubts(reversed_sign, dft.Thruster())[0]
-            >>> (mended,) = doubt.mended([reversed_sign])
-            >>> bool((mended.measured["thrust"] == log.measured["thrust"]).all())
-            True
         """
         if not 0 <= reading < len(self.readings):
             raise InputError(
@@ -177,12 +140,7 @@ class Doubt:
 
 
 def moment(log: Log, time: float) -> str:
-    """A time stamp in words; since the log's start where four digits do not show it.
-
-    Example:
-        >>> moment(log, log.time[0])
-        't = 0.000 s'
-    """
+    """A time stamp in words; since the log's start where four digits do not show it."""
     if abs(time) < _LONGEST_STAMP:
         return f"t = {number(time)} s"
     return f"{number(time - float(log.time[0]))} s after its start"

@@ -23,8 +23,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._craft.craft import Craft
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._record import Record, record
-from diffthrust.soundness._ties import mean_over, rate_over
+from diffthrust.soundness._record import Record, correlation, record
 
 _LOW, _HOLDS = 0.5, 0.8
 """Correlation below which a channel does not follow what it must, and from which on it does; as of
@@ -34,7 +33,6 @@ _OPPOSED = -0.6
 _UPRIGHT = 5.0
 """Mean force per mass along z [m/s^2] from which on it is gravity: a vehicle that lies on its side
 for half of a log has less."""
-_ANGLES = ("roll", "pitch", "heading")
 _RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 
 Frames = Mapping[str, str]
@@ -42,11 +40,11 @@ Frames = Mapping[str, str]
 
 
 class _Relation(NamedTuple):
-    """Whether readings obey (1 to -1), what is wrong where they do not, and by which number."""
+    """Whether readings obey (1 to -1), and what is wrong where they do not, with its number."""
 
+    together: float
     words: str
     number: str
-    together: float
 
     @property
     def score(self) -> int:
@@ -68,29 +66,27 @@ def misframed(log: Log, model: Model | None) -> Iterator[Doubt]:
         words: _relations(log, model, dict(zip(units, words, strict=True)))
         for words in product(*(unit.frames for unit in units.values()))
     }
+    scores = {words: sum(r.score for r in each.values()) for words, each in choices.items()}
 
     def rank(words: tuple[str, ...]) -> tuple[int, int]:
         changes = sum(a != b for a, b in zip(words, declared.values(), strict=True))
-        return -sum(each.score for each in choices[words].values()), changes
+        return -scores[words], changes
 
     best = min(choices, key=rank)
-    mended = [
-        key
-        for key, each in present.items()
-        if each.together < _LOW and choices[best][key].together > _HOLDS
-    ]
-    if not mended or rank(best)[0] >= -sum(each.score for each in present.values()):
+    after = choices[best]
+    mended = [n for n, r in present.items() if r.together < _LOW and after[n].together > _HOLDS]
+    if not mended or scores[best] <= sum(each.score for each in present.values()):
         return
-    evidence = "; ".join(
-        f"{present[key].words} ({present[key].number}; as below {choices[best][key].number})"
-        for key in mended
-    )
-    likely = [words for words in choices if rank(words) == rank(best)]
+    improved = [
+        f"{present[n].words} ({present[n].number}; as below {after[n].number})" for n in mended
+    ]
     turned = [
-        {n: w for n, w in zip(units, words, strict=True) if w != declared[n]} for words in likely
+        {n: w for n, w in zip(units, words, strict=True) if w != declared[n]}
+        for words in choices
+        if rank(words) == rank(best)
     ]
     mend = " Or: ".join(_line(frames, model) for frames in turned)
-    yield Doubt(next(iter(turned[0])), "frame", f"{log.name}: {evidence}.", mend)
+    yield Doubt(next(iter(turned[0])), "frame", f"{'; '.join(improved)}.", mend)
 
 
 def _line(turned: Frames, model: Craft) -> str:
@@ -106,21 +102,19 @@ def _relations(log: Log, model: Craft, frames: Frames) -> dict[str, _Relation]:
     r = record(Log(log.time, {}, values, name=log.name)) if values else None
     if r is None:
         return {}
-    half = max(1, r.size // 100)
-    smooth = {name: mean_over(v, half) for name, v in r.values.items()}
     relations = {}
-    for channel, words, seen, due in (*_turning(r, half, smooth), *_moving(r, half, smooth)):
-        turns = [] if channel in _RATES else [smooth[n] for n in _RATES if n in smooth]
-        together = _together(seen, due, turns)
+    rates = [r.mean(name) for name in _RATES if name in r.values]
+    for channel, words, seen, due in (*_turning(r), *_moving(r)):
+        together = _together(seen, due, [] if channel in _RATES else rates)
         if np.isfinite(together):
             verb = "opposes" if together < 0 else "does not follow"
             words = f"{names[channel]} {verb} {words}"
-            relations[channel] = _Relation(words, f"correlation {together:+.2f}", together)
+            relations[channel] = _Relation(together, words, f"correlation {together:+.2f}")
     if "z_force" in values:
         mean = float(np.nanmean(values["z_force"]))
         words = f"{names['z_force']} is that of a vehicle upside down"
         upright = float(np.clip(-mean / _UPRIGHT, -1.0, 1.0))
-        relations["z_force"] = _Relation(words, f"mean {mean:+.3g} m/s^2", upright)
+        relations["z_force"] = _Relation(upright, words, f"mean {mean:+.3g} m/s^2")
     return relations
 
 
@@ -128,14 +122,18 @@ _Pairs = Iterator[tuple[str, str, np.ndarray, np.ndarray]]
 """A channel, what it must follow in words, and both."""
 
 
-def _turning(r: Record, half: int, smooth: Mapping[str, np.ndarray]) -> _Pairs:
+def _level(r: Record) -> np.ndarray:
+    """What stands for an angle or a speed that is not measured."""
+    return np.zeros(r.size - 2 * r.half)
+
+
+def _turning(r: Record) -> _Pairs:
     """Rates of turn beside the rates of the angles; Fossen 2021, equation 2.39."""
     if "heading" not in r.values:
         return
-    level = np.zeros_like(smooth["heading"])
-    roll, pitch, _ = (smooth.get(name, level) for name in _ANGLES)
+    roll, pitch = (r.mean(n) if n in r.values else _level(r) for n in ("roll", "pitch"))
     rolling, pitching, yawing = (
-        rate_over(r.values[name], half, r.step) if name in r.values else level for name in _ANGLES
+        r.rate(n) if n in r.values else _level(r) for n in ("roll", "pitch", "heading")
     )
     due = (
         rolling - yawing * np.sin(pitch),
@@ -143,40 +141,31 @@ def _turning(r: Record, half: int, smooth: Mapping[str, np.ndarray]) -> _Pairs:
         yawing * np.cos(pitch) * np.cos(roll) - pitching * np.sin(roll),
     )
     for channel, each in zip(_RATES, due, strict=True):
-        if channel in smooth:
-            yield channel, "the rates of the angles", smooth[channel], each
+        if channel in r.values:
+            yield channel, "the rates of the angles", r.mean(channel), each
 
 
-def _moving(r: Record, half: int, smooth: Mapping[str, np.ndarray]) -> _Pairs:
+def _moving(r: Record) -> _Pairs:
     """Velocities beside the rates of the position."""
-    level = np.zeros(r.size - 2 * half)
-    track = {
-        n: rate_over(r.values[n], half, r.step) for n in ("north", "east", "depth") if n in r.values
-    }
-    if {"north", "east"} <= {*track} and "heading" in smooth:
-        cos, sin = np.cos(smooth["heading"]), np.sin(smooth["heading"])
-        words = "the track, turned by the heading"
-        ahead = track["north"] * cos + track["east"] * sin
-        aside = track["east"] * cos - track["north"] * sin
-        for channel, due in (("surge", ahead), ("sway", aside)):
-            if channel in smooth:
-                yield channel, words, smooth[channel], due
-    if "depth" in track and "heave" in smooth:
-        roll, pitch = (smooth.get(name, level) for name in ("roll", "pitch"))
-        surge, sway = (smooth.get(name, level) for name in ("surge", "sway"))
-        down = smooth["heave"] * np.cos(pitch) * np.cos(roll)
+    if {"north", "east", "heading"} <= {*r.values}:
+        for channel, due in r.track().items():
+            if channel in r.values:
+                yield channel, "the track, turned by the heading", r.mean(channel), due
+    if {"depth", "heave"} <= {*r.values}:
+        roll, pitch, surge, sway = (
+            r.mean(n) if n in r.values else _level(r) for n in ("roll", "pitch", "surge", "sway")
+        )
+        down = r.mean("heave") * np.cos(pitch) * np.cos(roll)
         down = down + sway * np.cos(pitch) * np.sin(roll) - surge * np.sin(pitch)
-        yield "heave", "the rate of the depth", down, track["depth"]
+        yield "heave", "the rate of the depth", down, r.rate("depth")
 
 
 def _together(seen: np.ndarray, due: np.ndarray, turns: list[np.ndarray]) -> float:
     """Correlation of two series, of what rates of turn leave of both."""
     columns = np.stack([np.ones_like(seen), *turns], axis=1)
     x, y = (v - columns @ np.linalg.lstsq(columns, v, rcond=None)[0] for v in (seen, due))
-    power = float(x @ x) * float(y @ y)
     # what remains of a channel that stands still is rounding
-    moves = np.ptp(seen) > 0 and np.ptp(due) > 0 and power > 0
-    return float(x @ y) / power**0.5 if moves else np.nan
+    return correlation(x, y) if np.ptp(seen) > 0 and np.ptp(due) > 0 else np.nan
 
 
 def _of_body(

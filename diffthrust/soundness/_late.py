@@ -35,14 +35,11 @@ _ROUNDS = 8
 
 
 class Lateness(NamedTuple):
-    """By how much readings come late.
+    """By how much readings come late, beyond what the model has.
 
-    Args:
-        mean: their mean lateness, beyond what the model has [s].
-        scatter: standard deviation of the lateness [s].
-        error: standard error of the scatter's square, as a share of it.
-        share: share of the unpredictable variance that the scatter explains.
-        persistence: correlation of the lateness of one reading with that of the next.
+    The standard ``error`` is that of the scatter's square, as a share of it; ``share`` that of the
+    unpredictable variance which the scatter explains; ``persistence`` the correlation of the
+    lateness of one reading with that of the next.
     """
 
     mean: float
@@ -59,13 +56,7 @@ class Lateness(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """What a model leaves of a channel of one log, at every sample; ``(n,)`` each.
-
-    Args:
-        time: time stamps [s].
-        modelled: the signal by the model.
-        measured: the readings; NaN where nothing was read.
-    """
+    """A channel of one log at every sample, ``(n,)`` each: ``measured`` is NaN between readings."""
 
     time: np.ndarray
     modelled: np.ndarray
@@ -73,8 +64,7 @@ class Readings(NamedTuple):
 
     def delayed(self, seconds: float) -> Readings:
         """The same, beside a model that comes later."""
-        late = np.interp(self.time - seconds, self.time, self.modelled)
-        return Readings(self.time, late, self.measured)
+        return self._replace(modelled=np.interp(self.time - seconds, self.time, self.modelled))
 
 
 def late_readings(runs: Sequence[Run]) -> Iterator[Doubt]:
@@ -84,18 +74,18 @@ def late_readings(runs: Sequence[Run]) -> Iterator[Doubt]:
         late = lateness([Readings(time, t.modelled, t.measured) for time, t in traces])
         if late is None or not late.sure:
             continue
-        words = humanize(channel)
-        yield Doubt(
-            channel,
-            "lag",
+        evidence = (
             f"its readings come late by a varying time, {number(late.mean, 2)} s in the mean "
-            f"(scatter {number(late.scatter, 2)} s): the errors grow with how fast the {words} "
-            "changes, and those of one reading say nothing of the next. This makes "
-            f"{percent(late.share)} of the error that no model predicts.",
+            f"(scatter {number(late.scatter, 2)} s): the errors grow with how fast the "
+            f"{humanize(channel)} changes, and those of one reading say nothing of the next. This "
+            f"makes {percent(late.share)} of the error that no model predicts."
+        )
+        mend = (
             f"log when the sensor measured {channel}, not when the reading arrived. Until then "
             "time constants and delays are less sure than their standard errors say, and slower "
-            "inputs tell more.",
+            "inputs tell more."
         )
+        yield Doubt(channel, "lag", evidence, mend)
 
 
 def lateness(logs: Sequence[Readings]) -> Lateness | None:
@@ -105,39 +95,24 @@ def lateness(logs: Sequence[Readings]) -> Lateness | None:
     the errors are as unpredictable as noise, and their variance grows with the square of the slope.
     Second differences of the errors leave that and remove what lasts, such as missing physics.
     ``None`` where the lateness does not scatter, or too few readings tell.
-
-    Example:
-        >>> rng = np.random.default_rng(0)
-        >>> time = np.arange(0, 100, 0.1)
-        >>> late = np.sin(time - rng.uniform(0, 0.4, time.size))
-        >>> round(lateness([Readings(time, np.sin(time), late)]).scatter, 2)
-        0.12
     """
-    parts = [_read(log) for log in logs]
-    rows, residual = _joined(parts)
+    rows, residual = map(np.concatenate, zip(*map(_read, logs), strict=True))
     if residual.size < _FEWEST or not np.var(residual) < _UNEXPLAINED * np.var(rows[:, _MODELLED]):
         return None
     delay = _constant_delay(logs)
     parts = [_read(log.delayed(delay)) for log in logs]
-    coefficients, _ = _projected(*_joined(parts))
+    coefficients = _least_squares(*map(np.concatenate, zip(*parts, strict=True)))
     errors = [values - filtered @ coefficients for filtered, values in parts]
     slopes = [filtered[:, 0] for filtered, _ in parts]
-    squares = np.concatenate([_second(e) ** 2 / 6.0 for e in errors])
-    squared = [s**2 for s in slopes]
-    steep = np.concatenate([(s[2:] + 4 * s[1:-1] + s[:-2]) / 6.0 for s in squared])
+    squares = np.concatenate([np.diff(e, 2) ** 2 / 6.0 for e in errors])
+    steep = np.concatenate([s[1:-1] ** 2 + np.diff(s**2, 2) / 6.0 for s in slopes])
     fitted = _variances(squares, steep)
     if fitted is None:
         return None
     floor, growth, error = fitted
-    share = growth * steep.mean() / (floor + growth * steep.mean())
-    persistence = _persistence(errors, slopes)
-    return Lateness(
-        delay + float(coefficients[0]),
-        float(np.sqrt(growth)),
-        error / growth,
-        float(share),
-        persistence,
-    )
+    mean, scatter = delay + float(coefficients[0]), float(np.sqrt(growth))
+    share = float(growth * steep.mean() / (floor + growth * steep.mean()))
+    return Lateness(mean, scatter, error / growth, share, _persistence(errors, slopes))
 
 
 def _constant_delay(logs: Sequence[Readings]) -> float:
@@ -147,39 +122,27 @@ def _constant_delay(logs: Sequence[Readings]) -> float:
 
     def left(samples: float) -> float:
         """The squares that the best small delay or filter beside this one leaves."""
-        products, size = np.zeros((len(signals[0]) + 1,) * 2), step * samples
+        products = np.zeros((len(signals[0]) + 1,) * 2)
         for log, rows in zip(logs, signals, strict=True):
             read = np.isfinite(log.measured) & np.isfinite(rows[0])
-            before = log.time[read] - size
-            late = np.stack([np.interp(before, log.time, row) for row in rows])
+            earlier = log.time[read] - step * samples
+            late = np.stack([np.interp(earlier, log.time, row) for row in rows])
             late = np.concatenate([late, (late[_MODELLED] - log.measured[read])[None]])
             products += late @ late.T
-        rows, seen = products[:-1, :-1], products[:-1, -1]
-        return float(products[-1, -1] - seen @ np.linalg.lstsq(rows, seen, rcond=None)[0])
+        seen = products[:-1, -1]
+        return float(products[-1, -1] - seen @ _least_squares(products[:-1, :-1], seen))
 
     coarse = min(np.arange(0.0, _LONGEST + 0.1, _COARSE), key=left)
     near = coarse + np.arange(-_COARSE + _FINE, _COARSE, _FINE)
     return step * float(min(near[(near >= 0) & (near <= _LONGEST)], key=left))
 
 
-_Part = tuple[np.ndarray, np.ndarray]
+def _least_squares(rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.linalg.lstsq(rows, values, rcond=None)[0]
 
 
-def _joined(parts: Sequence[_Part]) -> _Part:
-    return np.concatenate([rows for rows, _ in parts]), np.concatenate([e for _, e in parts])
-
-
-def _projected(rows: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of the rows by least squares, and what they leave."""
-    coefficients = np.linalg.lstsq(rows, residual, rcond=None)[0]
-    return coefficients, residual - rows @ coefficients
-
-
-def _read(log: Readings) -> _Part:
-    """At the readings of a log the rows that stand for a small delay or a filter; the errors.
-
-    An error is the model's value less the reading.
-    """
+def _read(log: Readings) -> tuple[np.ndarray, np.ndarray]:
+    """At the readings of a log its `_signals`, and the model's value less the reading."""
     signals, residual = _signals(log), log.modelled - log.measured
     read = np.isfinite(residual) & np.isfinite(signals[0])
     return signals.T[read], residual[read]
@@ -191,10 +154,6 @@ def _signals(log: Readings) -> np.ndarray:
     bend = np.gradient(slope, log.time)
     third = np.gradient(bend, log.time)
     return np.stack([slope, bend, third, log.modelled, np.ones_like(slope)])
-
-
-def _second(values: np.ndarray) -> np.ndarray:
-    return values[2:] - 2 * values[1:-1] + values[:-2]
 
 
 def _persistence(errors: Sequence[np.ndarray], slopes: Sequence[np.ndarray]) -> float:
@@ -219,7 +178,7 @@ def _variances(squares: np.ndarray, steep: np.ndarray) -> tuple[float, float, fl
     rows = np.stack([np.ones_like(steep), steep / steep.mean()], axis=1)
     variance, coefficients = np.full_like(squares, squares.mean()), np.zeros(2)
     for _ in range(_ROUNDS):
-        coefficients, _ = _projected(rows / variance[:, None], squares / variance)
+        coefficients = _least_squares(rows / variance[:, None], squares / variance)
         variance = np.maximum(rows @ coefficients, 0.05 * squares.mean())
     scaled = rows / variance[:, None]
     inverse = np.linalg.inv(scaled.T @ scaled)

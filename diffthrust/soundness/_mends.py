@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from diffthrust.soundness._doubt import Reading
+from diffthrust.logs._channels import CHANNELS
+from diffthrust.soundness._doubt import Doubt, Reading
 from diffthrust.soundness._record import Record
 
-FACTORS: dict[str, tuple[tuple[str, float], ...]] = {
+_FACTORS: dict[str, tuple[tuple[str, float], ...]] = {
     "rad/s": (("deg/s", np.pi / 180), ("rpm", np.pi / 30), ("Hz or rev/s", 2 * np.pi)),
     "rev/s": (("rpm", 1 / 60), ("rad/s", 0.5 / np.pi)),
     "rad": (("deg", np.pi / 180),),
@@ -20,39 +21,26 @@ FACTORS: dict[str, tuple[tuple[str, float], ...]] = {
     "s": (("ms", 1e-3), ("min", 60.0)),
 }
 """Units that are mistaken for the one a channel has, and what one of each is in it."""
-UNITS = {
-    "command": "V",
-    "speed": "rad/s",
-    "thrust": "N",
-    "force": "N",
-    "propeller_speed": "rev/s",
-    "rudder_angle": "rad",
-    "left_force": "N",
-    "right_force": "N",
-    "surge": "m/s",
-    "sway": "m/s",
-    "yaw_rate": "rad/s",
-    "north": "m",
-    "east": "m",
-    "heading": "rad",
-    "position": "m",
-    "velocity": "m/s",
-    "time": "s",
-}
-"""In which unit the checks take each channel."""
-PAIRS = (
+_PAIRS = (
     ("left_force", "right_force"),
     ("north", "east"),
     ("surge", "sway"),
     ("position", "velocity"),
 )
 """Channels that are exchanged by mistake."""
-SIGNED = (
+_SIGNED = (
     *("rudder_angle", "yaw_rate", "thrust", "surge", "sway", "heading", "north", "east"),
     *("velocity", "position", "speed", "command", "force", "propeller_speed"),
 )
 """Channels whose sign may be another convention's; where two would do, the first is named."""
-
+_OF_CHANNELS = {name: channel.unit for name, channel in CHANNELS.items()}
+UNITS = {
+    **{name: _OF_CHANNELS.get(name, "N") for name in (*_SIGNED, "left_force", "right_force")},
+    "time": "s",
+}
+"""In which unit the checks take each channel."""
+STEPS = (1e-4, 2.0)
+"""Steps [s] beyond which logs of thrusters and vessels are not taken."""
 
 Mend = tuple[str, Reading]
 """The kind of a mistake, and how its channels are read without it; the first of them is named."""
@@ -60,7 +48,7 @@ Mend = tuple[str, Reading]
 
 def signs(r: Record) -> Iterator[Mend]:
     """One channel with the other sign."""
-    for channel in SIGNED:
+    for channel in _SIGNED:
         if r.has(channel) and channel not in r.unsigned:
             line = sign_line(channel, r.scales.get(channel, 1.0))
             words = f"the sign of {channel} reversed"
@@ -69,15 +57,11 @@ def signs(r: Record) -> Iterator[Mend]:
 
 def exchanges(r: Record) -> Iterator[Mend]:
     """Two channels in each other's place."""
-    for first, second in PAIRS:
+    for first, second in _PAIRS:
         if first in r.values and second in r.values:
             words, line = f"{first} and {second} exchanged", exchange_line(first, second)
             places = {first: (second, 1.0), second: (first, 1.0)}
             yield "exchanged", Reading(words, line, places)
-
-
-STEPS = (1e-4, 2.0)
-"""Steps [s] beyond which logs of thrusters and vessels are not taken."""
 
 
 def clocks(r: Record, ratio: float) -> Iterator[Mend]:
@@ -105,21 +89,22 @@ def unit_factors(channel: str) -> dict[str, float]:
     Where it has one of these by mistake, the unit is such as ``"rad, not deg"``.
     """
     present, factors = UNITS.get(channel, ""), {}
-    for unit, factor in FACTORS.get(present, ()):
+    for unit, factor in _FACTORS.get(present, ()):
         factors |= {unit: factor, f"{present}, not {unit}": 1 / factor}
     return factors
 
 
 def unit_reading(channel: str, unit: str, scale: float) -> Reading:
     """A channel in another unit, of which one is ``scale`` of the present one."""
-    words = f"{channel} in {unit}"
-    return Reading(words, unit_line(channel, unit), {channel: (channel, scale)})
+    line = unit_line(channel, unit)
+    return Reading(f"{channel} in {unit}", line, {channel: (channel, scale)})
 
 
-def named_unit(channel: str, unit: str) -> tuple[Reading, ...]:
-    """The reading of a channel in one of its `unit_factors`; none in any other unit."""
+def unit_doubt(channel: str, evidence: str, unit: str) -> Doubt:
+    """A doubt on a unit, with a reading where the other one is of the `unit_factors`."""
     scale = unit_factors(channel).get(unit)
-    return () if scale is None else (unit_reading(channel, unit, scale),)
+    readings = () if scale is None else (unit_reading(channel, unit, scale),)
+    return Doubt(channel, "unit", evidence, unit_line(channel, unit), readings)
 
 
 def clock_line(ratio: float) -> str:
@@ -127,11 +112,10 @@ def clock_line(ratio: float) -> str:
     return f"Column(..., scale={ratio:.4g}) for the time, or the true rate of the samples."
 
 
-def sign_line(channel: str, scale: float = 1.0) -> str:
+def sign_line(channel: str, scale: float) -> str:
     """What turns the sign of a channel round, whose column is scaled already."""
-    return (
-        f'[channels.{channel}] scale = {-scale:g}, or "{channel}": Column(..., scale={-scale:g}).'
-    )
+    python = f'"{channel}": Column(..., scale={-scale:g})'
+    return f"[channels.{channel}] scale = {-scale:g}, or {python}."
 
 
 def exchange_line(first: str, second: str) -> str:
@@ -142,11 +126,10 @@ def exchange_line(first: str, second: str) -> str:
 def unit_line(channel: str, unit: str) -> str:
     """What names another unit; ``"rad/s, not rpm"`` where it is the unit given that is wrong."""
     wanted, _, wrong = unit.partition(", not ")
-    if " or " in wanted:
-        wanted = wanted.split(" or ")[1]
+    wanted = wanted.rpartition(" or ")[2]
     beside = f" (its numbers are not in {wrong})" if wrong else ""
     if channel == "time":
-        spec = f'time = {{ column = ..., unit = "{wanted}" }}'
-        return f'{spec}, or Column(..., unit="{wanted}"){beside}.'
-    python = f'"{channel}": Column(..., unit="{wanted}")'
-    return f'[channels.{channel}] unit = "{wanted}", or {python}{beside}.'
+        spec, key = f'time = {{ column = ..., unit = "{wanted}" }}', ""
+    else:
+        spec, key = f'[channels.{channel}] unit = "{wanted}"', f'"{channel}": '
+    return f'{spec}, or {key}Column(..., unit="{wanted}"){beside}.'

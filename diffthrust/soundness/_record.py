@@ -1,13 +1,20 @@
-"""A log as its checks see it: unbroken series on an even grid, short enough to be quick."""
+"""A log as its checks see it: unbroken series on an even grid, short enough to be quick.
+
+Beside it what is done with such series: means, rates, lags and correlations.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from diffthrust._support.lag import lagged
+from diffthrust._support.words import number
 from diffthrust.logs._log import Log
+from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.soundness._doubt import Reading
 
 _POINTS = 2048
@@ -21,6 +28,42 @@ ANGLES = ("heading", "wind_direction")
 """Channels that jump by a full turn."""
 
 
+class Series(NamedTuple):
+    """The finite samples of a channel of a log, ``(n,)``, and where they stand in it."""
+
+    log: Log
+    channel: str
+    values: np.ndarray
+    where: np.ndarray
+
+    @classmethod
+    def of(cls, log: Log, channel: str) -> Series:
+        """Those of one channel."""
+        samples = {**log.inputs, **log.measured}[channel]
+        where = np.flatnonzero(np.isfinite(samples))
+        return cls(log, channel, samples[where], where)
+
+    def written(self, value: float) -> float:
+        """A stored number in the unit in which the user wrote the channel."""
+        units, unit = ShownUnits([self.log.written]), self.log.units[self.channel]
+        return float(units.values(self.channel, value, unit))
+
+    def shown(self, value: float) -> str:
+        """A stored number as text, with the user's unit."""
+        unit = ShownUnits([self.log.written]).unit(self.channel, self.log.units[self.channel])
+        return f"{number(self.written(value), 4)} {unit}".rstrip()
+
+    def width(self, width: float) -> Size:
+        """A difference of two stored numbers in the user's unit."""
+        units, unit = ShownUnits([self.log.written]), self.log.units[self.channel]
+        return units.size(self.channel, width, unit)
+
+    def width_shown(self, width: float) -> str:
+        """The same as text."""
+        value, unit = self.width(width)
+        return f"{number(value, 3)} {unit}".rstrip()
+
+
 @dataclass(frozen=True)
 class Record:
     """Channels of one log on an even grid of ``step`` [s], ``(n,)`` each; angles in rad, unwrapped.
@@ -29,7 +72,6 @@ class Record:
     columns were multiplied by.
     """
 
-    name: str
     step: float
     values: Mapping[str, np.ndarray]
     inputs: frozenset[str]
@@ -45,6 +87,33 @@ class Record:
     def has(self, *channels: str) -> bool:
         """Whether all these channels are there, and move."""
         return all(c in self.values and np.ptp(self.values[c]) > 0 for c in channels)
+
+    @property
+    def half(self) -> int:
+        """Half of the window, in points, over which rates are taken."""
+        return max(1, self.size // 100)
+
+    def mean(self, channel: str) -> np.ndarray:
+        """Means of a channel over the windows of the rates, ``(n - 2 half,)``."""
+        return mean_over(self.values[channel], self.half)
+
+    def rate(self, channel: str) -> np.ndarray:
+        """Rates of change of a channel over those windows [1/s]."""
+        values, span = self.values[channel], 2 * self.half
+        return (values[span:] - values[:-span]) / (span * self.step)
+
+    def track(self) -> dict[str, np.ndarray]:
+        """The speeds ahead and to starboard by the positions, turned by the heading."""
+        north, east, heading = self.rate("north"), self.rate("east"), self.mean("heading")
+        cos, sin = np.cos(heading), np.sin(heading)
+        return {"surge": north * cos + east * sin, "sway": east * cos - north * sin}
+
+    def signed_speed(self) -> np.ndarray | None:
+        """The speed, with the sign of the command where its sensor gives none."""
+        speed = self.values["speed"]
+        if "speed" not in self.unsigned:
+            return speed
+        return np.abs(speed) * np.sign(self.values["command"]) if self.has("command") else None
 
     def under(self, reading: Reading) -> Record:
         """The record where channels are read so."""
@@ -88,7 +157,6 @@ def record(log: Log) -> Record | None:
     if not values:
         return None
     return Record(
-        name=log.name,
         step=float(grid[1] - grid[0]),
         values=values,
         inputs=frozenset(log.inputs),
@@ -108,3 +176,28 @@ def jumps(values: np.ndarray) -> str:
         if 0.8 * turn < most <= span < 1.03 * turn and most > 20 * usual:
             return word
     return ""
+
+
+def mean_over(values: np.ndarray, half: int) -> np.ndarray:
+    """Mean over windows of ``2 half`` steps (trapezoid), ``(n - 2 half,)``."""
+    sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
+    return (sums[2 * half :] - sums[: -2 * half]) / (2 * half)
+
+
+def correlation(first: np.ndarray, second: np.ndarray) -> float:
+    """The correlation of two series, ``(n,)`` each; not a number where one does not move."""
+    x, y = first - first.mean(), second - second.mean()
+    power = float(x @ x) * float(y @ y)
+    return float(x @ y) / power**0.5 if power > 0 else np.nan
+
+
+def less(basis: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What an orthonormal basis leaves of a series."""
+    return values - basis @ (basis.T @ values)
+
+
+def trailing(values: np.ndarray, lags: Iterable[float]) -> np.ndarray:
+    """First-order lags of these numbers of points, settled at the first value, ``(k, n)``."""
+    kept = [np.exp(-1.0 / lag) if lag > 0 else 0.0 for lag in lags]
+    shares = (np.full(values.size - 1, share) for share in kept)
+    return np.stack([lagged(values[:1], values[1:, None], share)[:, 0] for share in shares])

@@ -10,7 +10,7 @@ from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import stretches
 from diffthrust.soundness._doubt import Doubt, moment
-from diffthrust.soundness._repeats import as_written, width_shown
+from diffthrust.soundness._record import Series
 
 _CODES = (
     *(-1.0, -9.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -2147483648.0),
@@ -36,92 +36,84 @@ _ALONE = 3
 
 def jumping(log: Log) -> Iterator[Doubt]:
     """Doubts on samples to which a channel jumps and from which it jumps back."""
-    for channel, samples in {**log.inputs, **log.measured}.items():
-        where = np.flatnonzero(np.isfinite(samples))
-        values = samples[where]
-        if values.size < 20 or not np.ptp(values) > 0:
+    for channel in {**log.inputs, **log.measured}:
+        s = Series.of(log, channel)
+        if s.values.size < 20 or not np.ptp(s.values) > 0:
             continue
-        span = float(np.ptp(np.quantile(values, (0.02, 0.98))))
-        if not np.abs(np.diff(values)).max() > _FAR * span:  # most channels: nothing jumps
-            continue
-        yield from _jumps(log, channel, where, values, channel in log.measured)
+        if not np.abs(np.diff(s.values)).max() > _FAR * _span(s.values):
+            continue  # most channels: nothing jumps
+        measured = channel in log.measured  # sensors do not jump there and back, commands may
+        if measured and (block := _block(s)) is not None:
+            yield _sentinel(s, block)
+        elif measured and (away := _dropout(s)) is not None:
+            yield _away(s, away)
+        else:
+            yield from _excursions(s, measured)
 
 
-def _jumps(
-    log: Log, channel: str, where: np.ndarray, values: np.ndarray, measured: bool
-) -> Iterator[Doubt]:
-    if measured and (block := _block(log, channel, values)) is not None:
-        yield _sentinel(log, channel, where, block)
-        return
-    if measured and (away := _dropout(log, where, values)) is not None:
-        yield Doubt(
-            channel,
-            "sentinel",
-            f"{log.name}: {channel} drops to exactly 0 for {int(away.sum())} samples and comes "
-            f"back, from {moment(log, _first(log, where, away))} on, by jumps and while the drive "
-            "is far from its stop: the sensor was away.",
-            f"leave these samples of {channel} empty (nan), or cut the log there; other zeros "
-            "may be true.",
-        )
-        return
-    height = _heights(values)
-    span = float(np.ptp(np.quantile(values[height == 0], (0.02, 0.98)))) if any(height == 0) else 0
-    turn = {"rad": 2 * np.pi, "deg": 360.0}.get(log.units[channel], np.inf)
-    if channel in ("heading", "wind_direction"):
+def _excursions(s: Series, measured: bool) -> Iterator[Doubt]:
+    """A doubt on single samples, or a few in a row, that stand out: a code, or outliers."""
+    height = _heights(s.values)
+    span = _span(s.values[height == 0]) if any(height == 0) else 0.0
+    if s.channel in ("heading", "wind_direction"):
+        turn = {"rad": 2 * np.pi, "deg": 360.0}.get(s.log.units[s.channel], np.inf)
         height = np.where(np.abs(height - turn) < 0.2 * turn, 0.0, height)
-    usual = 5 * float(np.quantile(np.abs(np.diff(values)), 0.7))
+    usual = 5 * float(np.quantile(np.abs(np.diff(s.values)), 0.7))
     high = height > max(_FAR * span, usual)
-    levels, counts = np.unique(values[high], return_counts=True)
+    levels, counts = np.unique(s.values[high], return_counts=True)
     for value, count in zip(levels, counts, strict=True):
-        beyond = height[high & (values == value)].min() > 2 * max(span, 1e-12)
-        coded = _is_code(_coded(log, channel, float(value))) and beyond
-        # zeros and other repeated numbers: sensors do not jump there and back, commands may
-        repeated = count >= 3 and measured
-        if not (coded or repeated):
-            continue
-        if not coded and np.mean(values[high] == value) < 0.5:
-            continue  # outliers that were clipped, some of them alike
-        yield _sentinel(log, channel, where, high & (values == value))
-        return
-    height = _heights(values, 1)
+        chosen = high & (s.values == value)
+        beyond = height[chosen].min() > 2 * max(span, 1e-12)
+        # zeros and other repeated numbers; of outliers that were clipped, some are alike
+        repeated = measured and count >= 3 and np.mean(s.values[high] == value) >= 0.5
+        if repeated or (beyond and _is_code(s, value)):
+            yield _sentinel(s, chosen)
+            return
+    height = _heights(s.values, 1)
     gross = high & (height > _GROSS * span)
-    gross[gross] = [_alone(values, height, int(k)) for k in np.flatnonzero(gross)]
-    if measured and gross.sum() >= 3 and gross.sum() < 0.1 * values.size and span > 0:
-        yield Doubt(
-            channel,
-            "outliers",
-            f"{log.name}: {int(gross.sum())} samples of {channel} stand alone, "
-            f"{width_shown(log, channel, float(height[gross].max()))} and less from their "
-            f"neighbours, where all others lie within {width_shown(log, channel, span)}; the first "
-            f"at {moment(log, _first(log, where, gross))}.",
-            'leave them empty (nan), or fit with loss = "student_t", which forgives them.',
+    gross[gross] = [_alone(s.values, height, int(k)) for k in np.flatnonzero(gross)]
+    if measured and 3 <= gross.sum() < 0.1 * s.values.size and span > 0:
+        evidence = (
+            f"{int(gross.sum())} samples of {s.channel} stand alone, "
+            f"{s.width_shown(float(height[gross].max()))} and less from their neighbours, where "
+            f"all others lie within {s.width_shown(span)}; the first at {_first(s, gross)}."
         )
+        mend = 'leave them empty (nan), or fit with loss = "student_t", which forgives them.'
+        yield Doubt(s.channel, "outliers", evidence, mend)
 
 
-def _block(log: Log, channel: str, values: np.ndarray) -> np.ndarray | None:
+def _span(values: np.ndarray) -> float:
+    return float(np.ptp(np.quantile(values, (0.02, 0.98))))
+
+
+def _first(s: Series, chosen: np.ndarray) -> str:
+    """When the first of the chosen samples was taken, in words."""
+    return moment(s.log, float(s.log.time[s.where[np.argmax(chosen)]]))
+
+
+def _block(s: Series) -> np.ndarray | None:
     """Where a code lasts for some samples, entered and left by jumps; ``None`` if none does."""
-    lasting = values[1:][values[1:] == values[:-1]]
+    lasting = s.values[1:][s.values[1:] == s.values[:-1]]
     for value in np.unique(lasting):
-        coded = values == value
-        is_code = _is_code(_coded(log, channel, float(value)), 90)
-        if not is_code or not 3 <= coded.sum() < 0.5 * values.size:
+        coded = s.values == value
+        if not _is_code(s, value, 90) or not 3 <= coded.sum() < 0.5 * s.values.size:
             continue
-        remaining = values[~coded]
-        edges = np.abs(np.diff(values))[coded[1:] != coded[:-1]]
-        if np.median(edges) > _FAR * np.ptp(np.quantile(remaining, (0.02, 0.98))):
+        edges = np.abs(np.diff(s.values))[coded[1:] != coded[:-1]]
+        if np.median(edges) > _FAR * _span(s.values[~coded]):
             return coded
     return None
 
 
-def _dropout(log: Log, where: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+def _dropout(s: Series) -> np.ndarray | None:
     """Where a channel is 0 for a while, entered and left by jumps, while the drive goes on."""
+    values, where = s.values, s.where
     far = _FAR * float(np.quantile(np.abs(values), 0.95))
     away = np.zeros(values.size, bool)
     for begin, end in zip(*stretches(values == 0), strict=True):
         if end - begin <= _ALONE or begin == 0 or end == values.size:
             continue
         if min(abs(values[begin - 1]), abs(values[end])) > far:
-            away[begin:end] = _driven(log, int(where[begin]), int(where[end - 1]) + 1)
+            away[begin:end] = _driven(s.log, int(where[begin]), int(where[end - 1]) + 1)
     return away if 0 < away.sum() < 0.5 * values.size else None
 
 
@@ -135,27 +127,49 @@ def _driven(log: Log, begin: int, end: int) -> bool:
     return False
 
 
-def _sentinel(log: Log, channel: str, where: np.ndarray, coded: np.ndarray) -> Doubt:
-    """The doubt on samples that are the code of a missing value."""
-    written = _coded(log, channel, float({**log.inputs, **log.measured}[channel][where[coded][0]]))
-    times = "once" if coded.sum() == 1 else f"in {int(coded.sum())} samples"
-    return Doubt(
-        channel,
-        "sentinel",
-        f"{log.name}: {channel} jumps {times} to exactly {number(written)} and back, the first "
-        f"time at {moment(log, _first(log, where, coded))}: that is how a logger writes a missing "
-        "value.",
-        f'[logs] missing_values = ["{written:g}"], or read_log(..., '
-        f'missing_values=["{written:g}"]).',
+def _away(s: Series, away: np.ndarray) -> Doubt:
+    evidence = (
+        f"{s.channel} drops to exactly 0 for {int(away.sum())} samples and comes back, from "
+        f"{_first(s, away)} on, by jumps and while the drive is far from its stop: the sensor was "
+        "away."
     )
+    mend = (
+        f"leave these samples of {s.channel} empty (nan), or cut the log there; other zeros may be "
+        "true."
+    )
+    return Doubt(s.channel, "sentinel", evidence, mend)
+
+
+def _sentinel(s: Series, coded: np.ndarray) -> Doubt:
+    """The doubt on samples that are the code of a missing value."""
+    written = _as_coded(s, s.values[coded][0])
+    times = "once" if coded.sum() == 1 else f"in {int(coded.sum())} samples"
+    evidence = (
+        f"{s.channel} jumps {times} to exactly {number(written)} and back, the first time at "
+        f"{_first(s, coded)}: that is how a logger writes a missing value."
+    )
+    mend = (
+        f'[logs] missing_values = ["{written:g}"], or read_log(..., '
+        f'missing_values=["{written:g}"]).'
+    )
+    return Doubt(s.channel, "sentinel", evidence, mend)
+
+
+def _as_coded(s: Series, value: float) -> float:
+    """A stored number as it stands in the column."""
+    way = s.log.written.get(s.channel)
+    return s.written(float(value)) / (way.scale if way is not None else 1.0)
+
+
+def _is_code(s: Series, value: float, least: float = 0.0) -> bool:
+    written = _as_coded(s, value)
+    return any(abs(written - c) < 1e-6 * abs(c) for c in _CODES if abs(c) >= least)
 
 
 def _heights(values: np.ndarray, longest: int = _ALONE) -> np.ndarray:
     """How far each sample of a short excursion lies from where it began and ended, else 0."""
     height = np.zeros(values.size)
-    for width in range(1, longest + 1):
-        if values.size < width + 2:
-            break
+    for width in range(1, min(longest, values.size - 2) + 1):
         previous, following = values[: -width - 1], values[width + 1 :]
         inside = np.stack([values[1 + k : values.size - width + k] for k in range(width)])
         low, high = np.minimum(previous, following), np.maximum(previous, following)
@@ -171,17 +185,3 @@ def _alone(values: np.ndarray, height: np.ndarray, k: int) -> bool:
     """Whether the samples around an outlier are calm: what rings after a blow is no outlier."""
     steps = np.sort(np.abs(np.diff(values[max(0, k - _NEAR) : k + _NEAR + 1])))
     return bool(height[k] > _LOUD * np.quantile(steps[:-2], 0.75))
-
-
-def _coded(log: Log, channel: str, value: float) -> float:
-    """A stored number as it stands in the column."""
-    way = log.written.get(channel)
-    return as_written(log, channel, value) / (way.scale if way is not None else 1.0)
-
-
-def _is_code(written: float, least: float = 0.0) -> bool:
-    return any(abs(written - c) < 1e-6 * abs(c) for c in _CODES if abs(c) >= least)
-
-
-def _first(log: Log, where: np.ndarray, chosen: np.ndarray) -> float:
-    return float(log.time[where[np.flatnonzero(chosen)[0]]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from diffthrust.logs._rails import stretches
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._doubt import Doubt, moment
 from diffthrust.soundness._mends import STEPS, clock_line, unit_line
-from diffthrust.soundness._record import Record
-from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie, correlation, trailing
+from diffthrust.soundness._record import Record, correlation, trailing
+from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie
 
 _GAP = 20.0
 """Times the median step from which on a step is a gap; of samples at random times one in 1e6 is."""
@@ -29,29 +29,21 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
     gaps = np.flatnonzero(steps > _GAP * log.step)
     if gaps.size and gaps.size < 0.02 * steps.size + 1:
         longest = int(gaps[np.argmax(steps[gaps])])
-        yield Doubt(
-            "time",
-            "gap",
-            f"{log.name}: {gaps.size} {'gap' if gaps.size == 1 else 'gaps'} in time, the longest "
-            f"of {number(float(steps[longest]), 3)} s after {moment(log, float(log.time[longest]))}"
-            f", where samples are otherwise {number(log.step, 3)} s apart.",
-            "cut the log there (log.slice, or start and stop under [logs]) and give both parts.",
+        evidence = (
+            f"{gaps.size} {'gap' if gaps.size == 1 else 'gaps'} in time, the longest of "
+            f"{number(float(steps[longest]), 3)} s after {moment(log, float(log.time[longest]))}, "
+            f"where samples are otherwise {number(log.step, 3)} s apart."
         )
+        mend = "cut the log there (log.slice, or start and stop under [logs]) and give both parts."
+        yield Doubt("time", "gap", evidence, mend)
     for channel, values in log.measured.items():
-        lost = ~np.isfinite(values)
-        if not lost.any():
-            continue
-        begins, ends = stretches(lost)
+        begins, ends = stretches(~np.isfinite(values))
         lengths = ends - begins
         inside = lengths[(begins > 0) & (ends < values.size)]
         usual = float(np.median(lengths)) if lengths.size > 4 else 1.0
         if inside.size and inside.max() > max(20, 10 * usual, 0.03 * values.size):
-            yield Doubt(
-                channel,
-                "gap",
-                f"{log.name}: {channel} is missing for {int(inside.max())} samples in a row.",
-                f"cut the log there, or do without {channel}.",
-            )
+            evidence = f"{channel} is missing for {int(inside.max())} samples in a row."
+            yield Doubt(channel, "gap", evidence, f"cut the log there, or do without {channel}.")
 
 
 def _base(log: Log, model: Model | None) -> Iterator[Doubt]:
@@ -67,13 +59,11 @@ def _base(log: Log, model: Model | None) -> Iterator[Doubt]:
     else:
         return
     system = f"a '{model.name}'" if model else "a thruster or a vessel"
-    yield Doubt(
-        "time",
-        "time_base",
-        f"{log.name}: samples are {number(log.step, 3)} s apart over {number(log.duration, 3)} s, "
-        f"where {system} is logged with {limit}.",
-        unit_line("time", unit),
+    evidence = (
+        f"samples are {number(log.step, 3)} s apart over {number(log.duration, 3)} s, where "
+        f"{system} is logged with {limit}."
     )
+    yield Doubt("time", "time_base", evidence, unit_line("time", unit))
 
 
 _OTHER = 1.5
@@ -90,55 +80,45 @@ _DENSE = np.geomspace(0.7, 300.0, 48)
 
 
 def misrated(
-    steps: Sequence[float], records: Sequence[Record], tied: Sequence[Sequence[Tie]]
+    steps: Mapping[int, float], records: Mapping[int, Record], tied: Mapping[int, Sequence[Tie]]
 ) -> Iterator[tuple[int, Doubt]]:
-    """Doubts on single clocks of three logs and more, each with the place of its log.
+    """Doubts on single clocks of three logs and more, by place, each with that of its log.
 
     A log may well be taken at another rate. But then what is driven answers in as many seconds;
     if it answers in as many samples as in the other logs, the clock is wrong.
     """
     if len(records) < 3:
         return
-    logs = np.log(steps)
-    for i, r in enumerate(records):
-        other_steps = np.delete(logs, i)
-        ratio = float(np.exp(logs[i] - np.median(other_steps)))
-        if max(ratio, 1 / ratio) < _OTHER or np.ptp(other_steps) > _SAME:
+    for i, step in steps.items():
+        others = np.log([s for j, s in steps.items() if j != i])
+        ratio = float(np.exp(np.log(step) - np.median(others)))
+        if max(ratio, 1 / ratio) < _OTHER or np.ptp(others) > _SAME:
             continue
         for tie in tied[i]:
-            took = _took(r, tie)
-            peers = [
-                _took(records[j], peer)
-                for j, each in enumerate(tied)
-                for peer in each
-                if j != i and (peer.channel, peer.words) == (tie.channel, tie.words)
-            ]
-            finite = np.log([peer for peer in peers if np.isfinite(peer)])
+            took = _took(records[i], tie)
+            peers = [(j, t) for j, of in tied.items() for t in of if j != i and t.key == tie.key]
+            answers = [_took(records[j], peer) for j, peer in peers]
+            finite = np.log([answer for answer in answers if np.isfinite(answer)])
             if finite.size < 2 or not np.isfinite(took):
                 continue
             margin, middle = _NEAR * abs(np.log(ratio)), float(np.median(finite))
             off = np.log(took) - middle - np.log(ratio)
             if abs(off) < margin and np.abs(finite - middle).max() < margin:
-                yield i, _doubt(r, tie, steps[i], ratio, took, float(np.exp(middle)))
+                evidence = (
+                    f"samples are {number(step, 3)} s apart, in the other logs "
+                    f"{number(step / ratio, 3)} s, and {tie.channel} answers {tie.words} with a "
+                    f"time constant of {number(took, 2)} s, in the others of "
+                    f"{number(float(np.exp(middle)), 2)} s: as many samples."
+                )
+                yield i, Doubt("time", "time_base", evidence, clock_line(1 / ratio))
                 break
-
-
-def _doubt(r: Record, tie: Tie, step: float, ratio: float, took: float, usual: float) -> Doubt:
-    return Doubt(
-        "time",
-        "time_base",
-        f"{r.name}: samples are {number(step, 3)} s apart, in the other logs "
-        f"{number(step / ratio, 3)} s, and {tie.channel} answers {tie.words} with a time constant "
-        f"of {number(took, 2)} s, in the others of {number(usual, 2)} s: as many samples.",
-        clock_line(1 / ratio),
-    )
 
 
 def _took(r: Record, tie: Tie) -> float:
     """Time constant [s] with which a channel follows its drive; not a number if none shows."""
     if tie.kind != DRIVE or not tie.together > _FIRM:
         return np.nan
-    lags = tuple(_DENSE[tie.seen.size / 6 > _DENSE])
+    lags = _DENSE[tie.seen.size / 6 > _DENSE]
     fits = np.array([correlation(due, tie.seen) for due in trailing(tie.drive, lags)])
     fits[np.isnan(fits)] = -1.0
     best = int(np.argmax(fits))
@@ -178,15 +158,16 @@ def lagging(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     # what is driven lags by itself, which hides a part of a late drive
     least = "at least " if tie.kind == DRIVE else ""
     against = tie.words if channel == tie.channel else tie.channel
-    yield Doubt(
-        channel,
-        "lag",
-        f"{r.name}: {channel} comes {least}{seconds} s after {against}, with which it "
-        f"must move (correlation {tie.together:.2f}, without the lag {after:.2f}): its clock "
-        "is behind, or a filter delays it.",
-        f"shift {channel} by -{seconds} s{' or more' if least else ''} before the log is made, or "
-        "take the stamps of one clock.",
+    evidence = (
+        f"{channel} comes {least}{seconds} s after {against}, with which it must move (correlation "
+        f"{tie.together:.2f}, without the lag {after:.2f}): its clock is behind, or a filter "
+        "delays it."
     )
+    mend = (
+        f"shift {channel} by -{seconds} s{' or more' if least else ''} before the log is made, or "
+        "take the stamps of one clock."
+    )
+    yield Doubt(channel, "lag", evidence, mend)
 
 
 def _shift(tie: Tie) -> tuple[int, float]:

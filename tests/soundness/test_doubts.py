@@ -11,6 +11,8 @@ from short_logs import made_log
 
 import diffthrust as dft
 
+from .measured import changed
+
 MODEL = dft.Thruster()
 
 
@@ -20,17 +22,6 @@ def doubts(log, model=MODEL):
 
 def kinds(log, model=MODEL):
     return {(d.channel, d.kind) for d in doubts(log, model)}
-
-
-def changed(log, time=None, **channels):
-    """The log with some channels, or its time, put through functions."""
-    values = {**log.inputs, **log.measured}
-    new = {name: change(np.array(values[name])) for name, change in channels.items()}
-    return log.replaced(
-        time=log.time if time is None else time(np.array(log.time)),
-        inputs={k: new.get(k, v) for k, v in log.inputs.items()},
-        measured={k: new.get(k, v) for k, v in log.measured.items()},
-    )
 
 
 @pytest.fixture(scope="module")
