@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from diffthrust.layouts._recorded import RecordedLayout
+from diffthrust.logs._columns import Column
 from diffthrust.logs._contents import Contents, Field
 from diffthrust.logs._units import convert
 from diffthrust.survey._guess import LIKELY, PERHAPS, SURE, Meaning
 from diffthrust.survey._values import numbers_of, varies
 
-_RANK = {SURE: 0, LIKELY: 1, PERHAPS: 2}
+_CERTAINTY = (SURE, LIKELY, PERHAPS)
 FIRMLY = 0.5
 """Two columns with at least this correlation move together."""
 
@@ -54,6 +55,20 @@ class Pick:
         """The number at which a drive stands still."""
         return self.meaning.pwm.stop if self.meaning.pwm else 0.0
 
+    @property
+    def column(self) -> Column:
+        """The column as a spec file describes it."""
+        meaning = self.meaning
+        return Column(
+            self.field.name,
+            unit=meaning.spec_unit,
+            unsigned=self.unsigned,
+            scale=meaning.scale,
+            offset=meaning.offset,
+            pwm=meaning.pwm,
+            effort=meaning.unit == "percent",
+        )
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -80,6 +95,11 @@ class Choice:
         return replace(self, doubts=(*self.doubts, *words))
 
     @property
+    def timed(self) -> dict[str, Pick]:
+        """The time, where a column has it, and the channels."""
+        return {**({"time": self.time} if self.time else {}), **self.channels}
+
+    @property
     def static(self) -> bool:
         """Whether it is a table without time."""
         return self.time is None and not self.contents.messages
@@ -89,10 +109,10 @@ class Choice:
         """The time stamps of a table [s]; None for a static table, and if messages have stamps."""
         if self.time is None:
             return None
-        clock = self.time
+        clock = self.time.field
         if self.step is not None:
-            return self.step * np.arange(clock.field.values.size)
-        return convert(clock.field.values, clock.meaning.unit or "s", "s", where=clock.field.name)
+            return self.step * np.arange(clock.values.size)
+        return convert(clock.values, self.time.meaning.unit or "s", "s", where=clock.name)
 
 
 class Pool:
@@ -104,17 +124,10 @@ class Pool:
             if pick.meaning.quantity and numbers_of(pick.field.values).size:
                 self.by.setdefault(pick.meaning.quantity, []).append(pick)
         for picks in self.by.values():
-            picks.sort(
-                # A constant column is a setting or a dead sensor, and "relative" a copy of a time
-                # stamp or a position counted from its first value.
-                key=lambda p: (
-                    not varies(p.field.values),
-                    "relative" in p.field.name,
-                    _RANK[p.meaning.sure],
-                )
-            )
+            picks.sort(key=_unlikely)
 
     def all(self, quantity: str, *, moving: bool = False) -> list[Pick]:
+        """The columns of a quantity, the most likely first."""
         picks = self.by.get(quantity, [])
         return [p for p in picks if not moving or varies(p.field.values)]
 
@@ -124,14 +137,18 @@ class Pool:
         return picks[0].chosen(role, picks) if picks else None
 
     def picks(self, quantities: Iterable[str], role: str) -> dict[str, Pick]:
+        """The most likely column of each quantity that has one."""
         picks = {name: self.pick(name, role) for name in quantities}
         return {name: pick for name, pick in picks.items() if pick is not None}
 
     def sides(self, quantity: str) -> tuple[Pick, Pick] | None:
         """The left and the right column of a quantity."""
-        picks = self.all(quantity)
-        left, right = (
-            next((p.chosen("input") for p in picks if p.meaning.side == side), None)
-            for side in ("left", "right")
-        )
-        return (left, right) if left and right else None
+        sides = {p.meaning.side: p.chosen("input") for p in reversed(self.all(quantity))}
+        return (sides["left"], sides["right"]) if {"left", "right"} <= sides.keys() else None
+
+
+def _unlikely(pick: Pick) -> tuple[bool, bool, int]:
+    # A constant column is a setting or a dead sensor, and "relative" a copy of a time stamp or a
+    # position counted from its first value.
+    name, values = pick.field.name, pick.field.values
+    return not varies(values), "relative" in name, _CERTAINTY.index(pick.meaning.sure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os.path import commonpath, realpath, relpath
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,14 @@ import numpy as np
 import tomlkit
 
 from diffthrust.layouts._layout import listing_of
+from diffthrust.layouts._recorded import RecordedLayout
 from diffthrust.survey._choice import Choice, Pick
-from diffthrust.survey._crafts import craft_parameters, craft_tables, pwm_text
+from diffthrust.survey._suited import mass_of
 
 _WIDTH = 96
 _ROLES = {"input": " # an input", "measured": " # measured", "": ""}
+_NAMED = 12
+"""Columns that are not used, up to which they are named."""
 
 
 def drafted(
@@ -26,50 +29,27 @@ def drafted(
 
     ``apart`` are sentences on files that were left out.
     """
-    lines = [*_head(choice, [*train, *holdout], apart), ""]
-    if choice.model is None:
-        lines += ['# model = "thruster" # diffthrust new --help lists the models', ""]
-    else:
-        lines += [*_model(choice), "effects = [] # diffthrust effects lists them", ""]
+    lines = [*_head(choice, [*train, *holdout], apart), "", *_model(choice), ""]
     if choice.craft:
         for fact in choice.craft.facts:
             lines += _comment(f"{listing_of(fact.values)}: {fact.mark}, {fact.source}")
-        lines += [*craft_tables(choice.craft, choice.channels), ""]
+        lines += [*_thrusters(choice.craft, choice.channels), ""]
     lines += _logs(choice, train, holdout, folder)
     for name, pick in choice.channels.items():
         if choice.craft is None or pick.role == "measured":
             lines += ["", *_channel(name, pick)]
-    if choice.craft:
-        lines += ["", "[parameters]", *craft_parameters(choice.craft)]
-    if choice.held:
-        lines += ["", "[parameters]", *(f"{name} = {{ fixed = true }}" for name in choice.held)]
-    if choice.model == "vessel":
-        lines += ["", "[parameters]", "lever_arm = { value = 0.5 } # [m], not in a log: measure it"]
+    if parameters := [*_parameters(choice)]:
+        lines += ["", "[parameters]", *parameters]
     if choice.spare:
         lines += ["", *_comment("Also in the file. Remove the # to use one:")]
         for name, pick in choice.spare.items():
-            lines += ["#", *(f"# {line}" if line else "#" for line in _channel(name, pick))]
-    unused = _unused(choice)
+            lines += ["#", *(f"# {line}" for line in _channel(name, pick))]
+    used = {p.field.name for p in (*choice.timed.values(), *choice.spare.values())}
+    unused = [f.name for f in choice.contents.fields if f.name and f.name not in used]
     if unused:
-        lines += ["", *_comment(f"Not used: {unused}.")]
+        more = f" and {len(unused) - _NAMED} more" if len(unused) > _NAMED else ""
+        lines += ["", *_comment(f"Not used: {', '.join(unused[:_NAMED])}{more}.")]
     return "\n".join(lines) + "\n"
-
-
-def _model(choice: Choice) -> Iterator[str]:
-    yield f'model = "{choice.model}"'
-    if choice.craft:
-        yield f'body = "{choice.craft.body.name}"'
-    command = choice.channels.get("command")
-    if command is None:
-        return
-    if command.meaning.quantity == "set_point":
-        yield "# the command is the set point of a speed"
-    elif not command.meaning.effort:
-        yield '# or "dc_motor_thruster", with the currents and voltages of its motor'
-    elif choice.model == "thruster":
-        yield '# the command drives a torque, or "speed_loop_thruster", behind a controller (ESC)'
-    else:
-        yield '# a motor controller (ESC) holds the speed; or "thruster", where it drives a torque'
 
 
 def _head(choice: Choice, files: Sequence[Path], apart: str) -> Iterator[str]:
@@ -84,22 +64,78 @@ def _head(choice: Choice, files: Sequence[Path], apart: str) -> Iterator[str]:
             yield from _comment(doubt)
 
 
+def _model(choice: Choice) -> Iterator[str]:
+    if choice.model is None:
+        yield '# model = "thruster" # diffthrust new --help lists the models'
+        return
+    yield f'model = "{choice.model}"'
+    if choice.craft:
+        yield f'body = "{choice.craft.body.name}"'
+    if "command" in choice.channels:
+        yield f"# {_of_command(choice.channels['command'], choice.model)}"
+    yield "effects = [] # diffthrust effects lists them"
+
+
+def _of_command(command: Pick, model: str) -> str:
+    if command.meaning.quantity == "set_point":
+        return "the command is the set point of a speed"
+    if not command.meaning.effort:
+        return 'or "dc_motor_thruster", with the currents and voltages of its motor'
+    if model == "thruster":
+        return 'the command drives a torque, or "speed_loop_thruster", behind a controller (ESC)'
+    return 'a motor controller (ESC) holds the speed; or "thruster", where it drives a torque'
+
+
+def _thrusters(layout: RecordedLayout, channels: Mapping[str, Pick]) -> Iterator[str]:
+    """The thrusters of a craft."""
+    picks = {name: channels[f"{name}.command"] for name in layout.thrusters}
+    units = {
+        n: f"pwm = {_pwm(p)}" if p.meaning.pwm else 'unit = "effort"' for n, p in picks.items()
+    }
+    first, common = next(iter(picks)), len({*units.values()}) == 1
+    yield "[thrusters]"
+    yield 'model = "static_thruster"'
+    if common:
+        yield units[first]
+    for name, thruster in layout.thrusters.items():
+        yield f"[thrusters.{name}]"
+        if name != first:
+            yield f'like = "{first}"'
+        yield f"at = {_numbers(thruster.place)}"
+        yield f"pointing = {_numbers(thruster.pointing)}"
+        if thruster.reaction is not None:
+            yield f"reaction = {thruster.reaction:.6g}"
+        yield f'input = "{picks[name].field.name}"'
+        if not common:
+            yield units[name]
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return f"[{', '.join(f'{value:.6g}' for value in values)}]"
+
+
+def _parameters(choice: Choice) -> Iterator[str]:
+    """What this log cannot tell, and the strengths of a craft's thrusters."""
+    if choice.craft:
+        mass = mass_of(choice.craft)
+        described = choice.craft.body.declared[mass]
+        yield f"{mass} = {{ value = {described.value:g}, fixed = true }} # [{described.unit}]"
+        for name, thruster in choice.craft.thrusters.items():
+            if thruster.strength != 1.0:
+                yield f'"{name}.strength" = {thruster.strength:.6g}'
+    yield from (f"{name} = {{ fixed = true }}" for name in choice.held)
+    if choice.model == "vessel":
+        yield "lever_arm = { value = 0.5 } # [m], not in a log: measure it"
+
+
 def _logs(
     choice: Choice, train: Sequence[Path], holdout: Sequence[Path], folder: Path
 ) -> Iterator[str]:
-    def files(paths: Sequence[Path]) -> str:
-        names = [_toml(_as_seen(Path(realpath(path)), Path(realpath(folder)))) for path in paths]
-        listed = f"[{', '.join(names)}]"
-        return (
-            listed
-            if len(listed) < 80
-            else "[\n" + "".join(f"    {name},\n" for name in names) + "]"
-        )
-
     yield "[logs]"
-    yield f"train = {files(train)}"
+    yield f"train = {_files(train, folder)}"
     if holdout:
-        yield f"holdout = {files(holdout)} # never fitted: it shows what the fit is worth"
+        unseen = "never fitted: it shows what the fit is worth"
+        yield f"holdout = {_files(holdout, folder)} # {unseen}"
     else:
         yield '# holdout = ["..."] # another log, never fitted, shows what the fit is worth'
     if choice.craft:
@@ -108,19 +144,13 @@ def _logs(
         yield 'base = "messages" # all stamps as they are; or a step in seconds, such as 0.1'
     elif choice.step is not None:
         yield f"time = {choice.step:g} # [s] a row"
-    elif choice.time is None:
-        if choice.held:
-            yield "time = 0.5 # [s] for which each row is held"
-            yield "static = true # a table without time"
-        else:
-            yield "time = false # a table without time"
+    elif choice.time is not None:
+        yield from _time(choice.time)
+    elif choice.held:
+        yield "time = 0.5 # [s] for which each row is held"
+        yield "static = true # a table without time"
     else:
-        yield from _doubts(choice.time)
-        clock = choice.time.field
-        unit = f", unit = {_toml(choice.time.meaning.unit)}"
-        if clock.dates:
-            unit = f", dates = {_toml(clock.date_formats[0])}" if clock.date_formats else ""
-        yield f"time = {{ column = {_toml(clock.name)}{unit} }}"
+        yield "time = false # a table without time"
     if choice.contents.sheet:
         yield f"sheet = {_toml(choice.contents.sheet)}"
     used = [*choice.channels.values()]
@@ -138,6 +168,12 @@ def _logs(
             yield "interpolate_inputs = true # an input has missing samples"
 
 
+def _files(paths: Sequence[Path], folder: Path) -> str:
+    names = [_toml(_as_seen(Path(realpath(path)), Path(realpath(folder)))) for path in paths]
+    listed = f"[{', '.join(names)}]"
+    return listed if len(listed) < 80 else "[\n" + "".join(f"    {name},\n" for name in names) + "]"
+
+
 def _as_seen(path: Path, folder: Path) -> str:
     """A path relative to a folder; absolute if they share only the root."""
     # From the root up, "../../../../data/run.csv" is longer and more fragile than the absolute
@@ -146,26 +182,42 @@ def _as_seen(path: Path, folder: Path) -> str:
     return path.as_posix() if apart else Path(relpath(path, folder)).as_posix()
 
 
+def _time(pick: Pick) -> Iterator[str]:
+    yield from _doubts(pick)
+    clock, unit = pick.field, f", unit = {_toml(pick.meaning.unit)}"
+    if clock.dates:
+        unit = f", dates = {_toml(clock.date_formats[0])}" if clock.date_formats else ""
+    yield f"time = {{ column = {_toml(clock.name)}{unit} }}"
+
+
 def _channel(name: str, pick: Pick) -> Iterator[str]:
+    meaning = pick.meaning
     yield f"[channels.{name}]{_ROLES[pick.role]}"
     yield from _doubts(pick)
     yield f"column = {_toml(pick.field.name)}"
     if pick.alternatives:
-        few = ", ".join(_toml(column) for column in pick.alternatives[:4])
+        few = ", ".join(_toml(each) for each in pick.alternatives[:4])
         yield from _comment(f"or one of {few}" if len(pick.alternatives) > 1 else f"or {few}")
-    meaning = pick.meaning
     if meaning.pwm is not None:
-        yield f"pwm = {pwm_text(meaning.pwm)}"
+        yield f"pwm = {_pwm(pick)}"
     if meaning.spec_unit:
         yield f"unit = {_toml(meaning.spec_unit)}"
-        if meaning.unit == "percent":
-            yield "effort = true # 100 at full drive"
+    if meaning.unit == "percent":
+        yield "effort = true # 100 at full drive"
     if pick.unsigned:
         yield "unsigned = true"
     if meaning.scale != 1:
         yield f"scale = {meaning.scale:.10g}"
     if meaning.offset:
         yield f"offset = {meaning.offset:.10g}"
+
+
+def _pwm(pick: Pick) -> str:
+    """Widths of pulses as a spec file has them."""
+    pwm = pick.meaning.pwm
+    assert pwm is not None
+    reverse = "" if pwm.reverse is None else f", reverse = {pwm.reverse:g}"
+    return f"{{ stop = {pwm.stop:g}, full = {pwm.full:g}{reverse} }}"
 
 
 def _doubts(pick: Pick) -> Iterator[str]:
@@ -179,11 +231,3 @@ def _comment(words: str) -> list[str]:
 
 def _toml(value: Any) -> str:
     return tomlkit.item(value).as_string()
-
-
-def _unused(choice: Choice, limit: int = 12) -> str:
-    used = {p.field.name for p in (*choice.channels.values(), *choice.spare.values())}
-    used |= {choice.time.field.name} if choice.time else set()
-    names = [f.name for f in choice.contents.fields if f.name and f.name not in used]
-    more = len(names) - limit
-    return ", ".join(names[:limit]) + (f" and {more} more" if more > 0 else "")

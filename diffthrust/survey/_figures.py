@@ -13,25 +13,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST = 16
+"""Columns that are drawn where none was chosen."""
 
 
 def look_figure(choice: Choice, name: str) -> Figure:
     """The chosen channels below each other, inputs on top; without any, all numeric columns."""
-    clock = choice.seconds
     picks = sorted(choice.channels.items(), key=lambda pair: pair[1].role != "input")
-    panels = [_panel(_label(key, pick.field.name), pick, clock) for key, pick in picks]
-    if not panels:
-        numeric = [
-            pick
-            for pick in choice.columns
-            if np.isfinite(pick.field.values).any() and pick.meaning.quantity != "time"
-        ]
-        panels = [_panel(pick.field.name, pick, clock) for pick in numeric[:_MOST]]
+    named = [(n if n == p.field.name else f"{n}: '{p.field.name}'", p) for n, p in picks]
+    if not named:
+        numeric = [p for p in choice.columns if np.isfinite(p.field.values).any()]
+        named = [(p.field.name, p) for p in numeric if p.meaning.quantity != "time"][:_MOST]
+    clock = choice.seconds
+    panels = [_panel(label, pick, clock) for label, pick in named]
     return panels_figure(panels, name, *(["sample"] if choice.static else []))
-
-
-def _label(channel: str, column: str) -> str:
-    return channel if channel == column else f"{channel}: '{column}'"
 
 
 def _panel(label: str, pick: Pick, clock: np.ndarray | None) -> Panel:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -12,17 +12,16 @@ from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.logs._written import PWM
 from diffthrust.survey._names import (
+    ANY_UNIT,
     UNIT_OF,
     bare_of,
     named_pwm,
     named_units,
     quantities_of,
     side_of,
-    takes_any_unit,
     words_of,
 )
 from diffthrust.survey._values import (
-    angle_unit,
     counts,
     increases,
     is_pwm,
@@ -77,35 +76,25 @@ class Meaning:
 def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
     """Guess the meaning of each field; axes of ROS have y and turns to port as positive."""
     # u, v and r together are the velocities of a vessel; u without v is a control signal.
-    names = {bare_of(field.name) for field in fields}
-    unsaid = {bare_of(f.name) for f in fields if not named_units(f.name, f.unit)}
-    moving = {bare_of(field.name) for field in fields if _moves(field)}
+    units = [(bare_of(field.name), named_units(field.name, field.unit)) for field in fields]
+    names = {name for name, _ in units}
+    unsaid = {name for name, spelt in units if not spelt}
+    moving = {name for name, spelt in units if any(same_quantity(u, "m/s") for u in spelt)}
     vessel = {"u", "v"} <= (moving | unsaid if "r" in names else moving)
     speeds = {"u": "surge", "v": "sway"} if vessel else {}
     turned = {field.name[:-1] for field in fields if field.name.endswith(".w")}  # quaternions
-    result = [
-        Meaning("derived") if field.name[:-1] in turned else _meaning(field, speeds)
-        for field in fields
-    ]
-    if ros:
-        result = [
-            replace(
-                meaning, scale=-1.0, doubts=(*meaning.doubts, "ROS counts it positive to port.")
-            )
-            if meaning.quantity in ("sway", "yaw_rate")
-            else meaning
-            for meaning in result
-        ]
+    result = []
+    for field in fields:
+        meaning = Meaning("derived") if field.name[:-1] in turned else _meaning(field, speeds)
+        if ros and meaning.quantity in ("sway", "yaw_rate"):
+            doubts = (*meaning.doubts, "ROS counts it positive to port.")
+            meaning = replace(meaning, scale=-1.0, doubts=doubts)
+        result.append(replace(meaning, side=side_of(field.name)))
     return tuple(result)
 
 
-def _moves(field: Field) -> bool:
-    """Whether its unit is a velocity."""
-    return any(same_quantity(unit, "m/s") for unit in named_units(field.name, field.unit))
-
-
-def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
-    words, bare, side = words_of(field.name), bare_of(field.name), side_of(field.name)
+def _meaning(field: Field, speeds: Mapping[str, str]) -> Meaning:
+    words, bare = words_of(field.name), bare_of(field.name)
     if field.dates:
         formats = field.date_formats[1:]
         doubts = [f"Day and month are ambiguous: the dates may be {o!r}." for o in formats]
@@ -120,70 +109,63 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
         spellings.append(words_of(field.name.rsplit(".", 1)[-1]))
     named = chain.from_iterable(map(quantities_of, dict.fromkeys(spellings)))
     for quantity in [speeds[bare]] if bare in speeds else named:
-        if takes_any_unit(quantity):
+        if quantity in ANY_UNIT:
             unit = units[0] if units else "rpm" if "rpm" in words.split() else ""
-            return Meaning(quantity, unit, side=side, sure=LIKELY)
+            return Meaning(quantity, unit, sure=LIKELY)
         # "t" may be a thrust or a temperature: a time increases.
         if quantity == "time" and field.time is None and not increases(field.values):
             continue
         if quantity == "command":
             if not units or any(unit in _COMMAND_UNITS for unit in units):
-                return replace(_command(field.values, words, units), side=side)
+                return _command(field.values, words, units)
             continue
         if quantity == "rudder_angle" and units in ((), ("us",)) and is_pwm(field.values):
-            return replace(_servo(field.values), side=side)
+            return _servo(field.values)
         fitting = [unit for unit in units if same_quantity(unit, UNIT_OF[quantity])]
         # A name such as "v" fits several quantities: the stated unit decides (volts, or metres a
         # second).
-        if units and not fitting:
-            continue
-        meaning = _named(quantity, field, fitting, short=len(bare) < 2)
-        return replace(meaning, side=side)
-    return replace(_unnamed(field, units), side=side)
+        if fitting or not units:
+            return _named(quantity, field, fitting, short=len(bare) < 2)
+    return _unnamed(field, units)
 
 
 def _named(quantity: str, field: Field, units: Sequence[str], *, short: bool) -> Meaning:
     if units:
         return Meaning(quantity, units[0], sure=LIKELY if short else SURE, why="name and unit")
-    numbers = numbers_of(field.values)
-    largest = float(np.abs(numbers).max())
-    words = words_of(field.name).split()
-    unit, why, doubts = UNIT_OF[quantity], "name", []
+    largest = float(np.abs(numbers_of(field.values)).max())
+    unit, why, doubt = UNIT_OF[quantity], "name", ""
     if quantity == "time":
         unit, why, doubted = time_unit(field.values)
-        doubts = [f"No unit is named; taken for {unit} because {why}."] if doubted else []
+        doubt = f"No unit is named; taken for {unit} because {why}." if doubted else ""
     elif quantity in _TURNS:
-        unit, doubted = angle_unit(field.values, _TURNS[quantity])
-        if quantity == "yaw_rate":
-            unit += "/s"
-            doubts = ["No unit is named: it may be deg/s."] if doubted else []
-        else:
-            doubts = ["No unit is named: it may be deg."] if doubted else []
+        per = "/s" if quantity == "yaw_rate" else ""
+        in_degrees = largest > 1.05 * _TURNS[quantity]
+        unit = f"{'deg' if in_degrees else 'rad'}{per}"
+        doubt = "" if in_degrees else f"No unit is named: it may be deg{per}."
     elif quantity == "speed":
-        unit, doubts = _speed_unit(words, largest)
+        unit, doubt = _speed_unit(words_of(field.name).split(), largest)
     elif quantity == "thrust":
-        doubts = ["No unit is named: it may be kgf, lbf or kN."]
+        doubt = "No unit is named: it may be kgf, lbf or kN."
     elif quantity in ("latitude", "longitude"):
         unit = "deg"
     elif quantity == "supply_voltage" and largest > 1000:
         unit = "mV"
-    return Meaning(quantity, unit, sure=PERHAPS if short else LIKELY, why=why, doubts=tuple(doubts))
+    doubts = (doubt,) if doubt else ()
+    return Meaning(quantity, unit, sure=PERHAPS if short else LIKELY, why=why, doubts=doubts)
 
 
-def _speed_unit(words: Sequence[str], largest: float) -> tuple[str, list[str]]:
-    """The unit of a shaft speed, from its name or else from its magnitude."""
+def _speed_unit(words: Sequence[str], largest: float) -> tuple[str, str]:
+    """The unit of a shaft speed, from its name or else from its magnitude, and what is open."""
     if "erpm" in words:
-        return "rpm", ["Electrical turns: write scale = 1 / (pairs of poles)."]
+        return "rpm", "Electrical turns: write scale = 1 / (pairs of poles)."
     if "rpm" in words or "rpms" in words:
-        return "rpm", []
+        return "rpm", ""
     counted = words[0] == "n"  # n stands for revolutions
     # Thrusters turn at up to some 100 rev/s, 700 rad/s or 6000 rpm: what lies beyond one unit is
     # the next.
     unit = "rps" if counted and largest < 150 else "rpm" if counted or largest > 700 else "rad/s"
-    alternatives = " or ".join(
-        candidate for candidate in ("rad/s", "rpm", "rps") if candidate != unit
-    )
-    return unit, [f"No unit is named: it may be {alternatives}."]
+    alternatives = " or ".join(other for other in ("rad/s", "rpm", "rps") if other != unit)
+    return unit, f"No unit is named: it may be {alternatives}."
 
 
 def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
@@ -195,22 +177,23 @@ def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
         return pulse_command(pulses(values))
     if named and named != "us":
         return Meaning("command", named, sure=SURE, why="name and unit")
+    sure, why, scale = PERHAPS, "numbers", 1.0
     # Arduino's analogWrite takes a duty of 0 to 255, and its users call it PWM.
-    if named_pwm(words) and not pulsed and largest > 1.05 and largest <= 255:
+    if named_pwm(words) and not pulsed and 1.05 < largest <= 255:
+        unit, scale = "effort", 1 / 255
         doubt = "Called a pulse width, with numbers that are none: taken as counts to 255."
-        return Meaning("command", "effort", why="numbers", doubts=(doubt,), scale=1 / 255)
-    if largest <= 1.05:
+    elif largest <= 1.05:
+        unit, sure = "effort", LIKELY
         doubt = "Nothing beyond 1: taken for a share of full drive; it may be volts."
-        return Meaning("command", "effort", sure=LIKELY, why="numbers", doubts=(doubt,))
     # Up to 60 V are common supplies of thrusters; "thr" and "duty" are shares wherever they occur.
-    if largest <= 60 and "thr" not in words and "duty" not in words:
-        doubt = "No unit is named: taken for volts; it may be percent."
-        return Meaning("command", "V", why="numbers", doubts=(doubt,))
-    if largest <= 105:
-        doubt = "No unit is named: taken for percent of full drive."
-        return Meaning("command", "percent", why="numbers", doubts=(doubt,))
-    doubt = f"No unit is named, and numbers up to {largest:.4g} suggest none."
-    return Meaning("command", "", why="name", doubts=(doubt,))
+    elif largest <= 60 and "thr" not in words and "duty" not in words:
+        unit, doubt = "V", "No unit is named: taken for volts; it may be percent."
+    elif largest <= 105:
+        unit, doubt = "percent", "No unit is named: taken for percent of full drive."
+    else:
+        unit, why = "", "name"
+        doubt = f"No unit is named, and numbers up to {largest:.4g} suggest none."
+    return Meaning("command", unit, sure=sure, why=why, doubts=(doubt,), scale=scale)
 
 
 def pulse_command(widths: PWM, because: str = "") -> Meaning:
@@ -229,8 +212,8 @@ def _servo(values: np.ndarray) -> Meaning:
         f"Pulse widths of a servo: {widths.stop:g} is taken for amidships. That the rudder stands "
         f"at {_HARD_OVER:g} deg at {widths.full:g} is a guess: measure it, and correct scale."
     )
-    servo = Meaning("rudder_angle", "us", widths, sure=LIKELY, why="pulse widths", doubts=(doubt,))
-    return replace(servo, scale=_HARD_OVER)
+    servo = pulse_command(widths)
+    return replace(servo, quantity="rudder_angle", doubts=(doubt,), scale=_HARD_OVER)
 
 
 def _unnamed(field: Field, units: Sequence[str]) -> Meaning:
@@ -248,7 +231,7 @@ def _unnamed(field: Field, units: Sequence[str]) -> Meaning:
         return replace(_command(field.values, "", units), sure=PERHAPS, why="unit")
     if (not units or "us" in units) and field.time is None and _whole_pulses(field.values):
         return replace(_command(field.values, "", ()), sure=PERHAPS)
-    return Meaning("", units[0] if units else "", why="")
+    return Meaning("", units[0] if units else "")
 
 
 def _whole_pulses(values: np.ndarray) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -83,14 +83,12 @@ class Look(Result):
     @property
     def doubts(self) -> tuple[str, ...]:
         """Open questions for whoever knows the test, one sentence each."""
-        choice = self.choice
         where: dict[str, list[str]] = {}
-        picks = {**({"time": choice.time} if choice.time else {}), **choice.channels}
-        for name, pick in picks.items():
+        for name, pick in self.choice.timed.items():
             for word in pick.meaning.doubts:
                 where.setdefault(word, []).append(name)
         channel_doubts = [f"{', '.join(names)}: {word}" for word, names in where.items()]
-        return (*choice.doubts, *channel_doubts, *self.apart)
+        return (*self.choice.doubts, *channel_doubts, *self.apart)
 
     @property
     def spec(self) -> str:
@@ -184,84 +182,57 @@ _UNSEEN = re.compile("holdout|unseen|valid")
 """Words in the names of logs kept for validation."""
 
 
-@dataclass(frozen=True)
-class _Files:
-    """The contents of the files read, by name, and sentences on those refused."""
-
-    read: tuple[Contents, ...]
-    refused: tuple[str, ...]
-
-    @property
-    def contents(self) -> Contents:
-        """The first file of the most frequent kind."""
-        kinds = [_kind(content) for content in self.read]
-        return max(
-            self.read, key=lambda content: (kinds.count(_kind(content)), len(content.fields))
+def _files_at(path: Path) -> list[Path]:
+    """A file; of a folder, the logs in it."""
+    if not path.is_dir() or is_bag(path):
+        return [path]
+    inside = sorted(path.iterdir())
+    logs = [entry for entry in inside if is_log(entry)]
+    if not logs:
+        raise InputError(
+            f"{path}: expected a folder with logs, found none among its {len(inside)} files.",
+            "Name the file of a log.",
         )
-
-    def split(self, choice: Choice) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[str, ...]]:
-        """Files to fit, files to hold out (by name, or the last), and notes on those left out."""
-        wanted = {pick.field.name for pick in choice.channels.values()}
-        wanted |= {choice.time.field.name} if choice.time else set()
-        suited = [
-            content.path
-            for content in self.read
-            if content.messages == choice.contents.messages
-            and (wanted or {""}) <= ({field.name for field in content.fields} | {""})
-        ]
-        unsuited = [content.path.name for content in self.read if content.path not in suited]
-        apart = [f"Left out, without these columns: {listing(unsuited, 6)}."] if unsuited else []
-        if len(suited) < 2:
-            return tuple(suited), (), (*apart, *self.refused)
-        unseen = [path for path in suited if _UNSEEN.search(path.stem.lower())]
-        if not 0 < len(unseen) < len(suited):
-            # Logs are named by date or number: the last is the latest, and a fit that predicts it
-            # is of use.
-            unseen = suited[-1:]
-        train = [path for path in suited if path not in unseen]
-        return tuple(train), tuple(unseen), (*apart, *self.refused)
+    return logs
 
 
-def _files_at(paths: Sequence[Path]) -> _Files:
-    """Read the contents of files, and of those in folders."""
-    files: list[Path] = []
-    for path in paths:
-        if path.is_dir() and not is_bag(path):
-            inside = sorted(path.iterdir())
-            logs = [entry for entry in inside if is_log(entry)]
-            if not logs:
-                raise InputError(
-                    f"{path}: expected a folder with logs, found none among its {len(inside)} "
-                    "files.",
-                    "Name the file of a log.",
-                )
-            files += logs
-        else:
-            files.append(path)
+def _read(files: Iterable[Path]) -> tuple[list[Contents], list[str]]:
+    """The contents of the files, and sentences on those that are refused."""
     read, refused = [], []
     for file in files:
         try:
-            read.append(_read(file))
+            content = contents(file)
+            # A text file with a few numbers (a README) parses as a table as well.
+            if sum(np.isfinite(field.values).any() for field in content.fields) < 2:
+                raise InputError(
+                    f"{file}: expected a log, found fewer than two columns of numbers.",
+                    "Name a file with columns of numbers under a header, or a robot's log.",
+                )
+            read.append(content)
         except InputError as error:
             refused.append(error)
     if not read:
         raise refused[0]
-    return _Files(tuple(read), tuple(f"Left out: {error.problem}" for error in refused))
+    return read, [f"Left out: {error.problem}" for error in refused]
 
 
-def _read(file: Path) -> Contents:
-    content = contents(file)
-    # A text file with a few numbers (a README) parses as a table as well.
-    if sum(np.isfinite(field.values).any() for field in content.fields) < 2:
-        raise InputError(
-            f"{file}: expected a log, found fewer than two columns of numbers.",
-            "Name a file with columns of numbers under a header, or a robot's log.",
-        )
-    return content
+def _most_frequent(read: Sequence[Contents]) -> Contents:
+    """The first file of the most frequent kind."""
+    kinds = [
+        (c.kind, None if c.messages else tuple(field.name for field in c.fields)) for c in read
+    ]
+    ranks = [(kinds.count(kind), len(c.fields)) for kind, c in zip(kinds, read, strict=True)]
+    return read[ranks.index(max(ranks))]
 
 
-def _kind(content: Contents) -> tuple[object, ...]:
-    return content.kind, None if content.messages else tuple(field.name for field in content.fields)
+def _split(paths: Sequence[Path]) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Files to fit, and files to hold out: by name, or the last."""
+    unseen = [path for path in paths if _UNSEEN.search(path.stem.lower())]
+    if not 0 < len(unseen) < len(paths):
+        # Logs are named by date or number: the last is the latest, and a fit that predicts it
+        # is of use.
+        unseen = [*paths[-1:]] if len(paths) > 1 else []
+    return tuple(path for path in paths if path not in unseen), tuple(unseen)
 
 
 def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
@@ -293,8 +264,14 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
             "at the file that it came from.",
         )
     several = [Path(path)] if isinstance(path, str | PathLike) else [Path(entry) for entry in path]
-    files = _files_at(several)
-    choice = choice_of(files.contents)
-    train, holdout, apart = files.split(choice)
+    read, refused = _read([file for entry in several for file in _files_at(entry)])
+    first = _most_frequent(read)
+    choice = choice_of(first)
+    wanted = {pick.field.name for pick in choice.timed.values()} - {""}
+    alike = [content for content in read if content.messages == first.messages]
+    suited = [c.path for c in alike if wanted <= {field.name for field in c.fields}]
+    unsuited = [content.path.name for content in read if content.path not in suited]
+    apart = [f"Left out, without these columns: {listing(unsuited, 6)}."] if unsuited else []
+    train, holdout = _split(suited)
     choice = doubted(choice, (*train, *holdout))
-    return Look(files.contents.path, choice, rows_of(choice), train, holdout, apart)
+    return Look(first.path, choice, rows_of(choice), train, holdout, (*apart, *refused))

@@ -100,10 +100,8 @@ def _ending(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
 def side_of(name: str) -> str:
     """Side of a name: "left", "right" or empty."""
     words = f" {words_of(name)} "
-    for side, pattern in _SIDES.items():
-        if re.search(rf" ({pattern}) ", words):
-            return side
-    return ""
+    sides = (side for side, pattern in _SIDES.items() if re.search(rf" ({pattern}) ", words))
+    return next(sides, "")
 
 
 UNIT_OF: dict[str, str] = {
@@ -120,7 +118,8 @@ UNIT_OF: dict[str, str] = {
 NO_CHANNEL = ("set_point", "derived", "latitude", "longitude", "power")
 """Quantities that are reported but not used."""
 
-_ANY_UNIT = ("set_point", "derived")
+ANY_UNIT = ("set_point", "derived")
+"""Those of them whose unit does not matter."""
 _SCREW = r"(prop|propeller|shaft|motor|rotor|esc|engine)( \d+)?"
 _PWM_WORDS = (
     r"\b(pwm|pulse ?width|rcou|rcout)\b|\bservo \d+ raw\b|\bservo raw\b|\bactuator outputs output\b"
@@ -200,14 +199,7 @@ _COMPILED = tuple((quantity, re.compile(pattern)) for quantity, pattern in _RULE
 
 def quantities_of(words: str) -> Iterator[str]:
     """The quantities that the words of a name may mean, the most likely first."""
-    for quantity, pattern in _COMPILED:
-        if pattern.search(words):
-            yield quantity
-
-
-def takes_any_unit(quantity: str) -> bool:
-    """Whether the unit does not matter, as the quantity is reported but not used."""
-    return quantity in _ANY_UNIT
+    return (quantity for quantity, pattern in _COMPILED if pattern.search(words))
 
 
 def named_pwm(words: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,17 @@ from diffthrust.survey._values import numbers_of, sampling, varies
 
 _GAP = 5.0
 """A step between messages above this multiple of the median is remarked."""
+_WIDE = 40
+"""With more fields than this, only those that a model may use are listed."""
+_NAME = 30
+"""Characters up to which names of columns are never folded."""
+_ROLES = {
+    "time": "time",
+    "input": "inputs",
+    "measured": "measured",
+    "spare": "may be used besides",
+    "": "not used",
+}
 
 
 @dataclass(frozen=True)
@@ -70,17 +81,15 @@ def rows_of(choice: Choice) -> tuple[ColumnRow, ...]:
     """A row for each field, in the order of the file."""
     clock = choice.seconds
     common = sampling(clock) if clock is not None else (math.nan, math.nan)
-    clock_pick = {"time": choice.time} if choice.time else {}
     places = {pick.field.name: (name, "spare") for name, pick in choice.spare.items()}
-    for name, pick in {**choice.channels, **clock_pick}.items():
-        places[pick.field.name] = (name, pick.role)
+    places |= {pick.field.name: (name, pick.role) for name, pick in choice.timed.items()}
     picks = {pick.field.name: pick for pick in choice.channels.values()}
     rows = []
     for column in choice.columns:
         field = column.field
-        channel, role = places.get(field.name, ("", ""))
         pick = picks.get(field.name)
         meaning = (pick or column).meaning
+        channel, role = places.get(field.name, ("", ""))
         rate, gap = common if field.time is None else sampling(field.time)
         numbers = numbers_of(field.values)
         row = ColumnRow(
@@ -97,51 +106,42 @@ def rows_of(choice: Choice) -> tuple[ColumnRow, ...]:
             high=float(numbers.max()) if numbers.size else math.nan,
             rate=rate,
             gap=gap,
-            remarks=_remarks(field, pick, rate, gap),
+            remarks=tuple(_remarks(field, pick, rate, gap)),
         )
         rows.append(row)
     return tuple(rows)
 
 
-def _remarks(field: Field, pick: Pick | None, rate: float, gap: float) -> tuple[str, ...]:
+def _remarks(field: Field, pick: Pick | None, rate: float, gap: float) -> Iterator[str]:
     numbers = numbers_of(field.values)
-    remarks = []
     if not numbers.size:
-        remarks.append(f"text such as {field.text!r}" if field.text else "empty")
+        yield f"text such as {field.text!r}" if field.text else "empty"
     elif not varies(field.values) and numbers.size > 1:
-        remarks.append("constant")
+        yield "constant"
     elif field.text:
-        remarks.append(f"some text such as {field.text!r}")
+        yield f"some text such as {field.text!r}"
     if pick is not None and pick.unsigned:
-        remarks.append("no sign")
+        yield "no sign"
     if pick is not None and pick.meaning.scale < 0:
-        remarks.append("turned round")
+        yield "turned round"
     if field.time is not None and gap * rate > _GAP:
-        remarks.append(f"a gap of {gap:.3g} s")
-    return tuple(remarks)
-
-
-_WIDE = 40
-"""With more fields than this, only those that a model may use are listed."""
-_NAME = 30
-"""Characters up to which names of columns are never folded."""
-_ROLES = {
-    "time": "time",
-    "input": "inputs",
-    "measured": "measured",
-    "spare": "may be used besides",
-    "": "not used",
-}
+        yield f"a gap of {gap:.3g} s"
 
 
 def split_rows(columns: Sequence[ColumnRow], all: bool) -> tuple[list[ColumnRow], list[ColumnRow]]:
     """The columns to list, ordered by role, and those that are only counted."""
     order = list(_ROLES)
-    listed, remaining = sorted(columns, key=lambda row: order.index(row.role)), []
-    if len(columns) > _WIDE and not all:
-        listed = [row for row in listed if row.channel or _usable(row)][:_WIDE]
-        remaining = [row for row in columns if row not in listed]
-    return listed, remaining
+    listed = sorted(columns, key=lambda row: order.index(row.role))
+    if len(columns) <= _WIDE or all:
+        return listed, []
+    listed = [row for row in listed if row.channel or _usable(row)][:_WIDE]
+    return listed, [row for row in columns if row not in listed]
+
+
+def _usable(row: ColumnRow) -> bool:
+    """Whether a model might use it."""
+    has_channel = row.quantity in UNIT_OF and row.quantity not in NO_CHANNEL
+    return has_channel and row.low < row.high
 
 
 def column_rows(columns: Sequence[ColumnRow], messages: bool) -> Rows:
@@ -150,14 +150,19 @@ def column_rows(columns: Sequence[ColumnRow], messages: bool) -> Rows:
     rows, role = [], None
     for column in columns:
         if column.role != role:
-            heading = Styled(f"{_ROLES[column.role]}:", "strong")
-            rows.append((heading, *[""] * (len(headings) - 1)))
             role = column.role
+            rows.append((Styled(f"{_ROLES[role]}:", "strong"), *[""] * (len(headings) - 1)))
         cells = (f"  {column.name or '(no name)'}", _meaning(column), column.unit)
         numbers = (column.low, column.high, *([column.rate] if messages else []))
         rows.append((*cells, *(number(value, 3) for value in numbers)))
-    short = max((len(column.name) for column in columns), default=0) <= _NAME
+    short = all(len(column.name) <= _NAME for column in columns)
     return Rows.of(headings, rows, numbers=range(3, len(headings)), unbroken=(0,) if short else ())
+
+
+def _meaning(row: ColumnRow) -> str:
+    if row.channel or row.quantity == "derived":
+        return row.channel or "-"
+    return f"{humanize(row.quantity)}{'?' if row.sure == 'perhaps' else ''}" or "?"
 
 
 def remarks(rows: Sequence[ColumnRow]) -> list[str]:
@@ -170,29 +175,20 @@ def remarks(rows: Sequence[ColumnRow]) -> list[str]:
     return [f"{remark}: {', '.join(names)}" for remark, names in columns.items()]
 
 
-def _meaning(row: ColumnRow) -> str:
-    if row.channel or row.quantity == "derived":
-        return row.channel or "-"
-    return f"{humanize(row.quantity)}{'?' if row.sure == 'perhaps' else ''}" or "?"
-
-
 def first_line(name: str, choice: Choice, columns: Sequence[ColumnRow]) -> str:
     """The kind of a file, its size, and its sampling."""
     contents, clock = choice.contents, choice.seconds
     if contents.messages:
-        spans = [
-            f.time[-1] - f.time[0] for f in contents.fields if f.time is not None and f.time.size
-        ]
-        return f"{name}: {contents.kind}, {len(columns)} fields, {max(spans, default=0):.4g} s."
+        stamps = [f.time for f in contents.fields if f.time is not None and f.time.size]
+        span = max((time[-1] - time[0] for time in stamps), default=0)
+        return f"{name}: {contents.kind}, {len(columns)} fields, {span:.4g} s."
     samples = columns[0].samples if columns else 0
     size = f"{name}: {contents.kind}, {samples} rows of {len(columns)} columns"
-    timed = next((row for row in columns if not math.isnan(row.rate)), None)
-    if timed is None:
+    if clock is None or math.isnan(columns[0].rate):
         return f"{size}, no time."
-    assert clock is not None
     return (
-        f"{size}, {number(float(clock[-1] - clock[0]))} s at {number(timed.rate, 3)} Hz, "
-        f"largest gap {number(timed.gap, 3)} s."
+        f"{size}, {number(float(clock[-1] - clock[0]))} s at {number(columns[0].rate, 3)} Hz, "
+        f"largest gap {number(columns[0].gap, 3)} s."
     )
 
 
@@ -205,12 +201,6 @@ def model_line(choice: Choice, train: Sequence[Path], holdout: Sequence[Path]) -
         files = f"{len(train)} file{'s' if len(train) > 1 else ''}"
         line += f" {files} to fit, {', '.join(path.name for path in holdout)} to be kept unseen."
     return line
-
-
-def _usable(row: ColumnRow) -> bool:
-    """Whether a model might use it."""
-    has_channel = row.quantity in UNIT_OF and row.quantity not in NO_CHANNEL
-    return has_channel and row.low < row.high
 
 
 def grouped(rows: Iterable[ColumnRow]) -> str:

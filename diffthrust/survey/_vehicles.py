@@ -22,6 +22,9 @@ from diffthrust.survey._values import (
     two_sided,
 )
 
+MOTION = ("surge", "sway", "yaw_rate")
+POSE = ("north", "east", "heading")
+
 
 def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
     """A thruster with its command, or only thrust over speed; None if neither fits."""
@@ -38,26 +41,22 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
         if volts and "supply_voltage" not in spare:
             battery = volts[0].chosen("input").meant(quantity="supply_voltage", doubts=())
             spare["supply_voltage"] = battery
+    if not commands and "speed" in measured:
+        targets = pool.all("set_point", moving=True)
+        commands = [target for target in targets if same_quantity(target.meaning.unit, "rad/s")]
     if commands:
         chosen = _driven(pool, commands, measured)
-        loop = chosen["command"].meaning.effort and _holds_speed(chosen)
+        meant = chosen["command"].meaning
+        loop = meant.quantity == "set_point" or (meant.effort and _holds_speed(chosen))
         model = "speed_loop_thruster" if loop else "thruster"
         return replace(plain, model=model, channels=chosen, spare=spare)
-    targets = [
-        p for p in pool.all("set_point", moving=True) if same_quantity(p.meaning.unit, "rad/s")
-    ]
-    if targets and "speed" in measured:
-        chosen = _driven(pool, targets, measured)
-        return replace(plain, model="speed_loop_thruster", channels=chosen, spare=spare)
     if len(measured) < 2:
         return None
-    speed, thrust = measured["speed"], measured["thrust"]
-    speed = replace(speed, role="input")
+    speed, thrust = replace(measured["speed"], role="input"), measured["thrust"]
     if one_sided(speed.field.values) and not one_sided(thrust.field.values):
         if correlated(speed.field, thrust.field) < -FIRMLY:
-            speed = speed.turned(
-                "It has no sign; turned round by scale, as the thrust falls where it rises."
-            )
+            word = "It has no sign; turned round by scale, as the thrust falls where it rises."
+            speed = speed.turned(word)
         else:
             speed = speed.doubted("It has no sign, and the thrust goes both ways: which, is open.")
     word = "No command was found: with the speed as input the thrust part alone is fitted."
@@ -67,30 +66,25 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
 
 def _driven(pool: Pool, commands: Sequence[Pick], measured: Mapping[str, Pick]) -> dict[str, Pick]:
     """Command, speed and thrust of one thruster; of several, those that move together."""
-    best: tuple[float, Pick, dict[str, Pick]] | None = None
+    rivals = {name: pool.all(name, moving=True) for name in measured}
     lead = next(iter(measured))
-    for command in commands:
-        for answer in pool.all(lead, moving=True):
-            tied = _follows(command, answer)
+    tied, command, answers = -1.0, commands[0], {lead: rivals[lead][0]}
+    for candidate in commands:
+        for answer in rivals[lead]:
             # The margin keeps the first pair of equal ones (four thrusters under one command), in
             # the file's order.
-            if best is None or tied > best[0] + 0.01:
-                best = (tied, command, {lead: answer})
-    assert best is not None
-    tied, command, answers = best
+            if (together := _follows(candidate, answer)) > tied + 0.01:
+                tied, command, answers = together, candidate, {lead: answer}
     for name in measured:
         if name not in answers:
-            rivals = pool.all(name, moving=True)
-            answers[name] = max(rivals, key=lambda rival: _follows(command, rival))
+            answers[name] = max(rivals[name], key=lambda rival: _follows(command, rival))
     if _ahead_only(command, [*answers.values()]):
         word = ", as what is measured rises from the lowest widths on and is never negative"
         widths = pulses_ahead(command.field.values)
         command = replace(command, meaning=pulse_command(widths, word))
     chosen = {"command": command.chosen("input", commands)}
-    for name in ("speed", "thrust"):
-        if name not in answers:
-            continue
-        pick = answers[name].chosen("measured", pool.all(name, moving=True))
+    for name in measured:
+        pick = answers[name].chosen("measured", rivals[name])
         both_ways = two_sided(command.field.values - command.stop)
         if name == "speed" and both_ways and one_sided(pick.field.values):
             word = "Never negative under a command that goes both ways: it has no sign."
@@ -153,10 +147,6 @@ def _follows(command: Pick, answer: Pick) -> float:
     return max(abs(signed), sizes)
 
 
-MOTION = ("surge", "sway", "yaw_rate")
-POSE = ("north", "east", "heading")
-
-
 def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
     """A vessel with two thrusters, or with propeller and rudder; None if neither fits."""
     motion = pool.picks(MOTION, "measured")
@@ -168,44 +158,41 @@ def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
         place = {"north": fixes["latitude"], "east": fixes["longitude"], **place}
     if not motion and not place:
         return None
-    turns = _turning(motion, place, plain)
+    together, ratio = _turning(motion, place, plain)
     if "yaw_rate" in motion:
-        motion["yaw_rate"] = _unit_from_heading(motion["yaw_rate"], *turns)
-    driven = _twin(pool, motion, turns[0]) or _propeller(pool, motion)
+        motion["yaw_rate"] = _unit_from_heading(motion["yaw_rate"], together, ratio)
+    driven = _twin(pool, motion, together) or _propeller(pool, motion)
     if driven is None:
         return None
     drive, motion = driven
     winds = pool.picks(("wind_speed", "wind_direction"), "input")
+    channels = {**drive, **(motion or place)}
+    spare = {**(place if motion else {}), **winds}
     arm = "lever_arm is not in a log: measure it on the vessel, and write it under [parameters]."
-    return replace(
-        plain,
-        model="vessel",
-        channels={**drive, **(motion or place)},
-        spare={**(place if motion else {}), **winds},
-    ).doubted(arm)
+    return replace(plain, model="vessel", channels=channels, spare=spare).doubted(arm)
 
 
 def _turning(
     motion: Mapping[str, Pick], place: Mapping[str, Pick], plain: Choice
 ) -> tuple[float, float]:
     """Correlation of the heading's change with the yaw rate, and their ratio [rad/s]."""
-    if "yaw_rate" not in motion or "heading" not in place:
+    rate, heading = motion.get("yaw_rate"), place.get("heading")
+    if rate is None or heading is None:
         return 0.0, np.nan
-    rate, heading = motion["yaw_rate"], place["heading"]
     clock = heading.field.time if plain.contents.messages else plain.seconds
     if clock is None:
         return 0.0, np.nan
     turn = 360.0 if heading.meaning.unit == "deg" else 2 * np.pi
-    together, times = turning(heading.field, clock, turn, rate.field)
-    return together * np.sign(rate.meaning.scale), times
+    together, ratio = turning(heading.field, clock, turn, rate.field)
+    return together * np.sign(rate.meaning.scale), ratio
 
 
-def _unit_from_heading(rate: Pick, together: float, times: float) -> Pick:
+def _unit_from_heading(rate: Pick, together: float, ratio: float) -> Pick:
     """Take the unit of the yaw rate from the heading if its name gives none."""
     for unit, factor in (("rad/s", 1.0), ("deg/s", np.pi / 180)):
         # The two units differ by a factor of 57: 0.7 to 1.4 leaves room for noise and a slow
         # sensor.
-        if abs(together) > FIRMLY and 0.7 < abs(times) / factor < 1.4 and rate.meaning.doubts:
+        if abs(together) > FIRMLY and 0.7 < abs(ratio) / factor < 1.4 and rate.meaning.doubts:
             return rate.meant(unit=unit, sure=SURE, why="heading", doubts=())
     return rate
 
@@ -229,16 +216,17 @@ def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
             port, starboard = starboard, port
         return {"left_force": port.doubted(word), "right_force": starboard}, motion
     port, starboard = pair
-    if rate is None or _turning_sense(port, starboard, rate) > -FIRMLY:
-        return {"left_force": port, "right_force": starboard}, motion
-    against = "The vessel turns to port where left exceeds right: "
-    # Heading and yaw rate agree, so the rate's sign is right, and the columns must be exchanged.
-    if turns > FIRMLY:
-        word = f"{against}exchanged here, as the heading turns at the yaw rate."
-        return {"left_force": starboard.doubted(word), "right_force": port.doubted(word)}, motion
-    word = f"{against}turned round by scale; it may be that left and right are exchanged."
-    drive = {"left_force": port, "right_force": starboard}
-    return drive, {**motion, "yaw_rate": rate.turned(word)}
+    if rate is not None and _turning_sense(port, starboard, rate) <= -FIRMLY:
+        against = "The vessel turns to port where left exceeds right: "
+        # Heading and yaw rate agree, so the rate's sign is right, and the columns must be
+        # exchanged.
+        if turns > FIRMLY:
+            word = f"{against}exchanged here, as the heading turns at the yaw rate."
+            port, starboard = starboard.doubted(word), port.doubted(word)
+        else:
+            word = f"{against}turned round by scale; it may be that left and right are exchanged."
+            motion = {**motion, "yaw_rate": rate.turned(word)}
+    return {"left_force": port, "right_force": starboard}, motion
 
 
 def _turning_sense(port: Pick, starboard: Pick, rate: Pick) -> float:
@@ -251,7 +239,6 @@ def _propeller(pool: Pool, motion: dict[str, Pick]) -> _Drive | None:
         return None
     rudder, rate = drive["rudder_angle"], motion.get("yaw_rate")
     if rate is not None and correlated(rudder.field, rate.field) * rate.meaning.scale > FIRMLY:
-        rudder = rudder.turned(
-            "Turned round by scale: here a positive angle turns to starboard, in the model to port."
-        )
+        word = "here a positive angle turns to starboard, in the model to port."
+        rudder = rudder.turned(f"Turned round by scale: {word}")
     return {"propeller_speed": drive["speed"], "rudder_angle": rudder}, motion
