@@ -11,20 +11,16 @@ from diffthrust.comparison._agreement import (  # private: of errors made by han
 from diffthrust.comparison._derived_signals import (  # private: of made signals
     derived_signals,
 )
-from diffthrust.comparison._noise_advice import (  # private: made residuals alone
-    noise_advice,
-)
-from diffthrust.comparison._regime_search import (  # private: the search on made series alone
+from diffthrust.comparison._regimes import (  # private: on made residuals
+    Regime,
     Samples,
     SignalRange,
     worst_range,
-)
-from diffthrust.comparison._regimes import (  # private: on made residuals
-    Regime,
     worst_regimes,
 )
 from diffthrust.comparison._residual_tests import (  # private: the tests on made residuals alone
     cross_correlation,
+    noise_advice,
     residual_tests,
 )
 

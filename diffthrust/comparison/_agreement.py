@@ -8,31 +8,31 @@ heading must turn at the yaw rate) whether the channel itself is to blame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust._support.words import percent
 from diffthrust.comparison._residual_tests import cross_correlation
+from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run
-
-if TYPE_CHECKING:
-    from diffthrust.models._base.model import Model
-
-
-from typing import NamedTuple
-
-from diffthrust._support.words import percent
 
 Pair = tuple[np.ndarray, np.ndarray]
 
 # Correlation above which two series move together (and below minus which they oppose each other),
 # above which they do so firmly, and the ratio of swings from which on a scale is doubted.
 _TOGETHER, _FIRMLY, _SCALE = 0.5, 0.8, 2.5
+_BORNE_OUT = {
+    "yaw_rate": "'heading'",
+    "surge": "'north', 'east' and 'heading'",
+    "sway": "'north', 'east' and 'heading'",
+}
+"""What a log must measure for its kinematics to tell of a channel."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ class Agreement:
     @property
     def sentence(self) -> str:
         """What is odd, in plain words; empty where nothing is."""
-        evidence = f"(correlation {self.correlation:+.2f} over {_runs(self.runs)})"
+        runs = "1 run" if self.runs == 1 else f"{self.runs} runs"
+        evidence = f"(correlation {self.correlation:+.2f} over {runs})"
         if self.opposed:
             return f"{self.channel}: the measurement moves opposite to the model {evidence}."
         if self.correlation > _FIRMLY and not 1 / _SCALE < self.gain < _SCALE:
@@ -82,17 +83,15 @@ class Agreement:
 
 def agreement(model: Model, runs: Sequence[Run], channel: str) -> Agreement | None:
     """Hold a measured channel against the modelled one; ``None`` where either does not move."""
-    having = [run for run in runs if _measured(run, channel)]
-    if not having:
-        return None
-    if not all(np.all(np.isfinite(run.signals[channel])) for run in having):
+    having = [run for run in runs if _is_measured(run, channel)]
+    if not having or not all(np.isfinite(run.signals[channel]).all() for run in having):
         return None
     pairs = [_pair(model, run, channel, run.signals[channel]) for run in having]
     together, gain = _together(pairs)
     if not np.isfinite(together):
         return None
     step = float(np.median(np.concatenate([np.diff(run.time) for run in having])))
-    measured, modelled = ([pair[i] for pair in pairs] for i in (0, 1))
+    measured, modelled = zip(*pairs, strict=True)
     reach = max(1, min(max(x.size for x in measured) // 4, 200))
     crossed = cross_correlation(channel, measured, modelled, reach, step)
     return Agreement(channel, together, crossed.band, gain, crossed.lag, len(having))
@@ -109,33 +108,27 @@ def hints(model: Model, runs: Sequence[Run], agreements: Iterable[Agreement]) ->
     kinematic = _kinematics(runs)
     sentences = [a.sentence for a in agreements if a.sentence]
     if opposed:
-        names = [a.channel for a in agreements if a.correlation > _FIRMLY]
-        sentences += _mends(model, runs, opposed, names)
+        agreeing = [a.channel for a in agreements if a.correlation > _FIRMLY]
+        sentences += _mends(model, runs, opposed, agreeing)
     for channel, (words, together) in kinematic.items():
+        evidence = f"{words} of the same log (correlation {together:+.2f})"
         if together < -_TOGETHER:
             sentences.append(
-                f"{channel}: it opposes {words} of the same log (correlation {together:+.2f}): the "
-                "sign of one of them is not what its name says."
+                f"{channel}: it opposes {evidence}: the sign of one of them is not what its name "
+                "says."
             )
         elif together > _TOGETHER and channel in opposed:
             sentences.append(
-                f"{channel}: it agrees with {words} of the same log (correlation {together:+.2f}), "
-                "so not this channel but an input is the odd one."
+                f"{channel}: it agrees with {evidence}, so not this channel but an input is the "
+                "odd one."
             )
-    unknown = [name for name in opposed if name not in kinematic and name in _BORNE_OUT]
     sentences += [
-        f"{name}: whether this channel or an input is the odd one, a measured "
-        f"{_BORNE_OUT[name]} would tell."
-        for name in unknown
+        f"{name}: whether this channel or an input is the odd one, a measured {_BORNE_OUT[name]} "
+        "would tell."
+        for name in opposed
+        if name not in kinematic and name in _BORNE_OUT
     ]
     return tuple(sentences)
-
-
-_BORNE_OUT = {
-    "yaw_rate": "'heading'",
-    "surge": "'north', 'east' and 'heading'",
-    "sway": "'north', 'east' and 'heading'",
-}
 
 
 def _mends(
@@ -143,54 +136,50 @@ def _mends(
 ) -> list[str]:
     """The changes of inputs that make opposed channels agree and spoil no other, best first."""
     mends = []
-    for words, changed in _changes(model, runs):
-        after = _after(model, runs, changed, [*opposed, *agreeing])
+    for words, sources in _changes(model, runs):
+        after = _after(model, runs, sources, [*opposed, *agreeing])
         # a change that mends one channel and spoils another is no explanation
         if all(value > _TOGETHER for value in after.values()):
             listed = ", ".join(f"{name} {after[name]:+.2f}" for name in opposed)
-            mends.append(
-                (-min(after.values()), f"{words} turns the correlation positive: {listed}.")
-            )
+            sentence = f"{words} turns the correlation positive: {listed}."
+            mends.append((-min(after.values()), sentence))
     return [sentence for _, sentence in sorted(mends)]
 
 
-def _changes(model: Model, runs: Sequence[Run]) -> Iterable[tuple[str, Callable[[Record], Record]]]:
+_Sources = Mapping[str, tuple[int, str]]
+"""Inputs that become plus or minus another one of the same unit."""
+
+
+def _changes(model: Model, runs: Sequence[Run]) -> Iterator[tuple[str, _Sources]]:
     names = [name for name in model.inputs if all(name in run.record.inputs for run in runs)]
     for first, second in combinations(names, 2):
         if model.inputs[first] == model.inputs[second]:
-            yield (
-                f"Exchanging the inputs {first} and {second}",
-                _taking({first: (1, second), second: (1, first)}),
-            )
+            exchanged = {first: (1, second), second: (1, first)}
+            yield f"Exchanging the inputs {first} and {second}", exchanged
     for name in names:
-        yield f"Reversing the sign of the input {name}", _taking({name: (-1, name)})
+        yield f"Reversing the sign of the input {name}", {name: (-1, name)}
 
 
-def _taking(taken: Mapping[str, tuple[int, str]]) -> Callable[[Record], Record]:
-    """A change of records: each named input becomes plus or minus another of the same unit."""
-
-    def changed(record: Record) -> Record:
-        inputs = {name: sign * record.inputs[source] for name, (sign, source) in taken.items()}
-        hold = {name: record.hold[source] for name, (_, source) in taken.items()}
-        return replace(record, inputs={**record.inputs, **inputs}, hold={**record.hold, **hold})
-
-    return changed
+def _changed(record: Record, sources: _Sources) -> Record:
+    inputs = {name: sign * record.inputs[source] for name, (sign, source) in sources.items()}
+    hold = {name: record.hold[source] for name, (_, source) in sources.items()}
+    return replace(record, inputs={**record.inputs, **inputs}, hold={**record.hold, **hold})
 
 
 def _after(
-    model: Model, runs: Sequence[Run], changed: Callable[[Record], Record], channels: Iterable[str]
+    model: Model, runs: Sequence[Run], sources: _Sources, channels: Iterable[str]
 ) -> dict[str, float]:
-    """Correlation of each channel with a simulation over changed records."""
+    """Correlation of each channel with a simulation over changed inputs."""
     pairs: dict[str, list[Pair]] = {name: [] for name in channels}
     for run in runs:
-        modelled = simulate_fixed(model, changed(run.record), run.start, run.substeps)
+        modelled = simulate_fixed(model, _changed(run.record, sources), run.start, run.substeps)
         for name in pairs:
-            if _measured(run, name):
+            if _is_measured(run, name):
                 pairs[name].append(_pair(model, run, name, modelled[name]))
     return {name: _together(pair)[0] for name, pair in pairs.items()}
 
 
-def _measured(run: Run, channel: str) -> bool:
+def _is_measured(run: Run, channel: str) -> bool:
     return channel in run.channels and bool(np.isfinite(run.channels[channel].measured).any())
 
 
@@ -207,10 +196,11 @@ def _together(pairs: Sequence[Pair]) -> tuple[float, float]:
     """Correlation, and slope of the first on the second; NaN where one does not move."""
     first, second = (np.concatenate(x) for x in zip(*pairs, strict=True))
     finite = np.isfinite(first) & np.isfinite(second)
-    if finite.sum() < 10 or not (np.ptp(first[finite]) > 0 and np.ptp(second[finite]) > 0):
+    first, second = first[finite], second[finite]
+    if first.size < 10 or not (np.ptp(first) > 0 and np.ptp(second) > 0):
         return np.nan, np.nan
-    correlation = float(np.corrcoef(first[finite], second[finite])[0, 1])
-    return correlation, correlation * float(np.std(first[finite]) / np.std(second[finite]))
+    correlation = float(np.corrcoef(first, second)[0, 1])
+    return correlation, correlation * float(np.std(first) / np.std(second))
 
 
 def _kinematics(runs: Sequence[Run]) -> dict[str, tuple[str, float]]:
@@ -220,18 +210,14 @@ def _kinematics(runs: Sequence[Run]) -> dict[str, tuple[str, float]]:
         measured = {name: trace.measured for name, trace in run.channels.items()}
         if "heading" not in measured:
             continue
-        if "yaw_rate" in measured:
-            turned = _over_a_second(run.time, measured["heading"])
-            pairs.setdefault("yaw_rate", []).append((measured["yaw_rate"], turned))
+        due = {"yaw_rate": _over_a_second(run.time, measured["heading"])}
         if "north" in measured and "east" in measured:
             north, east = (_over_a_second(run.time, measured[name]) for name in ("north", "east"))
             cos, sin = np.cos(measured["heading"]), np.sin(measured["heading"])
-            for name, moved in (
-                ("surge", north * cos + east * sin),
-                ("sway", east * cos - north * sin),
-            ):
-                if name in measured:
-                    pairs.setdefault(name, []).append((measured[name], moved))
+            due |= {"surge": north * cos + east * sin, "sway": east * cos - north * sin}
+        for name, moved in due.items():
+            if name in measured:
+                pairs.setdefault(name, []).append((measured[name], moved))
     words = {"yaw_rate": "the rate of the measured heading"}
     along = "the motion of the measured position"
     return {name: (words.get(name, along), _together(pair)[0]) for name, pair in pairs.items()}
@@ -249,10 +235,6 @@ def _over_a_second(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return rate
 
 
-def _runs(count: int) -> str:
-    return "1 run" if count == 1 else f"{count} runs"
-
-
 _OUTSTANDING = 3.0
 """A run stands out where its error is this multiple of the median run's, both absolute and as a
 share of what varies in the run: neither a larger manoeuvre nor a smaller one makes it odd."""
@@ -261,13 +243,8 @@ share of what varies in the run: neither a larger manoeuvre nor a smaller one ma
 class Outstanding(NamedTuple):
     """The error of one run beside those of the others, in one channel.
 
-    Args:
-        place: of the run among those that were given.
-        run: its name.
-        channel: the channel.
-        ratio: RMSE of the run over that of the median run.
-        share: of the squared error of all runs.
-        size: the RMSE in words.
+    ``place`` is that of the run among those that were given, ``ratio`` its RMSE over that of the
+    median run, ``share`` that of the squared error of all runs, and ``size`` the RMSE in words.
     """
 
     place: int
@@ -288,12 +265,7 @@ class Outstanding(NamedTuple):
 
 
 def beside_others(runs: Sequence[Run], channel: str) -> list[Outstanding]:
-    """The error of every run that has a channel, beside that of the median run.
-
-    Example:
-        >>> beside_others(runs, "speed")[0].ratio
-        1.1
-    """
+    """The error of every run that has a channel, beside that of the median run."""
     by_run = {i: r.errors.channels[channel] for i, r in enumerate(runs) if channel in r.channels}
     usual = float(np.median([e.rmse for e in by_run.values()])) if by_run else np.nan
     total = sum(e.rmse**2 * e.samples for e in by_run.values())
@@ -311,12 +283,7 @@ def beside_others(runs: Sequence[Run], channel: str) -> list[Outstanding]:
 
 
 def outstanding(runs: Sequence[Run]) -> list[Outstanding]:
-    """The runs whose errors stand out, channel by channel; none of fewer than three.
-
-    Example:
-        >>> [one.run for one in outstanding(runs)]
-        ['run 3']
-    """
+    """The runs whose errors stand out, channel by channel; none of fewer than three."""
     standing_out = []
     for name in dict.fromkeys(name for run in runs for name in run.channels):
         by_run = beside_others(runs, name)

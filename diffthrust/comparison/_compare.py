@@ -17,9 +17,13 @@ from diffthrust._support.report import Bullets, Report, Section, Styled, closing
 from diffthrust._support.results import Result
 from diffthrust.comparison._agreement import Agreement, agreement, hints, outstanding
 from diffthrust.comparison._derived_signals import signals_of, units_of
-from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
 from diffthrust.comparison._regimes import Regime, worst_regimes
-from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
+from diffthrust.comparison._residual_tests import (
+    NoiseAdvice,
+    ResidualTests,
+    noise_advice,
+    residual_tests,
+)
 from diffthrust.estimation._arguments import LIKELIHOODS
 from diffthrust.estimation._origin import Origin, closing, origin_of, taken_part
 from diffthrust.estimation._result import error_rows
@@ -69,9 +73,22 @@ class Comparison(Result):
         (['speed', 'thrust'], True)
         >>> comparison.failures, comparison.hints, comparison.outstanding, comparison.regimes
         ((), (), (), ())
+        >>> sorted(comparison.tests), comparison.agreement["speed"].correlation > 0.99
+        (['speed', 'thrust'], True)
+        >>> comparison.noise_advice.noise_model, comparison.noise_advice.loss
+        ('white', 'gaussian')
+        >>> for heading, sentences in comparison.findings:
+        ...     print(heading)
+        Where the error sits (inputs as recorded, other signals as modelled)
+        Is the residual noise?
+        >>> comparison.tabular, comparison.one_step is None  # of fits with likelihood="innovations"
+        (False, True)
         >>> print(comparison.closing[1])
         Logs: run2.csv ...
-        >>> figure = comparison.plot()
+        >>> list(comparison.to_json())[:5]
+        ['schema', 'model', 'effects', 'failures', 'errors']
+        >>> comparison.plot().savefig("unseen.png")
+        >>> residuals, table = comparison.plot_residuals(), comparison.table("On the unseen run")
     """
 
     model: Model
@@ -88,11 +105,6 @@ class Comparison(Result):
 
         Raises:
             InputError: no run measures a state.
-
-        Example:
-            >>> comparison = dft.compare(fit, unseen)
-            >>> comparison.one_step is None  # of fits with likelihood="innovations"
-            True
         """
         if self.fit is None or self.fit.disturbance is None:
             return None
@@ -111,38 +123,34 @@ class Comparison(Result):
         """Whiteness of the residual of each channel, and its correlation with the signals.
 
         Empty for tables of readings, whose order means nothing.
-
-        Example:
-            >>> sorted(dft.compare(fit, unseen).tests)
-            ['speed', 'thrust']
         """
         if self.tabular:
             return {}
-        by_channel = {}
-        for name in self.errors.channels:
-            runs = [run for run in self.runs if name in run.channels]
-            by_channel[name] = residual_tests(
+        by_channel = {
+            name: residual_tests(
                 name,
                 [run.shown_channels[name].residual for run in runs],
                 [signals_of(self.model, run) for run in runs],
                 step=float(np.median(np.concatenate([np.diff(run.time) for run in runs]))),
                 unit=runs[0].shown_channels[name].unit,
             )
+            for name, runs in self._having.items()
+        }
         return {name: tests for name, tests in by_channel.items() if tests is not None}
+
+    @property
+    def _having(self) -> dict[str, list[Run]]:
+        """The runs that have each channel."""
+        return {n: [r for r in self.runs if n in r.channels] for n in self.errors.channels}
 
     @cached_property
     def regimes(self) -> tuple[Regime, ...]:
         """Where the squared error of each channel gathers; at most two regimes a channel.
 
         Over all channels, noise alone gets a regime named in at most 5 % of comparisons.
-
-        Example:
-            >>> dft.compare(fit, unseen).regimes
-            ()
         """
         regimes: list[Regime] = []
-        for name in self.errors.channels:
-            runs = [run for run in self.runs if name in run.channels]
+        for name, runs in self._having.items():
             regimes += worst_regimes(
                 name,
                 [run.channels[name].residual for run in runs],
@@ -157,44 +165,23 @@ class Comparison(Result):
 
     @cached_property
     def agreement(self) -> Mapping[str, Agreement]:
-        """How each measured channel follows the modelled one: correlation, gain and lag.
-
-        Example:
-            >>> agreement = dft.compare(fit, unseen).agreement["speed"]
-            >>> agreement.correlation > 0.99, agreement.lag
-            (True, 0.0)
-        """
+        """How each measured channel follows the modelled one: correlation, gain and lag."""
         pairs = ((name, agreement(self.model, self.runs, name)) for name in self.errors.channels)
         return {name: a for name, a in pairs if a is not None}
 
     @cached_property
     def hints(self) -> tuple[str, ...]:
-        """Sentences on channels that may not mean what their names say; mostly none.
-
-        Example:
-            >>> dft.compare(fit, unseen).hints
-            ()
-        """
+        """Sentences on channels that may not mean what their names say; mostly none."""
         return hints(self.model, self.runs, self.agreement.values())
 
     @cached_property
     def outstanding(self) -> tuple[str, ...]:
-        """Sentences on runs whose errors stand out from those of the others; mostly none.
-
-        Example:
-            >>> dft.compare(fit, unseen).outstanding
-            ()
-        """
+        """Sentences on runs whose errors stand out from those of the others; mostly none."""
         return tuple(entry.sentence for entry in outstanding(self.runs))
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """For each run that left the finite numbers when, and by which state; mostly none.
-
-        Example:
-            >>> dft.compare(fit, unseen).failures
-            ()
-        """
+        """For each run that left the finite numbers when, and by which state; mostly none."""
         return failures(self.runs)
 
     @cached_property
@@ -202,29 +189,18 @@ class Comparison(Result):
         """Which noise the residuals look like, as arguments of `fit`.
 
         ``None`` for tables of readings, for runs too short to tell, and where a simulation failed.
-
-        Example:
-            >>> advice = dft.compare(fit, unseen).noise_advice
-            >>> advice.noise_model, advice.loss
-            ('white', 'gaussian')
         """
         samples = sum(e.samples for e in self.errors.channels.values())
         if self.tabular or self.failures or samples < _TELLING:
             return None
-        chosen = {n: [r for r in self.runs if n in r.channels] for n in self.errors.channels}
         return noise_advice(
-            {n: [run.channels[n].residual for run in runs] for n, runs in chosen.items()},
-            {n: [run.time for run in runs] for n, runs in chosen.items()},
+            {n: [run.channels[n].residual for run in runs] for n, runs in self._having.items()},
+            {n: [run.time for run in runs] for n, runs in self._having.items()},
         )
 
     @property
     def tabular(self) -> bool:
-        """Whether the logs are tables of readings, without a time of their own.
-
-        Example:
-            >>> dft.compare(fit, unseen).tabular
-            False
-        """
+        """Whether the logs are tables of readings, without a time of their own."""
         return are_tables(run.record for run in self.runs)
 
     @showing
@@ -236,11 +212,8 @@ class Comparison(Result):
 
         Raises:
             InputError: a run that does not exist.
-
-        Example:
-            >>> dft.compare(fit, unseen).plot().savefig("unseen.png")
         """
-        from diffthrust.comparison._figures_runs import comparison_figure
+        from diffthrust.comparison._figures import comparison_figure
 
         names = [run.name for run in self.runs]
         unknown = [name for name in runs or () if name not in names]
@@ -259,9 +232,6 @@ class Comparison(Result):
         One row for each channel: the residual against time with the regime shaded, against the
         signal of the regime, its autocorrelation, and its correlation with the signal to which it
         is most related.
-
-        Example:
-            >>> figure = dft.compare(fit, unseen).plot_residuals()
         """
         from diffthrust.comparison._figures import residual_figure
 
@@ -271,23 +241,17 @@ class Comparison(Result):
 
     @property
     def findings(self) -> list[tuple[str, list[str]]]:
-        """What was found besides errors: headings with their sentences; none is empty.
-
-        Example:
-            >>> for heading, sentences in dft.compare(fit, unseen).findings:
-            ...     print(heading)
-            Where the error sits (inputs as recorded, other signals as modelled)
-            Is the residual noise?
-        """
+        """What was found besides errors: headings with their sentences; none is empty."""
         regimes = [regime.sentence for regime in self.regimes]
         if not regimes and not self.tabular and not self.failures:
             regimes = ["No regime stands out from what chance would give."]
         noise = [tests.sentence for tests in self.tests.values()]
         fit, advice = self.fit, self.noise_advice
-        followed = (
-            fit and advice and (fit.noise_model, fit.loss) == (advice.noise_model, advice.loss)
+        followed = fit and (
+            LIKELIHOODS[fit.likelihood].corrects
+            or (advice and (fit.noise_model, fit.loss) == (advice.noise_model, advice.loss))
         )
-        if advice and not followed and not (fit and LIKELIHOODS[fit.likelihood].corrects):
+        if advice and not followed:
             noise.append(advice.sentence)
         doubts = [str(doubt) for doubt in fit.doubts] if fit else []
         parts = [
@@ -302,24 +266,14 @@ class Comparison(Result):
 
     @property
     def closing(self) -> tuple[str, ...]:
-        """The last lines of the report: date, versions, hashes, and which logs the fit knew.
-
-        Example:
-            >>> comparison = dft.compare(fit, unseen)
-            >>> len(comparison.closing)  # when it was made, of which logs, and the fit's
-            3
-        """
+        """The last lines of the report: date, versions, hashes, and which logs the fit knew."""
         lines = closing(self.origin, self.model)
         if self.origin and self.fit and self.fit.origin:
             return (*lines, taken_part(self.fit.origin, self.origin.train))
         return lines
 
     def table(self, title: str = "") -> Renderable:
-        """The report as a renderable of rich, with a title besides the name of the model.
-
-        Example:
-            >>> table = dft.compare(fit, unseen).table("On the unseen run")
-        """
+        """The report as a renderable of rich, with a title besides the name of the model."""
         from diffthrust._support.tables import renderable
 
         return renderable(comparison_report(self, title))
@@ -335,12 +289,7 @@ class Comparison(Result):
         return comparison_report(self)
 
     def to_json(self) -> dict[str, Any]:
-        """Errors, pooled and by run, regimes, residual tests and hints as plain data.
-
-        Example:
-            >>> list(dft.compare(fit, unseen).to_json())[:5]
-            ['schema', 'model', 'effects', 'failures', 'errors']
-        """
+        """Errors, pooled and by run, regimes, residual tests and hints as plain data."""
         written = {
             "schema": 1,
             "model": self.model.name,

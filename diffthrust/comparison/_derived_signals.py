@@ -51,22 +51,10 @@ def derived_signals(
 ) -> dict[str, tuple[np.ndarray, str]]:
     """The signals, and those that follow from them, with their units; the plainest come first.
 
-    For each signal its value, its size ``|x|`` where it takes both signs, its rate of change, and
-    the rate of change of its size, which is positive while it speeds up and negative while it slows
-    down. Besides ``time since the start`` and, for each signal that jumps, the time since it did.
-
-    Args:
-        time: time stamps [s], ``(n,)``; ``None`` for a table, where nothing has a rate.
-        signals: values by name, ``(n,)`` each.
-        units: unit of each signal.
-        plain: signals of which only the value is wanted.
-
-    Returns:
-        Name to values ``(n,)`` and unit.
-
-    Example:
-        >>> sorted(derived_signals(t, {"speed": s}, {"speed": "rad/s"}))
-        ['d(speed)/dt', 'd|speed|/dt', 'speed', 'time since the start', '|d(speed)/dt|', '|speed|']
+    For each signal, ``(n,)``, its value, its size ``|x|`` where it takes both signs, its rate of
+    change, and the rate of change of its size, which is positive while it speeds up and negative
+    while it slows down. Besides ``time since the start`` and, for each signal that jumps, the time
+    since it did. Of ``plain`` signals only the value; without time (a table) nothing has a rate.
     """
     derived = {name: (values, units.get(name, "")) for name, values in signals.items()}
     signals = {name: values for name, values in signals.items() if name not in plain}
@@ -92,15 +80,6 @@ def derived_signals(
 
 
 def _rate_unit(unit: str) -> str:
-    """Unit of a rate of change.
-
-    Example:
-        >>> _rate_unit("rad/s"), _rate_unit("V"), _rate_unit("")
-        ('rad/s^2', 'V/s', '1/s')
-    """
-    if not unit:
-        return "1/s"
+    """Unit of a rate of change: rad/s becomes rad/s^2, V becomes V/s, and nothing 1/s."""
     base, slash, below = unit.rpartition("/")
-    if slash and below == "s":
-        return f"{base}/s^2"
-    return f"{unit}/s"
+    return f"{base}/s^2" if slash and below == "s" else f"{unit or '1'}/s"

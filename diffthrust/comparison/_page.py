@@ -21,6 +21,7 @@ from diffthrust._support.report import (
     closing_section,
     notes,
 )
+from diffthrust._support.words import capitalised
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.estimation._estimate import parameter_rows
 from diffthrust.estimation._origin import closing
@@ -41,9 +42,7 @@ def comparisons_of(
 ) -> dict[str, Comparison]:
     """A fit, or a model as it stands, held against its training and unseen logs, by heading."""
     # where no simulation succeeded, there are no estimated initial states to begin at
-    initial = None
-    if isinstance(fitted, Fit) and fitted.status is not Status.SIMULATION_FAILED:
-        initial = fitted.initial
+    initial = fitted.initial if isinstance(fitted, Fit) and _succeeded(fitted) else None
     out = {"training logs": compare(fitted, train, initial=initial)}
     if unseen:
         out["unseen logs"] = compare(fitted, unseen)
@@ -61,33 +60,34 @@ def write_comparison_page(
     """Write a page: parameters, errors and a figure for each comparison, and the spec."""
     model = next(iter(comparisons.values())).model
     errors = error_rows((name, comparison.errors) for name, comparison in comparisons.items())
-    checked = fit is not None and fit.status is not Status.SIMULATION_FAILED
-    figures = (
+    figures = [
         Section(
-            name[0].upper() + name[1:],
+            capitalised(name),
             Picture(
-                c.plot,
-                f"Measured and modelled channels with residuals, {name}.",
-                partial(_live, c),
+                c.plot, f"Measured and modelled channels with residuals, {name}.", partial(_live, c)
             ),
         )
         for name, c in comparisons.items()
-    )
+    ]
     report = Report(
         Section("", Line(("Model: ", Styled(str(model), "strong"))), *_fit_parts(fit)),
         Section("Parameters", parameter_rows(fit.parameters if fit else {})),
         per_log_section(fit.per_log if fit else {}, "Numbers by log"),
         Section("Errors", errors, _ERRORS, *notes(fit.notes if fit else ())),
         *figures,
-        Section("Checks", _check_rows(fit) if fit and checked else ""),
+        Section("Checks", _check_rows(fit) if fit and _succeeded(fit) else ""),
         closing_section(_closing(comparisons, fit)),
         spec_section(spec),
     )
     write_page(path, page(report, title))
 
 
+def _succeeded(fit: Fit) -> bool:
+    return fit.status is not Status.SIMULATION_FAILED
+
+
 def _live(comparison: Comparison) -> Live | None:
-    from diffthrust.comparison._live_runs import live_runs
+    from diffthrust.comparison._run_plots import live_runs
 
     return live_runs({str(comparison.model): comparison.runs})
 

@@ -9,24 +9,31 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from bokeh.layouts import gridplot
+from bokeh.events import DoubleTap
+from bokeh.layouts import column, gridplot, row
 from bokeh.models import (
+    BoxZoomTool,
     ColumnDataSource,
+    CustomJS,
     Legend,
     LegendItem,
+    PanTool,
     PlainText,
     Range1d,
     ResetTool,
     Span,
     Tool,
+    WheelZoomTool,
 )
 
-from diffthrust._support.envelope import envelopes
+from diffthrust._support.envelope import bins_of, envelope, envelopes
 from diffthrust._support.figures import BLUE, VERMILLION, is_sparse
-from diffthrust._support.plots import hover, plot
+from diffthrust._support.live import Live
+from diffthrust._support.plots import Staircase, hover, plot
+from diffthrust.simulation._record import are_tables
 from diffthrust.simulation._runs import Run
 
-FIELDS = ("measured", "modelled", "residual")
+_FIELDS = ("measured", "modelled", "residual")
 _DRIVE, _MEASURED = "#262626", "#999999"
 """Colours of what drives a run and of what is measured: those of the pictures, as Bokeh reads."""
 
@@ -34,18 +41,13 @@ _DRIVE, _MEASURED = "#262626", "#999999"
 class RunPlots:
     """Plots of one run at a time, linked in time.
 
-    Args:
-        runs: all that may be shown: their inputs and channels get a plot each.
-        heights: of an input, a channel and its residual [px].
-        tools: of the plots; they zoom and pan in time alone.
-        drag: the tool that a drag of the mouse uses.
-        scroll: likewise the wheel; none on a page, which it scrolls.
+    All ``runs`` that may be shown give a plot to each of their inputs and channels; ``heights`` are
+    those of an input, a channel and its residual [px]. The tools zoom and pan in time alone; a page
+    needs no ``scroll``, as the wheel scrolls it.
 
-    Attributes:
-        drawn: the source of all but the inputs: ``time``, ``measured0``, ``modelled0``...
-        driven: the source of the inputs, which no model changes: ``time``, ``input0``...
-        figures: from top to bottom.
-        fields: the columns that each of these shows.
+    Of the sources, ``driven`` has the inputs, which no model changes (``time``, ``input0``...), and
+    ``drawn`` all else (``time``, ``measured0``, ``modelled0``...). ``figures`` go from top to
+    bottom; ``fields`` are the columns that each of these shows.
     """
 
     def __init__(
@@ -116,7 +118,7 @@ class RunPlots:
     def _channel(self, k: int, name: str, runs: Sequence[Run]) -> None:
         traces = [run.shown_channels[name] for run in runs]
         unit, dots = traces[0].unit, any(is_sparse(trace.measured) for trace in traces)
-        measured, modelled, residual = (f"{field}{k}" for field in FIELDS)
+        measured, modelled, residual = (f"{field}{k}" for field in _FIELDS)
         above = self._figure(name.replace("_", " "), unit, 1, measured, modelled)
         first = self._line(above, measured, _MEASURED, 2.4, dots)
         second = self._line(above, modelled, VERMILLION, 1.4)
@@ -147,7 +149,7 @@ class RunPlots:
             columns[f"input{k}"] = run.shown.values(name, values, run.units.get(name, ""))
         for k, name in enumerate(self.channels):
             trace = run.shown_channels.get(name)
-            for field in FIELDS:
+            for field in _FIELDS:
                 columns[f"{field}{k}"] = missing if trace is None else getattr(trace, field)
         return columns
 
@@ -161,9 +163,9 @@ class RunPlots:
         for glyph, width in self._widths:
             glyph.line_width = 1.0 if dense else width
         drawn = envelopes(edges, columns["time"], {n: v for n, v in columns.items() if n != "time"})
-        driven = {n: v for n, v in drawn.items() if n == "time" or n.startswith("input")}
-        self.driven.data = driven
-        self.drawn.data = {n: v for n, v in drawn.items() if n == "time" or n not in driven}
+        inputs = [n for n in drawn if n.startswith("input")]
+        self.driven.data = {n: drawn[n] for n in ("time", *inputs)}
+        self.drawn.data = {n: v for n, v in drawn.items() if n not in inputs}
 
     def heights(self, *columns: Mapping[str, np.ndarray]) -> list[tuple[float, float]]:
         """The vertical range of each plot in which all of the series can be seen."""
@@ -195,3 +197,88 @@ def _legend(items: Sequence[tuple[str, Any]]) -> Legend:
         glyph_height=14,
         border_line_color=None,
     )
+
+
+_NUMBERS = 60_000
+"""Numbers in a figure of a page, 0.3 MB in it: more cannot be seen, and a page has several."""
+_FEWEST = 300
+"""Bins of a log on a page, each with a least and a greatest value; fewer look coarse. Where more
+logs are there than fit, the worst are shown."""
+_CHOOSE = """
+const [log, model] = cb_obj.tags
+driven.data = logs[log].data
+cb_obj.data = {...logs[log].data, ...models[log][model].data}
+const x = figures[0].x_range
+if (x.tags[0] != log) {  // models of one log keep its scale: the eye sees the error fall
+  const ends = (start, end) => ({start, end, reset_start: start, reset_end: end})
+  figures.forEach((figure, k) => figure.y_range.setv(ends(...heights[log][k])))
+  x.setv({...ends(0, durations[log]), tags: [log]})
+}
+"""
+
+
+def live_runs(
+    models: Mapping[str, Sequence[Run]],
+    errors: Sequence[float] = (),
+    logs: str = "",
+) -> Live | None:
+    """Runs on a page, to choose log and model, the last first; ``None`` without time (tables).
+
+    Where there are several models, their errors (NRMSE) are drawn as a staircase beside the plots;
+    ``logs`` says which err so much, "unseen logs".
+    """
+    runs = [of for of in zip(*models.values(), strict=True) if of[-1].channels]
+    if not runs or are_tables(run.record for run, *_ in runs):
+        return None
+    runs.sort(key=lambda of: -np.nan_to_num(of[0].errors.nrmse, nan=-1.0))
+    zoom = BoxZoomTool(dimensions="width")
+    tools = [zoom, PanTool(dimensions="width"), WheelZoomTool(dimensions="width")]
+    plots = RunPlots([run for of in runs for run in of], (96, 170, 100), tools, zoom)
+    width = 1 + len(plots.inputs) + len(plots.channels) * (1 + 2 * len(models))
+    shown = runs[: max(1, _NUMBERS // (2 * _FEWEST * width))]
+    bins = _NUMBERS // (2 * width * len(shown))
+    stock, remark = _stock(plots, shown, bins)
+    plots.drawn.js_on_change("tags", stock)
+    first = len(models) - 1
+    plots.driven.data = dict(stock.args["logs"][0].data)
+    plots.drawn.data = {**stock.args["logs"][0].data, **stock.args["models"][0][first].data}
+    for figure, (low, high) in zip(plots.figures, stock.args["heights"][0], strict=True):
+        figure.y_range.update(start=low, end=high)
+        figure.js_on_event(DoubleTap, CustomJS(args={"x": plots.x_range}, code="x.reset()"))
+    plots.x_range.update(start=0.0, end=stock.args["durations"][0], tags=[0])
+    choices = {"Log": [of[0].name for of in shown], "Model": list(models)}
+    layout = plots.layout
+    if len(models) > 1 and errors:
+        stairs = Staircase(250)
+        stairs.show(list(models), errors, logs, 0.0)
+        layout = row(
+            stairs.figure,
+            column(layout, sizing_mode="stretch_width", styles={"flex": "4 1 420px"}),
+            sizing_mode="stretch_width",
+            styles={"flex-wrap": "wrap"},
+        )
+    if len(shown) < len(runs):
+        remark += f" The {len(shown)} worst of {len(runs)} logs."
+    return Live(layout, plots.drawn, choices, (0, first), remark.strip())
+
+
+def _stock(plots: RunPlots, runs: Sequence[Sequence[Run]], bins: int) -> tuple[Any, str]:
+    """What is drawn when a log and a model are chosen, and what is said of its resolution."""
+    logs, models, heights, durations, most = [], [], [], [], 1
+    for of in runs:
+        columns = [plots.columns(run) for run in of]
+        time = columns[0]["time"]
+        edges = bins_of(time, float(time[0]), float(time[-1]), bins)
+        most = max(most, int(np.diff(edges).max()))
+        changed = [name for name in columns[0] if name.startswith(("modelled", "residual"))]
+        same = {n: v for n, v in columns[0].items() if n not in changed and n != "time"}
+        logs.append(ColumnDataSource(data=envelopes(edges, time, same)))
+        models.append(
+            [ColumnDataSource(data={n: envelope(edges, c[n]) for n in changed}) for c in columns]
+        )
+        heights.append(plots.heights(*columns))
+        durations.append(float(time[-1]))
+    args = {"logs": logs, "models": models, "heights": heights, "durations": durations}
+    args |= {"figures": plots.figures, "driven": plots.driven}
+    words = f"Drawn by the least and the greatest of each {most} samples." if most > 1 else ""
+    return CustomJS(args=args, code=_CHOOSE), words

@@ -78,7 +78,7 @@ def large_log() -> dft.Log:
 
 
 def test_a_large_log_is_thinned_without_losing_a_spike(tmp_path):
-    from diffthrust.comparison._live_runs import live_runs  # private: the figure of the page
+    from diffthrust.comparison._run_plots import live_runs  # private: the figure of the page
 
     comparison = dft.compare(dft.Thruster(), large_log())
     assert_small_and_whole(written(tmp_path / "large.html", comparison))
@@ -93,8 +93,7 @@ def test_a_large_log_is_thinned_without_losing_a_spike(tmp_path):
 def test_where_bokeh_is_not_installed_pictures_are_shown(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "bokeh"]:
         monkeypatch.delitem(sys.modules, name)
-    for name in ("_live_runs", "_run_plots"):
-        monkeypatch.delitem(sys.modules, f"diffthrust.comparison.{name}", raising=False)
+    monkeypatch.delitem(sys.modules, "diffthrust.comparison._run_plots", raising=False)
     monkeypatch.delitem(sys.modules, "diffthrust._support.plots", raising=False)
     monkeypatch.setitem(sys.modules, "bokeh", None)
     text = written(tmp_path / "a.html", made.found().before).read_text("utf-8")

@@ -17,8 +17,7 @@ from matplotlib.colors import to_hex
 
 import diffthrust as dft
 from diffthrust._support.plots import plot  # private: a figure of the page
-from diffthrust.comparison._regime_search import SignalRange  # private: what is shaded
-from diffthrust.comparison._regimes import Regime  # private: likewise
+from diffthrust.comparison._regimes import Regime, SignalRange  # private: what is shaded
 from diffthrust.logs import PWM, Written
 from diffthrust.logs._written import ShownUnits  # private: what the page takes from runs
 from diffthrust.workbench._controls import CONSTANTS, Controls  # private: a part of the page

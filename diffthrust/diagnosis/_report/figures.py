@@ -13,7 +13,7 @@ import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, thinned, unboxed
 from diffthrust._support.words import humanize, number, percent
-from diffthrust.comparison._figures_runs import draw_drive, drives_of
+from diffthrust.comparison._figures import draw_drive, drives_of
 from diffthrust.diagnosis._findings import (
     Findings,
     Stage,

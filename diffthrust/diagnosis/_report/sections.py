@@ -143,7 +143,7 @@ def _answer(diag: Findings) -> Section:
 
 def live_stages(diag: Findings) -> Live | None:
     """The logs with the model of each stage, to switch between, and how their errors fell."""
-    from diffthrust.comparison._live_runs import live_runs
+    from diffthrust.comparison._run_plots import live_runs
 
     last, logs = len(diag.stages) - 1, [run.record.log for run in diag.before.runs]
     models = {stage_words(diag, 0): diag.before.runs}
