@@ -19,7 +19,6 @@ from diffthrust._support.words import percent
 from diffthrust.comparison._residual_tests import cross_correlation
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import simulate_fixed
-from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -160,19 +159,18 @@ def _changes(model: Model, runs: Sequence[Run]) -> Iterator[tuple[str, _Sources]
         yield f"Reversing the sign of the input {name}", {name: (-1, name)}
 
 
-def _changed(record: Record, sources: _Sources) -> Record:
-    inputs = {name: sign * record.inputs[source] for name, (sign, source) in sources.items()}
-    hold = {name: record.hold[source] for name, (_, source) in sources.items()}
-    return replace(record, inputs={**record.inputs, **inputs}, hold={**record.hold, **hold})
-
-
 def _after(
     model: Model, runs: Sequence[Run], sources: _Sources, channels: Iterable[str]
 ) -> dict[str, float]:
     """Correlation of each channel with a simulation over changed inputs."""
     pairs: dict[str, list[Pair]] = {name: [] for name in channels}
     for run in runs:
-        modelled = simulate_fixed(model, _changed(run.record, sources), run.start, run.substeps)
+        inputs, hold = {**run.record.inputs}, {**run.record.hold}
+        for name, (sign, source) in sources.items():
+            inputs[name] = sign * run.record.inputs[source]
+            hold[name] = run.record.hold[source]
+        changed = replace(run.record, inputs=inputs, hold=hold)
+        modelled = simulate_fixed(model, changed, run.start, run.substeps)
         for name in pairs:
             if _is_measured(run, name):
                 pairs[name].append(_pair(model, run, name, modelled[name]))

@@ -24,12 +24,8 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._craft.craft import Craft
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._record import Record, correlation, record
+from diffthrust.soundness._ties import FIRM, LOOSE, OPPOSED
 
-_LOW, _HOLDS = 0.5, 0.8
-"""Correlation below which a channel does not follow what it must, and from which on it does; as of
-ties between channels, see `_together`."""
-_OPPOSED = -0.6
-"""Correlation up to which it opposes it, likewise."""
 _UPRIGHT = 5.0
 """Mean force per mass along z [m/s^2] from which on it is gravity: a vehicle that lies on its side
 for half of a log has less."""
@@ -49,7 +45,7 @@ class _Relation(NamedTuple):
     @property
     def score(self) -> int:
         """What it counts for the axes under which it is so."""
-        return int(self.together > _HOLDS) - 2 * int(self.together < _OPPOSED)
+        return int(self.together > FIRM) - 2 * int(self.together < OPPOSED)
 
 
 def misframed(log: Log, model: Model | None) -> Iterator[Doubt]:
@@ -60,7 +56,7 @@ def misframed(log: Log, model: Model | None) -> Iterator[Doubt]:
     units = {n: unit for n, unit in units.items() if any(c.startswith(f"{n}.") for c in log.units)}
     declared = {n: unit.frame for n, unit in units.items()}
     present = _relations(log, model, declared)
-    if not any(each.together < _LOW for each in present.values()):
+    if not any(each.together < LOOSE for each in present.values()):
         return
     choices = {
         words: _relations(log, model, dict(zip(units, words, strict=True)))
@@ -74,7 +70,7 @@ def misframed(log: Log, model: Model | None) -> Iterator[Doubt]:
 
     best = min(choices, key=rank)
     after = choices[best]
-    mended = [n for n, r in present.items() if r.together < _LOW and after[n].together > _HOLDS]
+    mended = [n for n, r in present.items() if r.together < LOOSE and after[n].together > FIRM]
     if not mended or scores[best] <= sum(each.score for each in present.values()):
         return
     improved = [

@@ -17,6 +17,13 @@ import numpy as np
 from diffthrust.soundness._record import Record, correlation, less, mean_over, trailing
 
 GEOMETRY, PHYSICS, DRIVE = "geometry", "physics", "drive"
+OPPOSED = -0.6
+"""Correlation of a channel with what it must follow from which on it is taken to oppose it. Of 67
+sound logs, measured ones, the lowest was -0.2; of 53 whose heading stood for the yaw rate -0.26."""
+FIRM = 0.8
+"""Correlation from which on the two are taken to agree, and their ratio to mean something."""
+LOOSE = 0.5
+"""Correlation below which what must be the same numbers is taken not to be."""
 _INFORMED = 0.3
 """A drive of two parts says something where it swings by this share of what its parts swing."""
 _ONE_SIDED = 0.05

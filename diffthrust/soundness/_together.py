@@ -28,13 +28,17 @@ from diffthrust.soundness._mends import (
     unit_line,
 )
 from diffthrust.soundness._record import Record
-from diffthrust.soundness._ties import DRIVE, GEOMETRY, PHYSICS, Tie, ties
+from diffthrust.soundness._ties import (
+    DRIVE,
+    FIRM,
+    GEOMETRY,
+    LOOSE,
+    OPPOSED,
+    PHYSICS,
+    Tie,
+    ties,
+)
 
-_OPPOSED = -0.6
-"""Correlation of a channel with what it must follow from which on it is taken to oppose it. Of 67
-sound logs, measured ones, the lowest was -0.2; of 53 whose heading stood for the yaw rate -0.26."""
-_FIRM = 0.8
-"""Correlation from which on the two are taken to agree, and their ratio to mean something."""
 _OFF = 1.4
 """Ratio from which on equal quantities are not taken to be so; measured ones were 0.64 to 1.06."""
 _RIGHT = 1.15
@@ -49,7 +53,7 @@ def misplaced(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     concerned = {channel for tie in broken for channel in tie.powers}
     rated = []
     # a ratio that several equal quantities share, or a step that no log has: the clock's
-    shared = [tie.gain for tie in tied if tie.equal and tie.together > _FIRM]
+    shared = [tie.gain for tie in tied if tie.equal and tie.together > FIRM]
     similar = len(shared) > 1 and max(shared) < _RIGHT * min(shared)
     odd = not STEPS[0] <= r.step <= STEPS[1]
     timed = [*clocks(r, 1 / float(np.median(shared)))] if shared and (similar or odd) else []
@@ -88,7 +92,7 @@ def contradicts(r: Record, tied: Sequence[Tie], reading: Reading) -> bool:
 
 
 def _improvement(tie: Tie, after: Tie) -> str:
-    if tie.together > _FIRM:
+    if tie.together > FIRM:
         return (
             f"{tie.channel} is {abs(tie.gain):.3g} times {tie.words} "
             f"(with the mend {abs(after.gain):.3g} times)"
@@ -109,15 +113,15 @@ def _named(kind: str, reading: Reading) -> str:
 
 def _is_broken(tie: Tie) -> bool:
     """Whether a tie is broken in a way that no noise explains."""
-    if tie.together < _OPPOSED or (tie.kind == GEOMETRY and tie.together < 0.5):
+    if tie.together < OPPOSED or (tie.kind == GEOMETRY and tie.together < LOOSE):
         return True
-    return tie.equal and tie.together > _FIRM and not 1 / _OFF < tie.gain < _OFF
+    return tie.equal and tie.together > FIRM and not 1 / _OFF < tie.gain < _OFF
 
 
 def _holds(tie: Tie | None) -> bool:
     if tie is None or tie.kind == DRIVE:
-        return tie is not None and tie.together > -_OPPOSED
-    return tie.together > _FIRM and (not tie.equal or 1 / _RIGHT < tie.gain < _RIGHT)
+        return tie is not None and tie.together > -OPPOSED
+    return tie.together > FIRM and (not tie.equal or 1 / _RIGHT < tie.gain < _RIGHT)
 
 
 def _worse(baseline: Tie, tie: Tie | None) -> bool:
@@ -151,7 +155,7 @@ def unlike(
     """
     if len(records) < 3:
         return
-    firm = {i: [tie for tie in of if abs(tie.together) > _FIRM] for i, of in tied.items()}
+    firm = {i: [tie for tie in of if abs(tie.together) > FIRM] for i, of in tied.items()}
     gains = {
         i: {tie.key: tie for tie in of if tie.kind != DRIVE or tie.others == ("command",)}
         for i, of in firm.items()

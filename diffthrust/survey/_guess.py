@@ -229,12 +229,9 @@ def _unnamed(field: Field, units: Sequence[str]) -> Meaning:
             return Meaning(quantity, unit, why="unit", doubts=("Its name says nothing.",))
     if "percent" in units:
         return replace(_command(field.values, "", units), sure=PERHAPS, why="unit")
-    if (not units or "us" in units) and field.time is None and _whole_pulses(field.values):
-        return replace(_command(field.values, "", ()), sure=PERHAPS)
+    if (not units or "us" in units) and field.time is None:
+        numbers = numbers_of(field.values)
+        # Unnamed pulse widths are integers around 1500 that vary.
+        if is_pwm(numbers) and varies(numbers) and np.all(numbers == np.round(numbers)):
+            return replace(_command(field.values, "", ()), sure=PERHAPS)
     return Meaning("", units[0] if units else "")
-
-
-def _whole_pulses(values: np.ndarray) -> bool:
-    """Whether unnamed numbers are pulse widths: integers around 1500 that vary."""
-    numbers = numbers_of(values)
-    return is_pwm(values) and varies(values) and bool(np.all(numbers == np.round(numbers)))

@@ -134,14 +134,9 @@ def split_rows(columns: Sequence[ColumnRow], all: bool) -> tuple[list[ColumnRow]
     listed = sorted(columns, key=lambda row: order.index(row.role))
     if len(columns) <= _WIDE or all:
         return listed, []
-    listed = [row for row in listed if row.channel or _usable(row)][:_WIDE]
+    used = UNIT_OF.keys() - {*NO_CHANNEL}  # what a model might use, where it moves
+    listed = [r for r in listed if r.channel or (r.quantity in used and r.low < r.high)][:_WIDE]
     return listed, [row for row in columns if row not in listed]
-
-
-def _usable(row: ColumnRow) -> bool:
-    """Whether a model might use it."""
-    has_channel = row.quantity in UNIT_OF and row.quantity not in NO_CHANNEL
-    return has_channel and row.low < row.high
 
 
 def column_rows(columns: Sequence[ColumnRow], messages: bool) -> Rows:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
 from diffthrust.survey._guess import SURE, pulse_command
@@ -127,15 +126,10 @@ def _holds_speed(chosen: Mapping[str, Pick]) -> bool:
         follower = replace(follower, values=np.abs(follower.values) * np.sign(ways))
     # In the steady state a torque u gives speed^2 ~ u and thrust ~ u, a speed loop speed ~ u and
     # thrust ~ u^2: the power that fits better decides.
-    held, torque = (
-        abs(correlated(_power(command.field, drive, power), follower))
-        for power in ((1.0, 0.5) if "speed" in chosen else (2.0, 1.0))
-    )
+    powers = (1.0, 0.5) if "speed" in chosen else (2.0, 1.0)
+    laws = (np.sign(drive) * np.abs(drive) ** power for power in powers)
+    held, torque = (abs(correlated(replace(command.field, values=law), follower)) for law in laws)
     return held > torque
-
-
-def _power(field: Field, drive: np.ndarray, power: float) -> Field:
-    return replace(field, values=np.sign(drive) * np.abs(drive) ** power)
 
 
 def _follows(command: Pick, answer: Pick) -> float:
