@@ -1,4 +1,4 @@
-"""The text of a class of an effect from a formula."""
+"""The text of a class of an effect from a formula, and of its tests."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from copy import deepcopy
 from typing import Any
 
 from diffthrust._support.literals import as_python
-from diffthrust.effects._expression import SHORT, keeps_sign
+from diffthrust.effects._expression import FINITE, SHORT, keeps_sign
 from diffthrust.effects._formula import ARRIVING, Formula
 from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import begun_at, rate_parts
@@ -17,7 +17,6 @@ from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
 _WIDTH = 80  # what a terminal shows unbroken
-_FINITE = {"sqrt": "square_root", "log": "logarithm", "exp": "exponential"}
 
 _CLASS = '''"""{title}"""
 
@@ -38,7 +37,7 @@ class {cls}(dft.Effect):
 
     def __call__(self, value, s):
         """What leaves the port where `value` arrives, with the signals `s`."""
-{hint}        return {law}
+{hint}{law}
 {memory}'''
 
 _MEMORY = '''
@@ -55,6 +54,68 @@ _MEMORY = '''
 {starts}
         }}
 '''
+
+
+_TEST = '''"""Tests of {name}.py."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from {name} import {cls}
+
+import diffthrust as dft
+
+POINTS = np.random.default_rng(0)
+VALUE = jnp.asarray(POINTS.normal(size=100))
+SIGNALS = dft.models.Signals(
+    {{name: jnp.asarray(3.0 * POINTS.normal(size=100)) for name in {reads}}}
+)
+MOVED = {moved}
+
+
+def same_law():
+    formula = {formula}
+    described = {{
+        name: {{"unit": p.unit, "null": p.null, "value": MOVED.get(name, p.value)}}
+        for name, p in {cls}.declared.items()
+    }}
+    return dft.effects.Formula(**formula, **described)
+
+
+def test_at_its_null_it_changes_nothing():
+    left = {cls}().at_null()(VALUE, SIGNALS)
+    np.testing.assert_allclose(left, VALUE, rtol=1e-12, atol=1e-12)
+
+
+def test_elsewhere_it_is_the_law():
+    left = {cls}(**MOVED)(VALUE, SIGNALS)
+    np.testing.assert_allclose(left, same_law()(VALUE, SIGNALS), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0])
+@pytest.mark.parametrize("effect", [{cls}().at_null(), {cls}(**MOVED)], ids=["null", "moved"])
+def test_its_slopes_are_finite(effect, size):
+    def left(effect, scale):
+        signals = dft.models.Signals({{name: scale * SIGNALS[name] for name in SIGNALS}})
+        return jnp.sum(effect(scale * VALUE, signals))
+
+    slopes = jax.grad(left, argnums=(0, 1))(effect, size)
+    assert np.all(np.isfinite(jax.tree_util.tree_leaves(slopes)))
+'''
+
+_MEMORY_TEST = """
+
+def test_what_it_remembers_moves_and_begins_as_the_law_says():
+    ours, law = {cls}(**MOVED), same_law()
+    assert dict(ours.states) == dict(law.states)
+    for way in ("rates", "initial"):
+        found, expected = (getattr(one, way)(VALUE, SIGNALS) for one in (ours, law))
+        for name in law.states:
+            one, other = map(jax.tree_util.tree_leaves, (found[name], expected[name]))
+            for ours_is, law_is in zip(one, other, strict=True):
+                np.testing.assert_allclose(ours_is, law_is, rtol=1e-9, atol=1e-9)
+"""
 
 
 def class_name(name: str) -> str:
@@ -79,7 +140,7 @@ def effect_class_text(
     acts = formula.expression if formula.adds else f"{ARRIVING} becomes {formula.expression}"
     about = f"Acts at the port '{formula.port}'{', adding' * formula.adds}: {acts}."
     about = textwrap.fill(f"{about} Null: {', '.join(nulls)}.", _WIDTH - 4)
-    described = formula._parameters.items()
+    described, law = formula._parameters.items(), expression_of(formula.expression).tree
     summary = doc.strip().replace("\\", "\\\\").replace('"""', "'''")
     return _CLASS.format(
         title=f"The effect {name}, of one's own.",
@@ -92,7 +153,7 @@ def effect_class_text(
         states=f"    states = {as_python(dict(formula.states))}\n" if formula.states else "",
         memory=_memory(formula),
         parameters="\n".join(f"    {n}: float = {_declaration(p)}" for n, p in described),
-        law=_law(formula),
+        law=_line("return ", _code_of(law, formula, leaves=True), "", 8),
         hint=f"        # {hint}\n" if hint else "",
     )
 
@@ -141,34 +202,28 @@ def _memory(formula: Formula) -> str:
         if pull is None:
             rate = _code_of(goal, formula)
         else:
-            lines += [_assigned(f"{name}_goal", _code_of(goal, formula)),
-                      _assigned(f"{name}_pull", _code_of(pull, formula))]  # fmt: skip
+            for word, node in (("goal", goal), ("pull", pull)):
+                lines.append(_line(f"{name}_{word} = ", _code_of(node, formula), "", 8))
             rate = f"dft.models.Relaxing({name}_pull * ({name}_goal - s.{name}), {name}_pull)"
         settled[name] = _AtStart(settled).of(begun_at(memory))
-        rates.append(_entry(name, rate))
-        starts.append(_entry(name, _code_of(settled[name], formula)))
+        rates.append(_line(f'"{name}": ', rate, ",", 12))
+        starts.append(_line(f'"{name}": ', _code_of(settled[name], formula), ",", 12))
     if not rates:
         return ""
     sections = {"lines": lines, "rates": rates, "starts": starts}
     return _MEMORY.format(**{n: "\n".join(each) for n, each in sections.items()})
 
 
-def _assigned(name: str, text: str) -> str:
-    line = f"        {name} = {text}"
-    return line if len(line) <= _WIDTH else f"        {name} = (\n{_wrapped(text, 12)}\n        )"
-
-
-def _entry(name: str, text: str) -> str:
-    """An entry of a dictionary, in as many lines as it needs."""
-    line = f'            "{name}": {text},'
+def _line(before: str, text: str, after: str, indent: int) -> str:
+    """A line of code; where it is too long, the text in brackets and in as many as it needs."""
+    margin = " " * indent
+    line = f"{margin}{before}{text}{after}"
     if len(line) <= _WIDTH:
         return line
-    return f'            "{name}": (\n{_wrapped(text, 16)}\n            ),'
-
-
-def _wrapped(text: str, indent: int) -> str:
-    rows = textwrap.wrap(text, _WIDTH - indent, break_long_words=False, break_on_hyphens=False)
-    return textwrap.indent("\n".join(rows), " " * indent)
+    room = _WIDTH - indent - 4
+    rows = textwrap.wrap(text, room, break_long_words=False, break_on_hyphens=False)
+    inner = textwrap.indent("\n".join(rows), f"{margin}    ")
+    return f"{margin}{before}(\n{inner}\n{margin}){after}"
 
 
 class _AtStart(ast.NodeTransformer):
@@ -184,22 +239,12 @@ class _AtStart(ast.NodeTransformer):
         return deepcopy(self._known.get(node.id, node))
 
 
-def _code_of(node: ast.expr, formula: Formula) -> str:
-    """A node of an expression as the code of an effect."""
+def _code_of(node: ast.expr, formula: Formula, leaves: bool = False) -> str:
+    """A node of an expression as the code of an effect, or what ``leaves`` the port by it."""
     body = _AsEffectCode(frozenset(formula.declared)).visit(deepcopy(node))
-    return ast.unparse(ast.fix_missing_locations(body))
-
-
-def _law(formula: Formula) -> str:
-    """The expression as the code of an effect."""
-    tree = deepcopy(expression_of(formula.expression).tree)
-    body = _AsEffectCode(frozenset(formula.declared)).visit(tree)
-    if formula.adds:
+    if leaves and formula.adds:
         body = _sum(ast.Name(ARRIVING), body)
-    text = ast.unparse(ast.fix_missing_locations(body))
-    if len(text) <= _WIDTH - 15:
-        return text
-    return f"(\n{_wrapped(text, 12)}\n        )"
+    return ast.unparse(ast.fix_missing_locations(body))
 
 
 def _sum(augend: ast.expr, addend: ast.expr) -> ast.expr:
@@ -239,7 +284,9 @@ class _AsEffectCode(ast.NodeTransformer):
         arguments = [self.visit(argument) for argument in node.args]
         if name == "where":
             arguments[0] = _condition(node.args[0], arguments[0])
-        return _finite(_FINITE[name], *arguments) if name in _FINITE else _jnp(name, *arguments)
+        if name in FINITE:
+            return _finite(FINITE[name].__name__, *arguments)
+        return _jnp(name, *arguments)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         first, second = self.visit(node.left), self.visit(node.right)
@@ -277,3 +324,23 @@ def _jnp(name: str, *arguments: ast.expr) -> ast.expr:
 def _finite(name: str, *arguments: ast.expr) -> ast.expr:
     finite = ast.Attribute(ast.Attribute(ast.Name("dft"), "effects"), "finite")
     return ast.Call(ast.Attribute(finite, name), list(arguments), [])
+
+
+def effect_test_text(formula: Formula, name: str) -> str:
+    """The tests of `effect_class_text`, which pass: its null, its law, its slopes."""
+    arguments = {"port": formula.port, "expression": formula.expression}
+    reads = (*formula.reads, *formula.states)
+    return (_TEST + _MEMORY_TEST * bool(formula.states)).format(
+        cls=class_name(name),
+        name=name,
+        reads=as_python(reads),
+        formula=as_python(arguments),
+        moved=as_python({n: _moved(p) for n, p in formula._parameters.items() if not p.fixed}),
+    )
+
+
+def _moved(p: Parameter) -> float:
+    """Another value within the bounds."""
+    low, high = p.limits
+    tried = (p.value + 0.5, p.value - 0.5, 0.5 * (p.value + high), 0.5 * (p.value + low))
+    return next(value for value in tried if low <= value <= high)

@@ -3,11 +3,9 @@
 All act on the recorded samples of the command, before any interpolation between them.
 """
 
-import math
-
 import jax.numpy as jnp
 
-from diffthrust.effects._recorded import delayed, rate_limited
+from diffthrust.effects._forms import Delay, Offset, RateLimit, ceiling, from_zero
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -28,8 +26,7 @@ class CommandDeadband(Effect):
     controllers.
 
     Example:
-        >>> effect = dft.effects.CommandDeadband(half_width=0.05)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.CommandDeadband(half_width=0.05)
         >>> model.parameters["command_deadband.half_width"].range_text()
         '[0, inf) V'
     """
@@ -37,18 +34,12 @@ class CommandDeadband(Effect):
     name = "command_deadband"
     in_words = "commands within ±{half_width} do nothing"
     port = "command"
-    half_width: float = parameter(
-        0.05,
-        "{command}",
-        bounds=(0, None),
-        null=0.0,
-        size=0.2,
-        probes=relative_to("command", 0.05, 0.2),
+    half_width: float = from_zero(
+        0.05, "{command}", size=0.2, probes=relative_to("command", 0.05, 0.2)
     )
     restored: float = parameter(0.0, bounds=(0, 1), fixed=True, probes=(0.0, 1.0))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The command that the motor sees."""
         beyond = jnp.abs(value) - self.half_width
         # a jump has no slope by the half-width: the ramp over a tenth of it gives one
         edge = jnp.clip(0.5 + beyond / (0.1 * self.half_width + 1e-12), 0.0, 1.0)
@@ -64,8 +55,7 @@ class CommandSaturation(Effect):
     Source: the saturation of Slotine & Li 1991, section 5.2.
 
     Example:
-        >>> effect = dft.effects.CommandSaturation(limit=2)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.CommandSaturation(limit=2)
         >>> model.parameters["command_saturation.limit"].range_text()
         '[0, inf) V'
     """
@@ -73,22 +63,14 @@ class CommandSaturation(Effect):
     name = "command_saturation"
     in_words = "commands beyond ±{limit} do no more"
     port = "command"
-    limit: float = parameter(
-        2.0,
-        "{command}",
-        bounds=(0, None),
-        null=math.inf,
-        transform="log",
-        probes=relative_to("command", 0.5, 0.8),
-    )
+    limit: float = ceiling(2.0, "{command}", probes=relative_to("command", 0.5, 0.8))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The command that the amplifier can give."""
         return jnp.clip(value, -self.limit, self.limit)
 
 
 @registered
-class CommandRateLimit(Effect):
+class CommandRateLimit(RateLimit):
     """The motor controller ramps its command.
 
     Acts on the recorded command: the command that arrives follows the recorded one by at most
@@ -96,8 +78,7 @@ class CommandRateLimit(Effect):
     Graebe & Salgado 2001, chapter 11.
 
     Example:
-        >>> effect = dft.effects.CommandRateLimit(rate=10)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.CommandRateLimit(rate=10)
         >>> model.parameters["command_rate_limit.rate"].range_text()
         '[0, inf) V/s'
     """
@@ -105,23 +86,11 @@ class CommandRateLimit(Effect):
     name = "command_rate_limit"
     in_words = "the command ramps, at most {rate}"
     port = "command"
-    memory = True
-    rate: float = parameter(
-        10.0,
-        "{command}/s",
-        bounds=(0, None),
-        null=math.inf,
-        transform="log",
-        probes=relative_to("command", 1.0, 4.0, 12.0),
-    )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The ramped command."""
-        return rate_limited(s.time, value, self.rate)
+    rate: float = ceiling(10.0, "{command}/s", probes=relative_to("command", 1.0, 4.0, 12.0))
 
 
 @registered
-class CommandDelay(Effect):
+class CommandDelay(Delay):
     """The command arrives late.
 
     Acts on the recorded command: command(time - delay), linear between the samples; before
@@ -131,8 +100,7 @@ class CommandDelay(Effect):
     chapter 2 (sampling of systems with a time delay).
 
     Example:
-        >>> effect = dft.effects.CommandDelay(delay=0.05)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.CommandDelay(delay=0.05)
         >>> model.parameters["command_delay.delay"].range_text()
         '[0, inf) s'
     """
@@ -140,15 +108,8 @@ class CommandDelay(Effect):
     name = "command_delay"
     in_words = "the command arrives {delay} late"
     port = "command"
-    memory = True
     # commands step: one 0.4 s late gains 1570 at a trial value of 0.4 s, and loses 100 at 0.25 s
-    delay: float = parameter(
-        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.25, 0.4)
-    )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The command as it was."""
-        return delayed(s.time, value, self.delay)
+    delay: float = from_zero(0.05, "s", size=0.1, probes=(0.02, 0.08, 0.25, 0.4))
 
     def of_sampling(self, step: float) -> str:
         """By how much the true delay is longer where the log only samples the command."""
@@ -162,15 +123,14 @@ class CommandDelay(Effect):
 
 
 @registered
-class CommandOffset(Effect):
+class CommandOffset(Offset):
     """The zero of the motor controller is off.
 
     Acts on the recorded command: command + offset. Null: offset = 0. Source: Ljung 1999,
     section 14.1 (offsets of recorded signals).
 
     Example:
-        >>> effect = dft.effects.CommandOffset(offset=0.1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.CommandOffset(offset=0.1)
         >>> model.parameters["command_offset.offset"].range_text()
         '(-inf, inf) V'
     """
@@ -181,7 +141,3 @@ class CommandOffset(Effect):
     offset: float = parameter(
         0.1, "{command}", null=0.0, size=0.2, probes=relative_to("command", -0.1, 0.1)
     )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The command with its zero moved."""
-        return value + self.offset

@@ -14,13 +14,12 @@ from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearest
-from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import memory_rates, memory_starts
+from diffthrust.effects._grammar import ExpressionEffect, expression_of
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.described import described_fields, plain_description
-from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
+from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.parameter import Normal, Parameter, parameter
-from diffthrust.models._base.signals import Rate, Signal, Signals
+from diffthrust.models._base.signals import Signal, Signals
 
 _DEGREE = 3
 """Degree of the pieces; a curve has as many splines more than pieces."""
@@ -32,7 +31,7 @@ _LEAST_PIECES, _MOST_PIECES = 3, 200
 
 
 @registered
-class Curve(MadeEffect):
+class Curve(ExpressionEffect):
     """A law that nobody has written yet: a smooth function of one signal acts at a port.
 
     Acts on the signal of any port: ``value + times * curve(signal)``. The curve is a cubic spline
@@ -116,53 +115,36 @@ class Curve(MadeEffect):
         **parameters: Any,
     ) -> None:
         label = f"curve of {signal!r:.60} at {port!r:.60}"
-        _check_kinds(
-            label,
-            {"low": low, "high": high, "size": size, "bend": bend, "pieces": pieces},
-            {"signal": signal, "times": times},
-        )
-        number = int(pieces) + _DEGREE
+        numbers = {"low": low, "high": high, "size": size, "bend": bend, "pieces": pieces}
+        _check_kinds(label, numbers, {"signal": signal, "times": times})
         law, factor = expression_of(signal), expression_of(times or "1")
+        most = int(pieces) + _DEGREE
+        whole_pieces = _LEAST_PIECES <= pieces <= _MOST_PIECES and pieces == int(pieces)
         for right, expected, actual in (
             (-np.inf < low < high < np.inf, "low < high, both finite", f"{low!r} and {high!r}"),
-            (
-                _LEAST_PIECES <= pieces <= _MOST_PIECES and pieces == int(pieces),
-                f"{_LEAST_PIECES} to {_MOST_PIECES} pieces",
-                repr(pieces),
-            ),
+            (whole_pieces, f"{_LEAST_PIECES} to {_MOST_PIECES} pieces", repr(pieces)),
             (size > 0 and bend > 0, "a positive size and bend", f"{size!r} and {bend!r}"),
             (not factor.memories, "times of what does not remember", repr(times)),
-            (len(shape) <= number, f"a shape of at most {number} numbers", str(len(shape))),
+            (len(shape) <= most, f"a shape of at most {most} numbers", str(len(shape))),
         ):
             if not right:
                 raise InputError(f"{label}: expected {expected}, found {actual}.", "Correct it.")
-        begin = [*map(float, shape), *[0.0] * (number - len(shape))]
-        # the slope is the rise over the whole grid: a line from -size to +size rises by twice the
-        # size
-        widths = [1.0, 2.0, *[bend] * (pieces + 1)]
         names = ("level", "slope", *(f"bend{k + 1}" for k in range(pieces + 1)))
-        declared = {
-            n: parameter(
-                value, unit, null=0.0, size=width * size, prior=Normal(0.0, width * size),
-                fixed=n in held,
-            )
-            for n, value, width in zip(names, begin, widths, strict=True)
-        }  # fmt: skip
         for name_held in (each for each in held if each not in names):
-            near = nearest(str(name_held), names)
+            near = nearest(str(name_held), names, "; ")
             raise InputError(
-                f"{label}: expected names of coefficients to hold, found {name_held!r}"
-                f"{'; ' + near if near else ''}.",
+                f"{label}: expected names of coefficients to hold, found {name_held!r}{near}.",
                 "Correct the name.",
             )
-        places = {**law.places, **factor.places}
         for taken in (name for name in parameters if name in names):
             raise InputError(
                 f"{label}: a parameter cannot be called {taken!r}, as a coefficient is.",
                 "Give it another name.",
             )
+        places = {**law.places, **factor.places}
         self._check_parameters(parameters, places, signal)
         descriptions = {n: plain_description(f"curve, {n}", each) for n, each in parameters.items()}
+        declared = _coefficients(names, shape, unit, size, bend, held)
         declared |= {n: _own(n, each, n in law.sizes) for n, each in descriptions.items()}
         self._set(signal=signal, times=times, low=float(low), high=float(high), pieces=pieces)
         self._set(size=size, bend=bend, unit=unit, held=tuple(held), coefficients=names)
@@ -178,7 +160,10 @@ class Curve(MadeEffect):
 
     def at_signal(self, x: ArrayLike) -> Signal:
         """The curve at values of its signal, of the same shape."""
-        return self._curve(jnp.asarray(x, float))
+        # truncated powers grow without end, and cancel to zero only in exact arithmetic: far
+        # signals are brought to where the curve has just ended
+        at = jnp.clip(self._on_grid(jnp.asarray(x, float)), -_BEYOND, self.pieces + _BEYOND)
+        return truncated_powers(at + _BEYOND, self._weights)
 
     def basis(self, x: ArrayLike) -> Float[np.ndarray, " coefficients *T"]:
         """The curve's derivatives by its coefficients at values of its signal."""
@@ -188,18 +173,9 @@ class Curve(MadeEffect):
         return np.tensordot(spline_weights(len(self.coefficients)).T, powers, 1)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The signal of the port with the curve in it."""
         named = self._named(value, s)
-        curve = self._curve(expression_of(self.signal)(named, jnp))
+        curve = self.at_signal(self._law(named, jnp))
         return value + (expression_of(self.times)(named, jnp) * curve if self.times else curve)
-
-    def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """The rates of the states of its memories."""
-        return memory_rates(expression_of(self.signal), self._named(value, s))
-
-    def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """The initial values of the states of its memories."""
-        return memory_starts(expression_of(self.signal), self._named(value, s))
 
     def _copy(self, **attributes: Any) -> Curve:
         copy = super()._copy(**attributes)
@@ -209,12 +185,6 @@ class Curve(MadeEffect):
 
     def _on_grid(self, x: Any) -> Any:
         return (x - self.low) * (self.pieces / (self.high - self.low))
-
-    def _curve(self, x: Signal) -> Signal:
-        # truncated powers grow without end, and cancel to zero only in exact arithmetic: far
-        # signals are brought to where the curve has just ended
-        at = jnp.clip(self._on_grid(x), -_BEYOND, self.pieces + _BEYOND)
-        return truncated_powers(at + _BEYOND, self._weights)
 
 
 def _weighed(shape: Sequence[Any]) -> Any:
@@ -250,6 +220,26 @@ def _check_kinds(label: str, numbers: Mapping[str, Any], texts: Mapping[str, Any
     for name, value in texts.items():
         if not isinstance(value, str):
             raise InputError(f"{label}: expected text as {name}, found {value!r}.", "Quote it.")
+
+
+def _coefficients(
+    names: Sequence[str],
+    shape: Sequence[float],
+    unit: str,
+    size: float,
+    bend: float,
+    held: Sequence[str],
+) -> dict[str, Parameter]:
+    """Level, slope and bends, each with a normal prior about zero."""
+    begin = [*map(float, shape), *[0.0] * (len(names) - len(shape))]
+    # the slope is the rise over the whole grid: a line from -size to +size rises by twice the size
+    widths = [width * size for width in (1.0, 2.0, *[bend] * (len(names) - 2))]
+    return {
+        name: parameter(
+            value, unit, null=0.0, size=width, prior=Normal(0.0, width), fixed=name in held
+        )
+        for name, value, width in zip(names, begin, widths, strict=True)
+    }
 
 
 def _own(name: str, description: str | Mapping[str, Any], size: bool) -> Parameter:

@@ -6,8 +6,8 @@ of a load against the motion `coulomb_friction`, and a constant torque `command_
 
 import jax.numpy as jnp
 
+from diffthrust.effects._forms import Form
 from diffthrust.models._base.component import registered
-from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
 
@@ -20,8 +20,20 @@ def power(size: Signal, reference: Signal | float, exponent: Signal | float) -> 
     return (jnp.maximum(jnp.abs(size) / reference, _REST)) ** exponent
 
 
+class _SpeedExponent(Form):
+    """What grows with the square of the speed, with another power of it."""
+
+    exponent: float = parameter(1.8, bounds=(0.5, 4), null=2.0, size=0.3, probes=(1.7, 2.3))
+    reference: float = parameter(
+        40.0, "{speed}", bounds=(0, None), fixed=True, probes=relative_to("speed", 0.6)
+    )
+
+    def __call__(self, value: Signal, s: Signals) -> Signal:
+        return value * power(s.speed, self.reference, self.exponent - 2.0)
+
+
 @registered
-class ThrustExponent(Effect):
+class ThrustExponent(_SpeedExponent):
     """The thrust grows with another power of the speed than the second.
 
     Acts on the thrust [N]: multiplied by (|speed| / reference)^(exponent - 2), so that a quadratic
@@ -32,8 +44,7 @@ class ThrustExponent(Effect):
     (Siramdasu & Fahimi 2013, equation 6).
 
     Example:
-        >>> effect = dft.effects.ThrustExponent(exponent=1.8)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ThrustExponent(exponent=1.8)
         >>> model.parameters["thrust_exponent.exponent"].range_text()
         '[0.5, 4]'
     """
@@ -41,18 +52,10 @@ class ThrustExponent(Effect):
     name = "thrust_exponent"
     in_words = "thrust goes with speed to the power {exponent}"
     port = "propeller"
-    exponent: float = parameter(1.8, bounds=(0.5, 4), null=2.0, size=0.3, probes=(1.7, 2.3))
-    reference: float = parameter(
-        40.0, "{speed}", bounds=(0, None), fixed=True, probes=relative_to("speed", 0.6)
-    )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust by another power."""
-        return value * power(s.speed, self.reference, self.exponent - 2.0)
 
 
 @registered
-class LoadExponent(Effect):
+class LoadExponent(_SpeedExponent):
     """The propeller brakes the shaft with another power of the speed than the second.
 
     Acts on the load [rad/s^2]: multiplied by (|speed| / reference)^(exponent - 2), so that a
@@ -62,8 +65,7 @@ class LoadExponent(Effect):
     than the square of its speed (Fitzgerald, Kingsley & Umans 2003).
 
     Example:
-        >>> effect = dft.effects.LoadExponent(exponent=1.8)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.LoadExponent(exponent=1.8)
         >>> model.parameters["load_exponent.exponent"].range_text()
         '[0.5, 4]'
     """
@@ -71,11 +73,3 @@ class LoadExponent(Effect):
     name = "load_exponent"
     in_words = "the load goes with speed to the power {exponent}"
     port = "load"
-    exponent: float = parameter(1.8, bounds=(0.5, 4), null=2.0, size=0.3, probes=(1.7, 2.3))
-    reference: float = parameter(
-        40.0, "{speed}", bounds=(0, None), fixed=True, probes=relative_to("speed", 0.6)
-    )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The load by another power."""
-        return value * power(s.speed, self.reference, self.exponent - 2.0)

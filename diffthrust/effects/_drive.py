@@ -1,13 +1,12 @@
 """Effects in the propulsion and steering of a vessel."""
 
-import math
 from collections.abc import Collection, Mapping
 from typing import ClassVar
 
 import jax.numpy as jnp
 
 from diffthrust.effects._curves import power
-from diffthrust.effects._recorded import rate_limited
+from diffthrust.effects._forms import Offset, RateLimit, ReverseAsymmetry, ceiling, from_zero
 from diffthrust.effects._shaft import ActuatorLag
 from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
@@ -24,8 +23,7 @@ class PropellerLag(ActuatorLag):
     low-level control, as first-order lags).
 
     Example:
-        >>> effect = dft.effects.PropellerLag(time_constant=0.3)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.PropellerLag(time_constant=0.3)
         >>> model.parameters["propeller_lag.time_constant"].range_text()
         '[0, inf) s'
     """
@@ -34,9 +32,7 @@ class PropellerLag(ActuatorLag):
     in_words = "the propeller lags by {time_constant}"
     port = "revolutions"
     states: ClassVar[Mapping[str, str]] = {"response": "rev/s"}
-    time_constant: float = parameter(
-        0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
-    )
+    time_constant: float = from_zero(0.3, "s", size=0.5, probes=(0.1, 0.5, 1.5))
 
 
 @registered
@@ -48,8 +44,7 @@ class RudderLag(ActuatorLag):
     (model of the steering machine).
 
     Example:
-        >>> effect = dft.effects.RudderLag(time_constant=0.3)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.RudderLag(time_constant=0.3)
         >>> model.parameters["rudder_lag.time_constant"].range_text()
         '[0, inf) s'
     """
@@ -58,13 +53,11 @@ class RudderLag(ActuatorLag):
     in_words = "the rudder lags by {time_constant}"
     port = "rudder"
     states: ClassVar[Mapping[str, str]] = {"response": "rad"}
-    time_constant: float = parameter(
-        0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
-    )
+    time_constant: float = from_zero(0.3, "s", size=0.5, probes=(0.1, 0.5, 1.5))
 
 
 @registered
-class RudderRateLimit(Effect):
+class RudderRateLimit(RateLimit):
     """The servo of the rudder turns no faster than a largest rate.
 
     Acts on the recorded rudder angle [rad], from sample to sample: it moves towards the commanded
@@ -72,8 +65,7 @@ class RudderRateLimit(Effect):
     Source: Van Amerongen 1982, Adaptive steering of ships (model of the steering machine).
 
     Example:
-        >>> effect = dft.effects.RudderRateLimit(rate=0.5)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.RudderRateLimit(rate=0.5)
         >>> model.parameters["rudder_rate_limit.rate"].range_text()
         '[0, inf) rad/s'
     """
@@ -81,23 +73,13 @@ class RudderRateLimit(Effect):
     name = "rudder_rate_limit"
     in_words = "the rudder turns at most {rate}"
     port = "rudder_angle"
-    memory = True
-    rate: float = parameter(
-        0.5,
-        "{rudder_angle}/s",
-        bounds=(0, None),
-        transform="log",
-        null=math.inf,
-        probes=relative_to("rudder_angle", 0.1, 0.5, 2.0),
+    rate: float = ceiling(
+        0.5, "{rudder_angle}/s", probes=relative_to("rudder_angle", 0.1, 0.5, 2.0)
     )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The angle that the servo reaches at each sample."""
-        return rate_limited(s.time, value, self.rate)
 
 
 @registered
-class RudderOffset(Effect):
+class RudderOffset(Offset):
     """The rudder stands off centre when its command is zero.
 
     Acts on the rudder angle [rad]: angle + offset, positive where the offset alone pushes the
@@ -105,8 +87,7 @@ class RudderOffset(Effect):
     models; where the propeller walks, it looks much like the neutral rudder angle of ship trials.
 
     Example:
-        >>> effect = dft.effects.RudderOffset(offset=0.05)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.RudderOffset(offset=0.05)
         >>> model.parameters["rudder_offset.offset"].range_text()
         '[-0.8, 0.8] rad'
     """
@@ -117,10 +98,6 @@ class RudderOffset(Effect):
     offset: float = parameter(
         0.05, "{rudder_angle}", bounds=(-0.8, 0.8), null=0.0, size=0.1, probes=(-0.1, 0.1)
     )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The angle at which the rudder stands."""
-        return value + self.offset
 
 
 @registered
@@ -133,8 +110,7 @@ class RudderInflow(Effect):
     proportional to the square of the inflow speed, here to first order in u.
 
     Example:
-        >>> effect = dft.effects.RudderInflow(gain=0.3)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.RudderInflow(gain=0.3)
         >>> model.parameters["rudder_inflow.gain"].range_text()
         '(-inf, inf) s/m'
     """
@@ -147,7 +123,6 @@ class RudderInflow(Effect):
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The side force with the inflow of the vessel's own speed."""
         return value * (1.0 + self.gain * s.surge_through_water)
 
 
@@ -162,8 +137,7 @@ class PropellerInflow(Effect):
     here in proportion to the thrust, whose law in n the vessel leaves open.
 
     Example:
-        >>> effect = dft.effects.PropellerInflow(loss=0.1)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.PropellerInflow(loss=0.1)
         >>> model.parameters["propeller_inflow.loss"].range_text()
         '[0, inf) s/m'
     """
@@ -171,17 +145,9 @@ class PropellerInflow(Effect):
     name = "propeller_inflow"
     in_words = "the propeller loses thrust as the vessel gains speed"
     port = "propulsion"
-    loss: float = parameter(
-        0.1,
-        "s/m",
-        bounds=(0, None),
-        null=0.0,
-        size=0.5,
-        probes=relative_to("surge", 0.1, 0.5, power=-1),
-    )
+    loss: float = from_zero(0.1, "s/m", size=0.5, probes=relative_to("surge", 0.1, 0.5, power=-1))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust at the vessel's speed."""
         return value - self.loss * jnp.abs(value) * s.surge_through_water
 
 
@@ -194,8 +160,7 @@ class PropellerWalk(Effect):
     astern) does. Null: fraction = 0. Source: Brix 1993, Manoeuvring technical manual.
 
     Example:
-        >>> effect = dft.effects.PropellerWalk(fraction=0.05)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.PropellerWalk(fraction=0.05)
         >>> model.parameters["propeller_walk.fraction"].range_text()
         '[-1, 1]'
     """
@@ -206,20 +171,18 @@ class PropellerWalk(Effect):
     fraction: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.1, probes=(-0.1, 0.1))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The side force with that of the propeller's rotation."""
         return value + self.fraction * s.propulsion
 
 
 @registered
-class ReversePropellerAsymmetry(Effect):
+class ReversePropellerAsymmetry(ReverseAsymmetry):
     """The propeller pushes less (or more) when it drives astern.
 
     Acts on the thrust: multiplied by 1 + change where it is negative. Null: change = 0.
     Source: van Lammeren, van Manen & Oosterveld 1969, the B-screw series in all four quadrants.
 
     Example:
-        >>> effect = dft.effects.ReversePropellerAsymmetry(change=-0.2)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.ReversePropellerAsymmetry(change=-0.2)
         >>> model.parameters["reverse_propeller_asymmetry.change"].range_text()
         '[-1, inf)'
     """
@@ -228,10 +191,6 @@ class ReversePropellerAsymmetry(Effect):
     in_words = "{change:more} thrust astern"
     port = "propulsion"
     change: float = parameter(-0.2, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust with its reverse direction changed."""
-        return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
 
 
 @registered
@@ -245,8 +204,7 @@ class DifferentialGain(Effect):
     command to force); their mean belongs to the other parameters.
 
     Example:
-        >>> effect = dft.effects.DifferentialGain(gain=0.05)
-        >>> model = dft.Vessel(drive="twin") + effect
+        >>> model = dft.Vessel(drive="twin") + dft.effects.DifferentialGain(gain=0.05)
         >>> model.parameters["differential_gain.gain"].range_text()
         '[-1, 1]'
     """
@@ -283,8 +241,7 @@ class SwappedThrusters(Effect):
     the clock looks the same.
 
     Example:
-        >>> effect = dft.effects.SwappedThrusters(share=1)
-        >>> model = dft.Vessel(drive="twin") + effect
+        >>> model = dft.Vessel(drive="twin") + dft.effects.SwappedThrusters(share=1)
         >>> model.parameters["swapped_thrusters.share"].range_text()
         '[0, 1]'
     """
@@ -322,8 +279,7 @@ class ForceExponent(Effect):
     Fahimi 2013, equation 6, for the power law.
 
     Example:
-        >>> effect = dft.effects.ForceExponent(exponent=1.2)
-        >>> model = dft.Vessel(drive="twin") + effect
+        >>> model = dft.Vessel(drive="twin") + dft.effects.ForceExponent(exponent=1.2)
         >>> model.parameters["force_exponent.exponent"].range_text()
         '[0.3, 3]'
     """

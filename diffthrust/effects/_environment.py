@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from diffthrust.effects._forms import from_zero
 from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -24,8 +25,7 @@ class WaterCurrent(Effect):
     Source: Fossen 2011, section 8.3 (irrotational constant current).
 
     Example:
-        >>> effect = dft.effects.WaterCurrent(to_north=0.1)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.WaterCurrent(to_north=0.1)
         >>> model.parameters["water_current.to_north"].range_text()
         '(-inf, inf) m/s'
     """
@@ -90,8 +90,7 @@ class Wind(Effect):
     Source: Fossen 2011, section 8.1.
 
     Example:
-        >>> effect = dft.effects.Wind(along=0.01)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.Wind(along=0.01)
         >>> model.parameters["wind.along"].range_text()
         '[0, inf) N s^2/m^2/A'
     """
@@ -99,22 +98,8 @@ class Wind(Effect):
     name = "wind"
     in_words = "the wind pushes the vessel"
     ports: ClassVar[tuple[str, ...]] = ("surge_force", "sway_force", "yaw_moment")
-    along: float = parameter(
-        0.01,
-        "N s^2/m^2",
-        bounds=(0, None),
-        null=0.0,
-        size=0.05,
-        probes=relative_to("propulsion", 0.003),
-    )
-    across: float = parameter(
-        0.02,
-        "N s^2/m^2",
-        bounds=(0, None),
-        null=0.0,
-        size=0.1,
-        probes=relative_to("propulsion", 0.006),
-    )
+    along: float = from_zero(0.01, "N s^2/m^2", size=0.05, probes=relative_to("propulsion", 0.003))
+    across: float = from_zero(0.02, "N s^2/m^2", size=0.1, probes=relative_to("propulsion", 0.006))
     turning: float = parameter(
         0.005, "N s^2/m", null=0.0, size=0.05, probes=relative_to("propulsion", 0.001)
     )

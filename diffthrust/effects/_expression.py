@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,14 +18,14 @@ from diffthrust.effects._finite import exponential, logarithm, quotient, raised,
 STRANGE = re.compile(r"[^A-Za-z0-9_ .+\-*/(),<>=!]")
 """Characters that no expression contains."""
 COMPARED: Mapping[type, Callable[[Any, Any], Any]] = {
-    ast.Lt: lambda a, b: a < b,
-    ast.LtE: lambda a, b: a <= b,
-    ast.Gt: lambda a, b: a > b,
-    ast.GtE: lambda a, b: a >= b,
-    ast.Eq: lambda a, b: a == b,
-    ast.NotEq: lambda a, b: a != b,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
 }
-"""Comparisons."""
+_ARITHMETIC = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
 SHORT = {"min": "minimum", "max": "maximum"}
 """Short names of functions of NumPy."""
 FINITE: Mapping[str, Callable[..., Any]] = {
@@ -84,10 +85,6 @@ class Expression:
         """
         return valued(self.tree, names, xp)
 
-    def refused(self, at: int, problem: str, mend: str) -> InputError:
-        """An error with a mark below the place where it is."""
-        return with_mark(self.text, at, problem, mend)
-
 
 def with_mark(text: str, at: int, problem: str, mend: str) -> InputError:
     """An error of an expression with a mark below a place."""
@@ -128,21 +125,14 @@ def valued(node: ast.AST, names: Callable[[str], Any], xp: Any) -> Any:
 
 def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
     first, second = valued(node.left, names, xp), valued(node.right, names, xp)
-    if isinstance(node.op, ast.Add):
-        return first + second
-    if isinstance(node.op, ast.Sub):
-        return first - second
-    if isinstance(node.op, ast.Mult):
-        return first * second
+    if type(node.op) in _ARITHMETIC:
+        return _ARITHMETIC[type(node.op)](first, second)
     if isinstance(node.op, ast.Div):
         return quotient(first, second, xp)
-    return (
-        # x**2 by multiplication keeps the sign and the slope at zero; x**2.0 takes a logarithm
-        # there
-        xp.asarray(first, float) ** int(second)
-        if keeps_sign(node.right)
-        else raised(first, second, xp)
-    )
+    if not keeps_sign(node.right):
+        return raised(first, second, xp)
+    # x**2 by multiplication keeps the sign and the slope at zero; x**2.0 takes a logarithm there
+    return xp.asarray(first, float) ** int(second)
 
 
 def keeps_sign(exponent: ast.AST) -> bool:

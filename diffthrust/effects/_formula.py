@@ -12,15 +12,14 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.effects._expression import Expression, valued
-from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import memory_rates, memory_starts
+from diffthrust.effects._expression import Expression, valued, with_mark
+from diffthrust.effects._grammar import ExpressionEffect, expression_of
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.described import described_fields, plain_description
-from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
+from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.parameter import Parameter, parameter
-from diffthrust.models._base.signals import Rate, Signal, Signals
+from diffthrust.models._base.signals import Signal, Signals
 
 _POINTS = 256
 _EXPONENT = {"value": 1.0, "bounds": (0.1, 4.0), "probes": (0.5, 1.0, 2.0), "transform": "linear"}
@@ -32,7 +31,7 @@ _SHARE = 0.1
 
 
 @registered
-class Formula(MadeEffect):
+class Formula(ExpressionEffect):
     """A hypothesis of one line: an expression of parameters and signals, at a port.
 
     Names among the keywords are parameters, every other name is a signal of the model: time,
@@ -98,22 +97,13 @@ class Formula(MadeEffect):
         self._make(name, port, _declared(law, descriptions), reads)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """What leaves the port."""
-        result = expression_of(self.expression)(self._named(value, s), jnp)
+        result = self._law(self._named(value, s), jnp)
         return value + result if self.adds else result
-
-    def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """The rates of the states of its memories."""
-        return memory_rates(expression_of(self.expression), self._named(value, s))
-
-    def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """The initial values of the states of its memories."""
-        return memory_starts(expression_of(self.expression), self._named(value, s))
 
     @property
     def adds(self) -> bool:
         """Whether the expression is added to what arrives at the port, and does not read it."""
-        return ARRIVING not in expression_of(self.expression).places
+        return ARRIVING not in self._law.places
 
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Formula:
         """The formula, its amplitudes without a size getting a tenth of the signal at the port."""
@@ -132,11 +122,11 @@ class Formula(MadeEffect):
 
     def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
         """The error for a name that is neither parameter nor signal, with a mark below it."""
-        near = nearest(name, (*signals, *self.declared))
-        return expression_of(self.expression).refused(
-            expression_of(self.expression).places[name],
-            f"{name!r} is no parameter of '{self.name}', and no signal at the port '{port}'"
-            f"{'; ' + near if near else ''}",
+        near = nearest(name, (*signals, *self.declared), "; ")
+        return with_mark(
+            self.expression,
+            self._law.places[name],
+            f"{name!r} is no parameter of '{self.name}', and no signal at the port '{port}'{near}",
             f'Correct the name, or give a parameter\'s unit: {name}="rad/s". Signals there are '
             f"{listing(signals)}.",
         )
@@ -147,7 +137,7 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
 
     The 90th percentile of its size; zero where a level is not known.
     """
-    law, rng = expression_of(formula.expression), np.random.default_rng(0)
+    law, rng = formula._law, np.random.default_rng(0)
     ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}
     if any(name not in ranges for name in formula.reads):
         return 0.0
@@ -187,7 +177,8 @@ def _declared(
         if name in law.sizes:
             fields = {"bounds": (0.0, None), **fields}
         if "value" not in fields:
-            raise law.refused(
+            raise with_mark(
+                law.text,
                 law.places[name],
                 f"nothing says where {name!r} begins",
                 f'Give it a value: {name}={{"unit": "{fields["unit"]}", "value": ...}}.',

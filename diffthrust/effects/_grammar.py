@@ -6,23 +6,20 @@ import ast
 import math
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearest
 from diffthrust.effects._expression import COMPARED, STRANGE, Expression, with_mark
-from diffthrust.effects._memory import REMEMBERS, separated
+from diffthrust.effects._memory import REMEMBERS, memory_rates, memory_starts, separated
+from diffthrust.models._base.made_effect import MadeEffect
+from diffthrust.models._base.signals import Rate, Signal, Signals
 
 _LONGEST = 500
 _DEEPEST = 40
 
-_BINARY: Mapping[type, str] = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.Pow: "**",
-}
+_BINARY = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
 _ARGUMENTS: Mapping[str, int] = {
     **dict.fromkeys(("abs", "sign", "sqrt", "exp", "log", "tanh", "sin", "cos"), 1),
     **dict.fromkeys(("minimum", "maximum", "min", "max"), 2),
@@ -90,6 +87,22 @@ class _OfParts(ast.NodeTransformer):
         return ast.copy_location(ast.Name(f"{node.value.id}.{node.attr}"), node)
 
 
+class ExpressionEffect(MadeEffect):
+    """An effect whose argument ``main`` is an expression, which may remember."""
+
+    @property
+    def _law(self) -> Expression:
+        return expression_of(getattr(self, self.main))
+
+    def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
+        """The rates of the states of its memories."""
+        return memory_rates(self._law, self._named(value, s))
+
+    def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
+        """The initial values of the states of its memories."""
+        return memory_starts(self._law, self._named(value, s))
+
+
 def _check(
     node: ast.AST,
     text: str,
@@ -108,17 +121,13 @@ def _check(
         _check_number(node.value, text, at)
     elif isinstance(node, ast.Name):
         if node.id in _ARGUMENTS:
-            count = _ARGUMENTS[node.id]
-            raise with_mark(
-                text, at, f"'{node.id}' is a function",
-                f"Write {node.id}({', '.join('xyz'[:count])}).",
-            )  # fmt: skip
+            raise with_mark(text, at, f"'{node.id}' is a function", _written(node.id))
         if node.id != "pi":
             places.setdefault(node.id, at)
             exponents.update([node.id] * raised)
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         inner = [(node.operand, raised)]
-    elif isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+    elif isinstance(node, ast.BinOp) and isinstance(node.op, _BINARY):
         inner = [(node.left, raised), (node.right, raised or isinstance(node.op, ast.Pow))]
     elif isinstance(node, ast.Compare) and all(type(op) in COMPARED for op in node.ops):
         inner = [(child, raised) for child in (node.left, *node.comparators)]
@@ -132,34 +141,30 @@ def _check(
 
 
 def _check_number(value: object, text: str, at: int) -> None:
-    try:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        finite = number and math.isfinite(value)  # pyright: ignore[reportArgumentType]
-    # an integer of 400 digits is valid Python and no float
-    except OverflowError:
-        finite = False
-    if not finite:
-        raise with_mark(text, at, "expected a finite number", "Correct the number.")
+    with suppress(OverflowError):  # an integer of 400 digits is valid Python and no float
+        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+            return
+    raise with_mark(text, at, "expected a finite number", "Correct the number.")
 
 
 def _check_call(node: ast.Call, text: str, at: int) -> None:
     name = node.func.id if isinstance(node.func, ast.Name) else ""
     if name not in _ARGUMENTS:
-        near = nearest(name, _ARGUMENTS) if name else ""
-        what = f"the function {name!r} is not known" if name else "this cannot be called"
-        raise with_mark(text, at, f"{what}{'; ' + near if near else ''}", _mend())
-    count = _ARGUMENTS[name]
-    enough = len(node.args) in (count, count + (name == "lag"))
-    if node.keywords or not enough:
-        actual = len(node.args) + len(node.keywords)
-        raise with_mark(
-            text, at, f"expected {count} in the brackets of '{name}', found {actual}",
-            f"Write {name}({', '.join('xyz'[:count])}).",
-        )  # fmt: skip
+        near = nearest(name, _ARGUMENTS, "; ")
+        what = f"the function {name!r} is not known{near}" if name else "this cannot be called"
+        raise with_mark(text, at, what, _mend())
+    count, actual = _ARGUMENTS[name], len(node.args) + len(node.keywords)
+    if node.keywords or actual not in (count, count + (name == "lag")):
+        problem = f"expected {count} in the brackets of '{name}', found {actual}"
+        raise with_mark(text, at, problem, _written(name))
     if name in REMEMBERS and count > 1 and isinstance(node.args[1], ast.UnaryOp):
         raise with_mark(
             text, at, f"the time or width of '{name}' has a sign", "Write it without one."
         )
+
+
+def _written(function: str) -> str:
+    return f"Write {function}({', '.join('xyz'[: _ARGUMENTS[function]])})."
 
 
 def _mend(first: str = "Write it otherwise") -> str:

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from diffthrust.effects._forms import Form, from_zero
 from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -21,8 +22,7 @@ class Buoyancy(Effect):
     out of the water. Source: Fossen 2011, section 4.1 (W - B in heave).
 
     Example:
-        >>> effect = dft.effects.Buoyancy(excess=6)
-        >>> model = dft.AxisVehicle() + effect
+        >>> model = dft.AxisVehicle() + dft.effects.Buoyancy(excess=6)
         >>> model.parameters["buoyancy.excess"].range_text()
         '(-inf, inf) N'
     """
@@ -35,7 +35,6 @@ class Buoyancy(Effect):
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The force with what buoyancy and weight leave."""
         return value + self.excess
 
 
@@ -44,24 +43,32 @@ _NEVER = 1e-3
 there is none."""
 
 
-def _beside_linear(drag: Effect, model: Component, linear: str, unit: str) -> str:
-    """A quadratic drag by the speed from which it is more than the linear one.
+class _QuadraticDrag(Form):
+    """A resistance that grows with the square of a speed of the hull."""
 
-    "" where its own number says enough. Divided by the propulsion constant A it says nothing: the
-    drag of an Esso Osaka stood as "7861 N s^2/m^2/A", as if by the ampere, where it was 386.
-    """
-    coefficient = drag._parameters["drag"]
-    if not coefficient.unit.endswith("/A") or not coefficient.value > 0:
-        return ""
-    words = drag.in_words.partition(",")[0]
-    speed = getattr(model, linear) / coefficient.value
-    if speed < _NEVER:  # a fit from a hull that has no linear drag ended at 1e-16 m/s
-        return f"{words}, with no linear part left"
-    return f"{words} and passes the linear drag at {speed:.2g} {unit}"
+    linear: ClassVar[tuple[str, str]]
+    """The vessel's linear drag by its parameter, and the unit of the speed."""
+    drag: float
+
+    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
+        """The speed from which it is more than the linear drag; "" where its number says enough.
+
+        Divided by the propulsion constant A it says nothing: the drag of an Esso Osaka stood as
+        "7861 N s^2/m^2/A", as if by the ampere, where it was 386.
+        """
+        coefficient = self._parameters["drag"]
+        if not coefficient.unit.endswith("/A") or not coefficient.value > 0:
+            return ""
+        words = self.in_words.partition(",")[0]
+        linear, unit = self.linear
+        speed = getattr(model, linear) / coefficient.value
+        if speed < _NEVER:  # a fit from a hull that has no linear drag ended at 1e-16 m/s
+            return f"{words}, with no linear part left"
+        return f"{words} and passes the linear drag at {speed:.2g} {unit}"
 
 
 @registered
-class QuadraticSurgeDrag(Effect):
+class QuadraticSurgeDrag(_QuadraticDrag):
     """The resistance ahead grows faster than the speed.
 
     Acts on the surge force: force - drag * u |u|, with u [m/s] the surge speed through the water.
@@ -69,8 +76,7 @@ class QuadraticSurgeDrag(Effect):
     Source: Fossen 2011, section 7.1, nonlinear damping -X_|u|u |u| u.
 
     Example:
-        >>> effect = dft.effects.QuadraticSurgeDrag(drag=1)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.QuadraticSurgeDrag(drag=1)
         >>> model.parameters["quadratic_surge_drag.drag"].range_text()
         '[0, inf) N s^2/m^2/A'
     """
@@ -78,27 +84,18 @@ class QuadraticSurgeDrag(Effect):
     name = "quadratic_surge_drag"
     in_words = "drag grows with the square of surge, {drag}"
     port = "surge_force"
-    drag: float = parameter(
-        1.0,
-        "N s^2/m^2",
-        bounds=(0, None),
-        null=0.0,
-        size=2.0,
-        probes=relative_to("surge", 0.5, 5.0, power=-1),
+    linear = ("d11", "m/s")
+    drag: float = from_zero(
+        1.0, "N s^2/m^2", size=2.0, probes=relative_to("surge", 0.5, 5.0, power=-1)
     )
 
-    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
-        """Where it passes the linear drag, of a vessel whose numbers are ratios."""
-        return _beside_linear(self, model, "d11", "m/s")
-
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The force less the quadratic drag."""
         u = s.surge_through_water
         return value - self.drag * u * jnp.abs(u)
 
 
 @registered
-class QuadraticSwayDrag(Effect):
+class QuadraticSwayDrag(_QuadraticDrag):
     """The hull resists sideways motion by cross-flow drag.
 
     Acts on the sway force: force - drag * v |v|, with v [m/s] the sway speed through the water.
@@ -106,8 +103,7 @@ class QuadraticSwayDrag(Effect):
     Source: Fossen 2011, section 7.1, nonlinear damping -Y_|v|v |v| v.
 
     Example:
-        >>> effect = dft.effects.QuadraticSwayDrag(drag=2)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.QuadraticSwayDrag(drag=2)
         >>> model.parameters["quadratic_sway_drag.drag"].range_text()
         '[0, inf) N s^2/m^2/A'
     """
@@ -115,27 +111,18 @@ class QuadraticSwayDrag(Effect):
     name = "quadratic_sway_drag"
     in_words = "drag grows with the square of sway, {drag}"
     port = "sway_force"
-    drag: float = parameter(
-        2.0,
-        "N s^2/m^2",
-        bounds=(0, None),
-        null=0.0,
-        size=5.0,
-        probes=relative_to("sway", 0.5, 5.0, power=-1),
+    linear = ("d22", "m/s")
+    drag: float = from_zero(
+        2.0, "N s^2/m^2", size=5.0, probes=relative_to("sway", 0.5, 5.0, power=-1)
     )
 
-    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
-        """Where it passes the linear drag, of a vessel whose numbers are ratios."""
-        return _beside_linear(self, model, "d22", "m/s")
-
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The force less the quadratic drag."""
         v = s.sway_through_water
         return value - self.drag * v * jnp.abs(v)
 
 
 @registered
-class QuadraticYawDrag(Effect):
+class QuadraticYawDrag(_QuadraticDrag):
     """The hull resists fast turning by cross-flow drag at its ends.
 
     Acts on the yaw moment: moment - drag * r |r|, with r [rad/s] the yaw rate. ``drag`` is in
@@ -143,8 +130,7 @@ class QuadraticYawDrag(Effect):
     Source: Fossen 2011, section 7.1, nonlinear damping -N_|r|r |r| r.
 
     Example:
-        >>> effect = dft.effects.QuadraticYawDrag(drag=0.5)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.QuadraticYawDrag(drag=0.5)
         >>> model.parameters["quadratic_yaw_drag.drag"].range_text()
         '[0, inf) N m s^2/rad^2/A'
     """
@@ -152,21 +138,12 @@ class QuadraticYawDrag(Effect):
     name = "quadratic_yaw_drag"
     in_words = "drag grows with the square of yaw rate, {drag}"
     port = "yaw_moment"
-    drag: float = parameter(
-        0.5,
-        "N m s^2/rad^2",
-        bounds=(0, None),
-        null=0.0,
-        size=1.0,
-        probes=relative_to("yaw_rate", 0.1, 1.0, power=-1),
+    linear = ("d33", "rad/s")
+    drag: float = from_zero(
+        0.5, "N m s^2/rad^2", size=1.0, probes=relative_to("yaw_rate", 0.1, 1.0, power=-1)
     )
 
-    def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
-        """Where it passes the linear drag, of a vessel whose numbers are ratios."""
-        return _beside_linear(self, model, "d33", "rad/s")
-
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The moment less the quadratic drag."""
         return value - self.drag * s.yaw_rate * jnp.abs(s.yaw_rate)
 
 
@@ -195,8 +172,7 @@ class SwayYawCoupling(Effect):
     freedom).
 
     Example:
-        >>> effect = dft.effects.SwayYawCoupling(mass=0.1)
-        >>> model = dft.Vessel() + effect
+        >>> model = dft.Vessel() + dft.effects.SwayYawCoupling(mass=0.1)
         >>> model.parameters["sway_yaw_coupling.mass"].range_text()
         '(-inf, inf) kg m/A'
     """

@@ -79,7 +79,6 @@ class PeriodicForce(MadeEffect):
         self._make(name, port, declared)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The signal of the port with the force in it."""
         swing = s.sine * jnp.sin(s.phase) + s.cosine * jnp.cos(s.phase)
         return value + self.amplitude * swing
 

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from diffthrust.effects._forms import ReverseSpeedAsymmetry, from_zero
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -12,7 +13,7 @@ from diffthrust.models._base.signals import Rate, Signal, Signals
 
 
 @registered
-class ReverseThrustAsymmetry(Effect):
+class ReverseThrustAsymmetry(ReverseSpeedAsymmetry):
     """The propeller thrusts less (or more) when it turns backwards.
 
     Acts on the thrust [N]: multiplied by 1 + change where speed < 0.
@@ -20,8 +21,7 @@ class ReverseThrustAsymmetry(Effect):
     the forward direction only and ignores the asymmetry.
 
     Example:
-        >>> effect = dft.effects.ReverseThrustAsymmetry(change=-0.1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ReverseThrustAsymmetry(change=-0.1)
         >>> model.parameters["reverse_thrust_asymmetry.change"].range_text()
         '[-1, inf)'
     """
@@ -29,11 +29,6 @@ class ReverseThrustAsymmetry(Effect):
     name = "reverse_thrust_asymmetry"
     in_words = "{change:more} thrust in reverse"
     port = "propeller"
-    change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust with the reverse direction changed."""
-        return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
 
 
 @registered
@@ -44,8 +39,7 @@ class InflowThrustLoss(Effect):
     thrust of Fossen 1994 and Fossen & Blanke 2000; Kim & Chung 2006.
 
     Example:
-        >>> effect = dft.effects.InflowThrustLoss(loss=0.1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.InflowThrustLoss(loss=0.1)
         >>> model.parameters["inflow_thrust_loss.loss"].range_text()
         '[0, inf) N s^2/(m rad)'
     """
@@ -54,17 +48,11 @@ class InflowThrustLoss(Effect):
     in_words = "inflow takes thrust away"
     port = "propeller"
     needs: ClassVar[tuple[str, ...]] = ("inflow",)
-    loss: float = parameter(
-        0.1,
-        "N s^2/(m rad)",
-        bounds=(0, None),
-        null=0.0,
-        size=0.3,
-        probes=relative_to("propeller", 0.002, 0.02),
+    loss: float = from_zero(
+        0.1, "N s^2/(m rad)", size=0.3, probes=relative_to("propeller", 0.002, 0.02)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust in moving water."""
         return value - self.loss * jnp.abs(s.speed) * s.inflow
 
 
@@ -83,8 +71,7 @@ class AxialFlow(Effect):
     a meaning. Source: Healey et al. 1995; Fossen & Blanke 2000.
 
     Example:
-        >>> effect = dft.effects.AxialFlow(loss=0.1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.AxialFlow(loss=0.1)
         >>> model.parameters["axial_flow.loss"].range_text()
         '[0, inf) N s^2/(m rad)'
     """
@@ -93,13 +80,8 @@ class AxialFlow(Effect):
     in_words = "thrust overshoots while the water in the duct catches up"
     port = "propeller"
     states: ClassVar[Mapping[str, str]] = {"flow": "m/s"}
-    loss: float = parameter(
-        0.1,
-        "N s^2/(m rad)",
-        bounds=(0, None),
-        null=0.0,
-        size=0.3,
-        probes=relative_to("propeller", 0.002, 0.02, 0.2),
+    loss: float = from_zero(
+        0.1, "N s^2/(m rad)", size=0.3, probes=relative_to("propeller", 0.002, 0.02, 0.2)
     )
     mass: float = parameter(
         20.0, "kg", bounds=(0, None), transform="log", probes=relative_to("propeller", 0.2, 1.0)
@@ -108,7 +90,6 @@ class AxialFlow(Effect):
     quadratic_drag: float = parameter(10.0, "N s^2/m^2", bounds=(0, None), fixed=True)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust that the moving water leaves."""
         return value - self.loss * jnp.abs(s.speed) * s.flow
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
@@ -134,8 +115,7 @@ class Cavitation(Effect):
     shortfall = 0. Source: Carlton 2012, chapter 9.
 
     Example:
-        >>> effect = dft.effects.Cavitation(shortfall=0.2)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.Cavitation(shortfall=0.2)
         >>> model.parameters["cavitation.shortfall"].range_text()
         '[0, 1]'
     """
@@ -149,7 +129,6 @@ class Cavitation(Effect):
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust without what cavitation takes."""
         onset = self.onset**2
         # the maximum keeps the quotient finite at rest, in the branch without cavitation
         full = onset / jnp.maximum(s.speed**2, onset + 1e-12)
@@ -166,8 +145,7 @@ class ThrustDegradation(Effect):
     during a run).
 
     Example:
-        >>> effect = dft.effects.ThrustDegradation(fraction=0.2)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ThrustDegradation(fraction=0.2)
         >>> model.parameters["thrust_degradation.fraction"].range_text()
         '[0, 1]'
     """
@@ -182,7 +160,6 @@ class ThrustDegradation(Effect):
     transition: float = parameter(1.0, "s", bounds=(0, None), fixed=True)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust with what is lost by now."""
         # a step has no slope by its instant: the ramp lets a fit move it
         lost = jnp.clip(0.5 + (s.time - self.instant) / self.transition, 0.0, 1.0)
         return value * (1.0 - self.fraction * lost)

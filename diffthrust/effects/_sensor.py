@@ -3,7 +3,8 @@
 from collections.abc import Collection
 
 from diffthrust._support.words import number
-from diffthrust.effects._recorded import delayed, lagged
+from diffthrust.effects._forms import Delay, Offset, Scale, from_zero
+from diffthrust.effects._recorded import lagged
 from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -11,7 +12,7 @@ from diffthrust.models._base.signals import Signal, Signals
 
 
 @registered
-class SpeedSensorScale(Effect):
+class SpeedSensorScale(Scale):
     """The speed sensor's factor is off.
 
     Acts on the reported speed [rad/s]: (1 + change) * speed. Without a thrust sensor this cannot be
@@ -19,8 +20,7 @@ class SpeedSensorScale(Effect):
     error of Doebelin 2004, chapter 3.
 
     Example:
-        >>> effect = dft.effects.SpeedSensorScale(change=0.05)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.SpeedSensorScale(change=0.05)
         >>> model.parameters["speed_sensor_scale.change"].range_text()
         '[-1, inf)'
     """
@@ -28,23 +28,17 @@ class SpeedSensorScale(Effect):
     name = "speed_sensor_scale"
     in_words = "the speed sensor reads {change:more}"
     port = "speed"
-    change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The speed as reported."""
-        return value * (1.0 + self.change)
 
 
 @registered
-class SpeedSensorOffset(Effect):
+class SpeedSensorOffset(Offset):
     """The speed sensor's zero is off.
 
     Acts on the reported speed [rad/s]: speed + offset. Null: offset = 0. Source: zero error of
     Doebelin 2004, chapter 3.
 
     Example:
-        >>> effect = dft.effects.SpeedSensorOffset(offset=1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.SpeedSensorOffset(offset=1)
         >>> model.parameters["speed_sensor_offset.offset"].range_text()
         '(-inf, inf) rad/s'
     """
@@ -56,13 +50,9 @@ class SpeedSensorOffset(Effect):
         1.0, "{speed}", null=0.0, size=2.0, probes=relative_to("speed", -0.05, 0.05)
     )
 
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The speed as reported."""
-        return value + self.offset
-
 
 @registered
-class ThrustSensorScale(Effect):
+class ThrustSensorScale(Scale):
     """The thrust sensor's factor is off.
 
     Acts on the reported thrust [N]: (1 + change) * thrust, which is the same as another thrust
@@ -71,8 +61,7 @@ class ThrustSensorScale(Effect):
     sheet.
 
     Example:
-        >>> effect = dft.effects.ThrustSensorScale(change=0.05)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ThrustSensorScale(change=0.05)
         >>> model.parameters["thrust_sensor_scale.change"].range_text()
         '[-1, inf)'
     """
@@ -80,23 +69,17 @@ class ThrustSensorScale(Effect):
     name = "thrust_sensor_scale"
     in_words = "the thrust sensor reads {change:more}"
     port = "thrust"
-    change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust as reported."""
-        return value * (1.0 + self.change)
 
 
 @registered
-class ThrustSensorOffset(Effect):
+class ThrustSensorOffset(Offset):
     """The thrust sensor's tare is off.
 
     Acts on the reported thrust [N]: thrust + offset. Null: offset = 0. Source: zero error of
     Doebelin 2004, chapter 3; Aras et al. 2013, table 4.
 
     Example:
-        >>> effect = dft.effects.ThrustSensorOffset(offset=1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ThrustSensorOffset(offset=1)
         >>> model.parameters["thrust_sensor_offset.offset"].range_text()
         '(-inf, inf) N'
     """
@@ -108,10 +91,6 @@ class ThrustSensorOffset(Effect):
         1.0, "{thrust}", null=0.0, size=2.0, probes=relative_to("thrust", -0.05, 0.05)
     )
 
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust as reported."""
-        return value + self.offset
-
 
 @registered
 class ThrustSensorLag(Effect):
@@ -122,8 +101,7 @@ class ThrustSensorLag(Effect):
     Source: first-order instrument of Doebelin 2004, chapter 3.
 
     Example:
-        >>> effect = dft.effects.ThrustSensorLag(time_constant=0.1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ThrustSensorLag(time_constant=0.1)
         >>> model.parameters["thrust_sensor_lag.time_constant"].range_text()
         '[0, inf) s'
     """
@@ -132,12 +110,9 @@ class ThrustSensorLag(Effect):
     in_words = "the thrust sensor lags by {time_constant}"
     port = "thrust"
     memory = True
-    time_constant: float = parameter(
-        0.1, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
-    )
+    time_constant: float = from_zero(0.1, "s", size=0.1, probes=(0.03, 0.1, 0.3))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust as reported."""
         return lagged(s.time, value, self.time_constant)
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
@@ -146,15 +121,14 @@ class ThrustSensorLag(Effect):
 
 
 @registered
-class ThrustSensorDelay(Effect):
+class ThrustSensorDelay(Delay):
     """The thrust is reported late.
 
     Acts on the reported thrust [N]: thrust(time - delay), linear between samples; before the log
     the first thrust. Null: delay = 0. Source: dead-time element of Doebelin 2004, chapter 3.
 
     Example:
-        >>> effect = dft.effects.ThrustSensorDelay(delay=0.05)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ThrustSensorDelay(delay=0.05)
         >>> model.parameters["thrust_sensor_delay.delay"].range_text()
         '[0, inf) s'
     """
@@ -162,14 +136,7 @@ class ThrustSensorDelay(Effect):
     name = "thrust_sensor_delay"
     in_words = "the thrust is reported {delay} late"
     port = "thrust"
-    memory = True
-    delay: float = parameter(
-        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.25)
-    )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The thrust as reported."""
-        return delayed(s.time, value, self.delay)
+    delay: float = from_zero(0.05, "s", size=0.1, probes=(0.02, 0.08, 0.25))
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
         """What it is of a model that takes the thrust from the log."""

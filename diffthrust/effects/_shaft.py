@@ -1,6 +1,5 @@
 """Effects between the motor's torque and the shaft."""
 
-import math
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -8,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from diffthrust._support.words import percent
+from diffthrust.effects._forms import ReverseAsymmetry, ReverseSpeedAsymmetry, ceiling, from_zero
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -24,8 +24,7 @@ class ActuatorLag(Effect):
     Source: Aras et al. 2013, electrical equation of the motor.
 
     Example:
-        >>> effect = dft.effects.ActuatorLag(time_constant=0.05)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ActuatorLag(time_constant=0.05)
         >>> model.parameters["actuator_lag.time_constant"].range_text()
         '[0, inf) s'
     """
@@ -34,12 +33,9 @@ class ActuatorLag(Effect):
     in_words = "the motor's torque lags by {time_constant}"
     port = "drive"
     states: ClassVar[Mapping[str, str]] = {"response": ""}
-    time_constant: float = parameter(
-        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
-    )
+    time_constant: float = from_zero(0.05, "s", size=0.1, probes=(0.03, 0.1, 0.3))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The lagged drive; at the null exactly the drive, with the response's derivative."""
         # at zero the response itself is a step behind: the value is the drive, the derivative that
         # of the response, which is what a fit that starts from the null needs
         null = jax.lax.stop_gradient(value) + (s.response - jax.lax.stop_gradient(s.response))
@@ -56,7 +52,7 @@ class ActuatorLag(Effect):
 
 
 @registered
-class ReverseDriveAsymmetry(Effect):
+class ReverseDriveAsymmetry(ReverseAsymmetry):
     """The motor pulls less (or more) when it is commanded backwards.
 
     Acts on the drive [rad/s^2]: multiplied by 1 + change where it is negative. Null: change = 0.
@@ -64,8 +60,7 @@ class ReverseDriveAsymmetry(Effect):
     direction of rotation is wrong for the other.
 
     Example:
-        >>> effect = dft.effects.ReverseDriveAsymmetry(change=-0.1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ReverseDriveAsymmetry(change=-0.1)
         >>> model.parameters["reverse_drive_asymmetry.change"].range_text()
         '[-1, inf)'
     """
@@ -73,11 +68,6 @@ class ReverseDriveAsymmetry(Effect):
     name = "reverse_drive_asymmetry"
     in_words = "{change:more} torque in reverse"
     port = "drive"
-    change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The drive with the reverse direction changed."""
-        return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
 
 
 @registered
@@ -91,8 +81,7 @@ class SupplyVoltageSag(Effect):
     of the motor, whose voltage is the supply's times the duty ratio.
 
     Example:
-        >>> effect = dft.effects.SupplyVoltageSag(share=0.5)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.SupplyVoltageSag(share=0.5)
         >>> model.parameters["supply_voltage_sag.share"].range_text()
         '[0, 1]'
     """
@@ -105,7 +94,6 @@ class SupplyVoltageSag(Effect):
     nominal: float = parameter(24.0, "V", bounds=(0, None), fixed=True)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The drive at the present supply."""
         return value * (1.0 + self.share * (s.supply_voltage / self.nominal - 1.0))
 
     def over_logs(self, ranges: Mapping[str, tuple[float, float]]) -> str:
@@ -117,7 +105,7 @@ class SupplyVoltageSag(Effect):
 
 
 @registered
-class ReverseLoadAsymmetry(Effect):
+class ReverseLoadAsymmetry(ReverseSpeedAsymmetry):
     """The propeller brakes the shaft less (or more) when it turns backwards.
 
     Acts on the load [rad/s^2]: multiplied by 1 + change where speed < 0. Null: change = 0.
@@ -125,8 +113,7 @@ class ReverseLoadAsymmetry(Effect):
     quadrants differ between ahead and astern.
 
     Example:
-        >>> effect = dft.effects.ReverseLoadAsymmetry(change=-0.1)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.ReverseLoadAsymmetry(change=-0.1)
         >>> model.parameters["reverse_load_asymmetry.change"].range_text()
         '[-1, inf)'
     """
@@ -134,11 +121,6 @@ class ReverseLoadAsymmetry(Effect):
     name = "reverse_load_asymmetry"
     in_words = "{change:more} load in reverse"
     port = "load"
-    change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The load with the reverse direction changed."""
-        return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
 
 
 @registered
@@ -149,8 +131,7 @@ class InflowLoadRelief(Effect):
     bilinear torque of Fossen & Blanke 2000; Fossen 1994.
 
     Example:
-        >>> effect = dft.effects.InflowLoadRelief(relief=0.2)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.InflowLoadRelief(relief=0.2)
         >>> model.parameters["inflow_load_relief.relief"].range_text()
         '[0, inf) 1/m'
     """
@@ -159,17 +140,11 @@ class InflowLoadRelief(Effect):
     in_words = "inflow relieves the propeller's load"
     port = "load"
     needs: ClassVar[tuple[str, ...]] = ("inflow",)
-    relief: float = parameter(
-        0.2,
-        "1/m",
-        bounds=(0, None),
-        null=0.0,
-        size=0.3,
-        probes=relative_to("inflow", 0.1, 0.4, power=-1),
+    relief: float = from_zero(
+        0.2, "1/m", size=0.3, probes=relative_to("inflow", 0.1, 0.4, power=-1)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The load in moving water."""
         return value - self.relief * jnp.abs(s.speed) * s.inflow
 
 
@@ -181,8 +156,7 @@ class SlewLimit(Effect):
     Null: rate infinite. Source: the slew rate limit of Goodwin, Graebe & Salgado 2001, chapter 11.
 
     Example:
-        >>> effect = dft.effects.SlewLimit(rate=1000)
-        >>> model = dft.SpeedLoopThruster() + effect
+        >>> model = dft.SpeedLoopThruster() + dft.effects.SlewLimit(rate=1000)
         >>> model.parameters["slew_limit.rate"].range_text()
         '[0, inf) rad/s^2'
     """
@@ -190,17 +164,9 @@ class SlewLimit(Effect):
     name = "slew_limit"
     in_words = "the controller ramps the speed, at most {rate}"
     port = "loop"
-    rate: float = parameter(
-        1000.0,
-        "rad/s^2",
-        bounds=(0, None),
-        null=math.inf,
-        transform="log",
-        probes=relative_to("loop", 0.3, 1.0),
-    )
+    rate: float = ceiling(1000.0, "rad/s^2", probes=relative_to("loop", 0.3, 1.0))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The acceleration within the limit."""
         return jnp.clip(value, -self.rate, self.rate)
 
 
@@ -212,8 +178,7 @@ class LinearDamping(Effect):
     al. 2013, equations of the motor, where rate = km ke / (R J) + b / J.
 
     Example:
-        >>> effect = dft.effects.LinearDamping(rate=0.3)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.LinearDamping(rate=0.3)
         >>> model.parameters["linear_damping.rate"].range_text()
         '[0, inf) 1/s'
     """
@@ -221,12 +186,9 @@ class LinearDamping(Effect):
     name = "linear_damping"
     in_words = "a brake in proportion to speed (friction or back-EMF), {rate}"
     port = "shaft"
-    rate: float = parameter(
-        0.3, "1/s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 2.0)
-    )
+    rate: float = from_zero(0.3, "1/s", size=0.5, probes=(0.1, 0.5, 2.0))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The acceleration under damping."""
         return value - self.rate * s.speed
 
 
@@ -241,8 +203,7 @@ class CoulombFriction(Effect):
     Source: Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, section 2.
 
     Example:
-        >>> effect = dft.effects.CoulombFriction(level=2)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.CoulombFriction(level=2)
         >>> model.parameters["coulomb_friction.level"].range_text()
         '[0, inf) rad/s^2'
     """
@@ -250,13 +211,10 @@ class CoulombFriction(Effect):
     name = "coulomb_friction"
     in_words = "dry friction brakes the shaft by {level}"
     port = "shaft"
-    level: float = parameter(
-        2.0, "rad/s^2", bounds=(0, None), null=0.0, size=5.0, probes=relative_to("drive", 0.02, 0.1)
-    )
+    level: float = from_zero(2.0, "rad/s^2", size=5.0, probes=relative_to("drive", 0.02, 0.1))
     settling: float = parameter(0.03, "s", bounds=(0, None), fixed=True)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The acceleration under friction."""
         # the line near rest is as steep as the settling time allows, not 1 / width: no friction
         # level makes the equation stiffer than the step
         slow = s.speed / self.settling
@@ -275,8 +233,7 @@ class StaticFriction(Effect):
     Source: Karnopp 1985; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, section 2.
 
     Example:
-        >>> effect = dft.effects.StaticFriction(level=4)
-        >>> model = dft.Thruster() + effect
+        >>> model = dft.Thruster() + dft.effects.StaticFriction(level=4)
         >>> model.parameters["static_friction.level"].range_text()
         '[0, inf) rad/s^2'
     """
@@ -284,19 +241,13 @@ class StaticFriction(Effect):
     name = "static_friction"
     in_words = "stiction holds the shaft up to {level}"
     port = "shaft"
-    level: float = parameter(
-        4.0,
-        "rad/s^2",
-        bounds=(0, None),
-        null=0.0,
-        size=5.0,
-        probes=relative_to("drive", 0.04, 0.08, 0.16),
+    level: float = from_zero(
+        4.0, "rad/s^2", size=5.0, probes=relative_to("drive", 0.04, 0.08, 0.16)
     )
     settling: float = parameter(0.03, "s", bounds=(0, None), fixed=True)
     spread: float = parameter(0.3, bounds=(0, 2), fixed=True)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
-        """The acceleration that is not borne."""
         near = s.speed / (self.level * self.settling + 1e-9)
         margin = (self.level - jnp.abs(value)) / (self.spread * self.level + 1e-9)
         # near**4 is flat around rest and falls steeply at the edge: a smooth switch that hardly

@@ -16,8 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.names import listing, nearest
 from diffthrust.effects import Formula
-from diffthrust.effects._class_test_text import effect_test_text
-from diffthrust.effects._class_text import effect_class_text
+from diffthrust.effects._class_text import effect_class_text, effect_test_text
 from diffthrust.logs._log import Log
 from diffthrust.models import MODELS, Vessel
 from diffthrust.models._base.model import Model

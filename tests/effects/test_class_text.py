@@ -14,10 +14,10 @@ import pytest
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.effects import Formula
-from diffthrust.effects._class_test_text import effect_test_text  # private: no file around it
 from diffthrust.effects._class_text import (  # private: written by the command
     class_name,
     effect_class_text,
+    effect_test_text,
 )
 from diffthrust.specs._new import (
     bound_to_model,

@@ -14,31 +14,28 @@ from trajectories import Grid, trajectory
 import diffthrust as dft
 from diffthrust.effects import EFFECTS
 
-CATALOGUE = {
-    "quadratic_surge_drag",
-    "quadratic_sway_drag",
-    "quadratic_yaw_drag",
-    "sway_yaw_coupling",
-    "rudder_inflow",
-    "propeller_inflow",
-    "propeller_walk",
-    "rudder_offset",
-    "rudder_lag",
-    "rudder_rate_limit",
-    "propeller_lag",
-    "reverse_propeller_asymmetry",
-    "differential_gain",
-    "swapped_thrusters",
-    "force_exponent",
-    "water_current",
-    "wind",
+FOUND = {
+    "quadratic_surge_drag": ({"drag": 2.0}, {}),
+    "quadratic_sway_drag": ({"drag": 6.0}, {}),
+    "quadratic_yaw_drag": ({"drag": 1.0}, {}),
+    "sway_yaw_coupling": ({"mass": 0.3, "damping": 0.4}, {}),
+    "rudder_inflow": ({"gain": 0.5}, {}),
+    "propeller_inflow": ({"loss": 0.2}, {}),
+    "propeller_walk": ({"fraction": -0.08}, {}),
+    "rudder_offset": ({"offset": 0.06}, {}),
+    "rudder_lag": ({"time_constant": 0.6}, {}),
+    "propeller_lag": ({"time_constant": 0.8}, {}),
+    "rudder_rate_limit": ({"rate": 0.3}, {}),
+    "reverse_propeller_asymmetry": ({"change": -0.3}, {"lowest": -60.0}),
+    "differential_gain": ({"gain": -0.1}, {"drive": "twin"}),
+    "force_exponent": ({"exponent": 1.4}, {"drive": "twin"}),
+    "water_current": ({"to_north": 0.1, "to_east": -0.15}, {}),
+    "wind": ({"along": 0.02, "across": 0.05, "turning": -0.01}, {"blowing": True}),
 }
+"""Hidden values of an effect's parameters, and how the log is made."""
+CATALOGUE = {*FOUND, "swapped_thrusters"}  # found by a test of its own
 HINGED = {
-    "rudder_inflow",
-    "propeller_walk",
-    "rudder_offset",
-    "rudder_lag",
-    "rudder_rate_limit",
+    *("rudder_inflow", "propeller_walk", "rudder_offset", "rudder_lag", "rudder_rate_limit"),
     "propeller_lag",
 }
 TWIN = {"differential_gain", "swapped_thrusters", "force_exponent"}
@@ -186,25 +183,6 @@ def test_a_mass_matrix_that_no_body_has_ends_a_simulation():
 
 
 # Recovery from the reference.
-
-FOUND = {
-    "quadratic_surge_drag": ({"drag": 2.0}, {}),
-    "quadratic_sway_drag": ({"drag": 6.0}, {}),
-    "quadratic_yaw_drag": ({"drag": 1.0}, {}),
-    "sway_yaw_coupling": ({"mass": 0.3, "damping": 0.4}, {}),
-    "rudder_inflow": ({"gain": 0.5}, {}),
-    "propeller_inflow": ({"loss": 0.2}, {}),
-    "propeller_walk": ({"fraction": -0.08}, {}),
-    "rudder_offset": ({"offset": 0.06}, {}),
-    "rudder_lag": ({"time_constant": 0.6}, {}),
-    "propeller_lag": ({"time_constant": 0.8}, {}),
-    "rudder_rate_limit": ({"rate": 0.3}, {}),
-    "reverse_propeller_asymmetry": ({"change": -0.3}, {"lowest": -60.0}),
-    "differential_gain": ({"gain": -0.1}, {"drive": "twin"}),
-    "force_exponent": ({"exponent": 1.4}, {"drive": "twin"}),
-    "water_current": ({"to_north": 0.1, "to_east": -0.15}, {}),
-    "wind": ({"along": 0.02, "across": 0.05, "turning": -0.01}, {"blowing": True}),
-}
 
 
 def fitted(effect, log, drive="propeller"):
