@@ -10,14 +10,13 @@ from typing import Literal, get_args
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.names import listing, nearest
-from diffthrust.export._program import C99, HISTORY, Program, Python
-from diffthrust.export._simulators import of_craft, to_gz, to_stonefish, to_uuv
+from diffthrust.export._program import C99, HISTORY, Python, program_text
+from diffthrust.export._simulators import to_simulator
 from diffthrust.export._source import ENDINGS, Exported, ExportSource
 from diffthrust.export._table import to_table
 from diffthrust.export._trace import read_inputs
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import means_note
-from diffthrust.models._craft.craft import Craft
 
 ExportTo = Literal["python", "c", "lut", "gz", "uuv", "stonefish"]
 TARGETS: tuple[str, ...] = get_args(ExportTo)
@@ -84,9 +83,9 @@ def exported(
 ) -> Exported:
     """As `export_model`, of what is already gathered."""
     if to not in TARGETS:
-        near = nearest(str(to), TARGETS)
+        near = nearest(str(to), TARGETS, "; ")
         raise InputError(
-            f"to: expected one of {listing(TARGETS)}, found {to!r}{'; ' + near if near else ''}.",
+            f"to: expected one of {listing(TARGETS)}, found {to!r}{near}.",
             "Correct the target.",
         )
     file = None if path is None else Path(path)
@@ -108,15 +107,12 @@ def _made(
         return to_table(source, name, suffix, limits)
     if to in ("python", "c"):
         title = "".join(word.capitalize() for word in name.split("_"))
-        program = Program(source, C99(name) if to == "c" else Python(title))
-        text = program.text()
-        late = to == "c" and "delayed" in program.memories.values()
+        language = C99(name) if to == "c" else Python(title)
+        text = program_text(source, language)
+        late = to == "c" and "delayed" in language.memories.values()
         notes = [
             f"A delay remembers {HISTORY} samples, and a delay of more calls than that is cut; "
             f"#define {name.upper()}_HISTORY before the #include gives it more room."
         ] * late
         return text, notes
-    simulator = {"gz": to_gz, "uuv": to_uuv, "stonefish": to_stonefish}[to]
-    if isinstance(source.model, Craft):
-        return of_craft(source, name, limits, simulator)
-    return simulator(source, name, limits)
+    return to_simulator(to, source, name, limits)

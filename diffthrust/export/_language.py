@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -37,33 +38,28 @@ _REPEATED = ("integer_pow", "square")
 class Language(ABC):
     """How operations are written; one object writes one file and remembers what it has used."""
 
+    template: ClassVar[str]
+    """The file in which the lines are put."""
     calls: ClassVar[Mapping[str, str]]
     """Functions by the names of operations, where they differ from these."""
     reserved: ClassVar[frozenset[str]]
     """Words that cannot be names."""
     guarded: ClassVar[tuple[str, ...]] = ()
     """Functions that a file brings along, since the language's own raise errors."""
-
-    template: ClassVar[str]
-    """The file in which the lines are put."""
+    logic: ClassVar[Mapping[str, str]]
+    """The words for "and", "or" and "not"."""
+    choice: ClassVar[str]
+    """One of two values: the condition, the value where it holds, the other."""
+    constants: ClassVar[tuple[str, str, str, str]]
+    """False, true, infinity, and what is no number."""
 
     def __init__(self, prefix: str = "") -> None:
         self.prefix = prefix
         """With it the names of what a file brings along begin."""
         self.used: set[str] = set()
         """Operations that have been written: what helpers a file must bring along."""
-
-    @abstractmethod
-    def constant(self, value: float | bool) -> str:
-        """A number or a truth."""
-
-    @abstractmethod
-    def choice(self, condition: str, then: str, otherwise: str) -> str:
-        """One of two values."""
-
-    @abstractmethod
-    def logic(self, name: str) -> str:
-        """The word for "and", "or" and "not"."""
+        self.memories: dict[str, str] = {}
+        """What must be kept from sample to sample, and how: name to kind, of `MEMORY`."""
 
     @abstractmethod
     def parameter(self, name: str) -> str:
@@ -80,6 +76,25 @@ class Language(ABC):
     @abstractmethod
     def definition(self, name: str, text: str, truth: bool, remark: str) -> str:
         """A line that names a value."""
+
+    def constant(self, value: float | bool) -> str:
+        """A truth, or a number with all its digits."""
+        *truths, infinite, undefined = self.constants
+        if isinstance(value, bool):
+            return truths[value]
+        if math.isnan(value):
+            return undefined
+        if math.isinf(value):
+            return infinite if value > 0 else f"-{infinite}"
+        return repr(float(value))
+
+    def remember(self, operation: Operation, terms: list[Term]) -> Term:
+        """The call that hands a value on to what remembers it, for an operation of `MEMORY`."""
+        self.used.add(operation.name)
+        name = f"{operation.name}_{1 + len(self.memories)}"
+        self.memories[name] = operation.name
+        arguments = ", ".join(term.text for term in terms[1:])
+        return Term(self.remembered(operation.name, name, arguments), ATOM)
 
     def divided(self, top: Term, bottom: Term, safe: bool) -> Term:
         """A quotient; ``safe`` where the divisor cannot be zero."""
@@ -105,14 +120,14 @@ class Language(ABC):
             return Term(f"-{_within(terms[0], ATOM)}", SIGN)
         if operation.name in ("and", "or"):
             # comparisons within logic stay in brackets: Python would chain a < b == c
-            word = self.logic(operation.name)
+            word = self.logic[operation.name]
             return Term(f"{_within(terms[0], ATOM)} {word} {_within(terms[1], ATOM)}", LOGIC)
         if operation.name == "not":
-            return Term(f"{self.logic('not')}{_within(terms[0], ATOM)}", LOGIC)
+            return Term(f"{self.logic['not']}{_within(terms[0], ATOM)}", LOGIC)
         if operation.name == "select_n":
             # select_n lists the value for false first
-            inner = [_within(term, LOGIC) for term in terms]
-            return Term(self.choice(inner[0], inner[2], inner[1]), CHOICE)
+            condition, otherwise, then = (_within(term, LOGIC) for term in terms)
+            return Term(self.choice.format(condition, then, otherwise), CHOICE)
         if operation.name in _REPEATED:
             power = 2 if operation.name == "square" else operation.power
             return self._power(terms[0].text, power)
@@ -135,22 +150,9 @@ class Language(ABC):
         return Term(" * ".join([text] * power), ATOM if power == 1 else PRODUCT)
 
 
-def exact(value: float, infinite: str, undefined: str) -> str:
-    """A number with all its digits."""
-    if math.isnan(value):
-        return undefined
-    if math.isinf(value):
-        return infinite if value > 0 else f"-{infinite}"
-    return repr(float(value))
-
-
 def _within(term: Term, rank: int) -> str:
     """The expression, in brackets where what it stands in holds together more strongly."""
     return term.text if term.rank >= rank else f"({term.text})"
-
-
-Remember = Callable[[Operation, list[Term]], str]
-"""The call that hands a value on to what remembers it, for an operation of `MEMORY`."""
 
 
 def lines_of(
@@ -159,7 +161,6 @@ def lines_of(
     names: Mapping[str, str],
     values: Mapping[str, float],
     remarks: Mapping[str, str],
-    remember: Remember,
 ) -> tuple[list[str], dict[str, str], set[str]]:
     """Write operations as lines, with a name for what is read more than once.
 
@@ -191,8 +192,7 @@ def lines_of(
             constants[number] = value
         parts = [term(operand) for operand in operation.operands]
         if operation.name in MEMORY:
-            language.used.add(operation.name)
-            made = Term(remember(operation, parts), ATOM)
+            made = language.remember(operation, parts)
         else:
             # a divisor made of parameters alone is known not to be zero: no guard is written for it
             safe = operation.name == "div" and bool(_value(operation.operands[1], constants))
@@ -217,13 +217,13 @@ def _free(name: str, taken: set[str]) -> str:
     return free
 
 
-_ARITHMETIC: Mapping[str, Callable[..., float]] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
+_ARITHMETIC: Mapping[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
     "div": lambda a, b: a / b if b else math.nan,
-    "integer_pow": lambda a: a,
-    "neg": lambda a: -a,
+    "integer_pow": operator.pos,
+    "neg": operator.neg,
 }
 
 

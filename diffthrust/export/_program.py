@@ -6,108 +6,93 @@ import builtins
 import keyword
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from textwrap import wrap
 
-from diffthrust.export._language import ATOM, LINE, Language, Term, exact, lines_of
-from diffthrust.export._operations import Operation, Operations
+from diffthrust.export._language import ATOM, LINE, Language, Term, lines_of
+from diffthrust.export._operations import Operations
 from diffthrust.export._source import ExportSource, filled_in
-from diffthrust.export._trace import Traced, traced_model
+from diffthrust.export._trace import traced_model
 from diffthrust.simulation._runge_kutta import SERIES, TURN
 
 HISTORY = 256
 """Samples that a delay remembers."""
 
 
-@dataclass
-class Program:
-    """A model as functions of another language; a template puts them into a file.
+def program_text(source: ExportSource, language: Language) -> str:
+    """A model as functions of another language, which a template puts into a file."""
+    model, inputs = source.model, list(source.inputs)
+    states, traced = traced_model(model, source.inputs)
+    relaxing = list(traced["decays"].results)
+    results = {
+        "arrive": inputs,
+        "start": list(states),
+        "rates": list(states),
+        "decays": relaxing,
+        "read": list(model.outputs),
+    }
+    functions = {
+        name: _function(source, language, states, traced[name], wanted)
+        for name, wanted in results.items()
+    }
+    return filled_in(
+        language.template,
+        source=source,
+        model=model,
+        states=states,
+        language=language,
+        prefix=language.prefix,
+        name=language.name,
+        linear=[language.name(name) for name in source.linear],
+        words=[language.name(name) for name in inputs],
+        title=wrap(str(model), 90),
+        head_lines=[line for text in source.head for line in wrap(text, 90)],
+        remark=remark,
+        parameters=list(_parameters(source, language)),
+        relaxing=relaxing,
+        memories=language.memories,
+        kinds=sorted(set(language.memories.values())),
+        used=language.used,
+        guarded=language.guarded,
+        history=HISTORY,
+        pulses={n: p for n in inputs if (p := source.pulses(n)) is not None},
+        series=SERIES,
+        turn=TURN,
+        **functions,
+    )
 
-    Args:
-        source: what is exported.
-        language: that of the file.
-    """
 
-    source: ExportSource
-    language: Language
-    traced: Traced = field(init=False)
-    memories: dict[str, str] = field(init=False, default_factory=dict)
-    """What must be remembered from sample to sample, and how: name to kind, of `MEMORY`."""
+def _parameters(source: ExportSource, language: Language) -> Iterable[tuple[str, str, str]]:
+    """Each parameter as it is written: name, value, remark."""
+    for name, p in source.model.parameters.items():
+        error = source.errors.get(name)
+        more = [p.doc] if p.doc else []
+        more += [f"standard error {error:.2g}"] if error is not None else []
+        value = language.constant(float(p.value))
+        yield language.parameter(name), value, remark(p.unit, ", ".join(more))
 
-    def __post_init__(self) -> None:
-        self.traced = traced_model(self.source.model, self.source.inputs)
 
-    def text(self) -> str:
-        """The file."""
-        traced, model = self.traced, self.source.model
-        inputs, outputs = list(traced.inputs), list(model.outputs)
-        functions = {
-            "arrive": self._function(traced.arrive, inputs),
-            "start": self._function(traced.start, list(traced.states)),
-            "rates": self._function(traced.rates, list(traced.states)),
-            "decays": self._function(traced.decays, list(traced.decays.results)),
-            "read": self._function(traced.read, outputs),
-        }
-        return filled_in(
-            self.language.template,
-            source=self.source,
-            model=model,
-            states=traced.states,
-            language=self.language,
-            prefix=self.language.prefix,
-            name=self.language.name,
-            linear=[self.language.name(name) for name in self.source.linear],
-            words=[self.language.name(name) for name in inputs],
-            title=wrap(str(model), 90),
-            head_lines=[line for text in self.source.head for line in wrap(text, 90)],
-            remark=remark,
-            parameters=list(self._parameters()),
-            relaxing=list(traced.decays.results),
-            memories=self.memories,
-            kinds=sorted(set(self.memories.values())),
-            used=self.language.used,
-            guarded=self.language.guarded,
-            history=HISTORY,
-            pulses={n: p for n in traced.inputs if (p := self.source.pulses(n)) is not None},
-            series=SERIES,
-            turn=TURN,
-            **functions,
-        )
-
-    def _parameters(self) -> Iterable[tuple[str, str, str]]:
-        """Each parameter as it is written: name, value, remark."""
-        for name, p in self.source.model.parameters.items():
-            error = self.source.errors.get(name)
-            more = [p.doc] if p.doc else []
-            more += [f"standard error {error:.2g}"] if error is not None else []
-            value = self.language.constant(float(p.value))
-            yield self.language.parameter(name), value, remark(p.unit, ", ".join(more))
-
-    def _function(self, operations: Operations, wanted: Iterable[str]) -> Mapping[str, object]:
-        """The lines of one function, its results in order, and the words that it reads."""
-        language, traced = self.language, self.traced
-        values = {name: float(p.value) for name, p in self.source.model.parameters.items()}
-        names_of = {name: language.parameter(name) for name in values} | {"time": "time"}
-        names_of |= {name: language.name(name) for name in (*traced.inputs, *traced.states)}
-        lines, results, read = lines_of(
-            operations, language, names_of, values, self.source.model.ports, self._remember
-        )
-        fetched = [
-            language.fetched(name, of, number)
-            for of, names in (("input", traced.inputs), ("state", traced.states))
-            for number, name in enumerate(names)
-            if name in read
-        ]
-        every, asked = [*fetched, *lines], {name: results[name] for name in wanted}
-        # what is not read is not declared: C compilers warn of unused variables
-        words = set(re.findall(r"\w+", " ".join([*every, *asked.values()])))
-        return {"lines": every, "results": asked, "words": words}
-
-    def _remember(self, operation: Operation, terms: list[Term]) -> str:
-        name = f"{operation.name}_{1 + len(self.memories)}"
-        self.memories[name] = operation.name
-        arguments = ", ".join(term.text for term in terms[1:])
-        return self.language.remembered(operation.name, name, arguments)
+def _function(
+    source: ExportSource,
+    language: Language,
+    states: Iterable[str],
+    operations: Operations,
+    wanted: Iterable[str],
+) -> Mapping[str, object]:
+    """The lines of one function, its results in order, and the words that it reads."""
+    values = {name: float(p.value) for name, p in source.model.parameters.items()}
+    names_of = {name: language.parameter(name) for name in values} | {"time": "time"}
+    names_of |= {name: language.name(name) for name in (*source.inputs, *states)}
+    lines, results, read = lines_of(operations, language, names_of, values, source.model.ports)
+    fetched = [
+        language.fetched(name, of, number)
+        for of, names in (("input", source.inputs), ("state", states))
+        for number, name in enumerate(names)
+        if name in read
+    ]
+    every, asked = [*fetched, *lines], {name: results[name] for name in wanted}
+    # what is not read is not declared: C compilers warn of unused variables
+    words = set(re.findall(r"\w+", " ".join([*every, *asked.values()])))
+    return {"lines": every, "results": asked, "words": words}
 
 
 def remark(unit: str, more: str = "") -> str:
@@ -133,29 +118,17 @@ class C99(Language):
         **{"rsqrt": "NAME_rsqrt"},
     }
     reserved = frozenset(_RESERVED.split())
-
-    def constant(self, value: float | bool) -> str:
-        """With all digits."""
-        return str(int(value)) if isinstance(value, bool) else exact(value, "INFINITY", "NAN")
-
-    def choice(self, condition: str, then: str, otherwise: str) -> str:
-        """The conditional operator."""
-        return f"{condition} ? {then} : {otherwise}"
-
-    def logic(self, name: str) -> str:
-        """The operators."""
-        return {"and": "&&", "or": "||", "not": "!"}[name]
+    logic = {"and": "&&", "or": "||", "not": "!"}
+    choice = "{} ? {} : {}"
+    constants = ("0", "1", "INFINITY", "NAN")
 
     def parameter(self, name: str) -> str:
-        """A constant of the file."""
         return self.name(f"{self.prefix}_{name}")
 
     def remembered(self, kind: str, name: str, arguments: str) -> str:
-        """A function of the file."""
         return f"{self.prefix}_{kind}(&m->{name}, m, dt, {arguments})"
 
     def fetched(self, name: str, kind: str, number: int) -> str:
-        """From the inputs ``u`` or the states ``x``."""
         place = f"u->{self.name(name)}" if kind == "input" else f"x[{self.slot(name)}]"
         return f"const double {self.name(name)} = {place};"
 
@@ -164,7 +137,6 @@ class C99(Language):
         return self.name(f"{self.prefix}_{name}").upper()
 
     def definition(self, name: str, text: str, truth: bool, remark: str) -> str:
-        """A constant of the function."""
         line = f"const {'int' if truth else 'double'} {name} = {text};"
         if remark and len(line) + len(remark) + 7 > LINE:
             return f"/* {remark} */\n{line}"
@@ -196,26 +168,11 @@ class Python(Language):
         *("acos", "exp2", "cbrt", "sin", "cos", "tan", "floor", "ceil", "fmod"),
     )
     reserved = frozenset(
-        [
-            *guarded,
-            *keyword.kwlist,
-            *keyword.softkwlist,
-            *dir(builtins),
-            *_OWN.split(),
-        ]
+        [*guarded, *keyword.kwlist, *keyword.softkwlist, *dir(builtins), *_OWN.split()]
     )
-
-    def constant(self, value: float | bool) -> str:
-        """With all digits."""
-        return str(value) if isinstance(value, bool) else exact(value, "math.inf", "math.nan")
-
-    def choice(self, condition: str, then: str, otherwise: str) -> str:
-        """The conditional expression."""
-        return f"{then} if {condition} else {otherwise}"
-
-    def logic(self, name: str) -> str:
-        """The words."""
-        return "not " if name == "not" else name
+    logic = {"and": "and", "or": "or", "not": "not "}
+    choice = "{1} if {0} else {2}"
+    constants = ("False", "True", "math.inf", "math.nan")
 
     def divided(self, top: Term, bottom: Term, safe: bool) -> Term:
         """Python raises where the divisor is zero."""
@@ -225,19 +182,15 @@ class Python(Language):
         return Term(f"divided({top.text}, {bottom.text})", ATOM)
 
     def parameter(self, name: str) -> str:
-        """An attribute, which may be changed."""
         return f"self.{self.name(name)}"
 
     def remembered(self, kind: str, name: str, arguments: str) -> str:
-        """A method of the memory."""
         return f"self.{name}.{kind}(dt, {arguments})"
 
     def fetched(self, name: str, kind: str, number: int) -> str:
-        """From the inputs ``u`` or the states ``x``."""
         return f"{self.name(name)} = {'u' if kind == 'input' else 'x'}[{number}]"
 
     def definition(self, name: str, text: str, truth: bool, remark: str) -> str:
-        """A local name."""
         line = f"{name} = {text}"
         if len(line) > LINE - 4:
             parts = wrap(text, LINE - 8, break_long_words=False)

@@ -10,7 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.export._source import ExportSource
-from diffthrust.export._steady import steady_output
+from diffthrust.export._steady import steady_outputs
 from diffthrust.export._table import OUTPUT, command_limits, commanding
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -99,7 +99,7 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
         dynamics, numbers, notes = _torque(torque_driven, values)
     else:
         dynamics, numbers, notes = _LAWS[model.name](values)
-    reached = steady_output(plain, {channel: np.array([low, high])}, "speed")
+    reached = steady_outputs(plain, {channel: np.array([low, high])}, ("speed",))[0]
     power = numbers.pop("exponent", 1.0)
     low, high = (float(np.sign(c) * abs(c) ** power) for c in (low, high))
     ends = float(reached[0]), float(reached[1])
@@ -134,7 +134,7 @@ def _static(source: ExportSource, channel: str, limits: tuple[float, float]) -> 
     left_out = tuple(e for e in effects if e.memory or e.states)
     plain = source.model._copy(effects=tuple(e for e in effects if not (e.memory or e.states)))
     commands = np.unique([*np.linspace(low, high, _POINTS), 0.0])
-    forces = source.strength * steady_output(plain, {channel: commands}, OUTPUT)
+    forces = source.strength * steady_outputs(plain, {channel: commands}, (OUTPUT,))[0]
     unit = source.inputs[channel]
     ends = float(commands[0]), float(commands[-1])
     at_ends = float(forces[-1]), float(forces[0])

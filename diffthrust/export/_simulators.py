@@ -14,10 +14,10 @@ What each of them works out, with the source that was read for it:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from textwrap import wrap
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.words import humanize, number
@@ -27,6 +27,9 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.models._craft.craft import Craft
 from diffthrust.models._craft.placed import Placed
 
+_V = TypeVar("_V")
+Limits = tuple[float, float] | None
+"""Lowest and highest command, in the unit of the logs; those of the logs where not given."""
 DENSITY, DIAMETER = 1000.0, 0.1
 """[kg/m^3] and [m] by which gz-sim's coefficient is made; only their product with it counts."""
 _STUCK_CLOCK = (
@@ -36,14 +39,38 @@ _STUCK_CLOCK = (
 )
 
 
-def to_gz(
-    source: ExportSource, name: str, limits: tuple[float, float] | None
-) -> tuple[str, list[str]]:
-    """The thrust law as a plugin of gz-sim, and what that leaves out."""
+def to_simulator(to: str, source: ExportSource, name: str, limits: Limits) -> tuple[str, list[str]]:
+    """The thruster, or those of a craft, as a simulator describes it, and notes on what it cannot.
+
+    Raises:
+        InputError: a thruster that the simulator has no place for; of a craft, by its name.
+    """
+    if isinstance(source.model, Craft):
+        return _of_craft(to, source, name, limits)
     rotor = rotor_of(source, limits)
+    template, notes_of = _SIMULATORS[to]
+    notes = notes_of(rotor)
+    text = filled_in(
+        template,
+        name=name,
+        model=source.model,
+        rotor=rotor,
+        head_lines=[line for text in source.head for line in wrap(text, 90)],
+        notes=[wrap(note, 90) for note in notes],
+        version=source.version,
+        up=_pose(source, upwards=True),
+        down=_pose(source, upwards=False),
+        ct=rotor.coefficients[0],
+        density=DENSITY,
+        diameter=DIAMETER,
+    )
+    return text, notes
+
+
+def _of_gz(rotor: Rotor) -> list[str]:
     if rotor.dynamics == "zero_order":
         notes = ["Send it the force of each command [N], on .../cmd_thrust; 'lut' has the table."]
-        return _text("gz.sdf", source, name, [*notes, *_left_out(rotor, "gz-sim")], rotor)
+        return [*notes, *_left_out(rotor, "gz-sim")]
     ahead, astern = rotor.coefficients
     notes = [
         "gz-sim has no rotor dynamics: the speed follows at once. Send it the speed that this "
@@ -56,58 +83,36 @@ def to_gz(
         )
     if not rotor.quadratic:
         notes.append("The force is not proportional to speed |speed|, as gz-sim takes it to be.")
-    notes += _left_out(rotor, "gz-sim")
-    return _text("gz.sdf", source, name, notes, rotor, ct=ahead, density=DENSITY, diameter=DIAMETER)
+    return [*notes, *_left_out(rotor, "gz-sim")]
 
 
-def to_uuv(
-    source: ExportSource, name: str, limits: tuple[float, float] | None
-) -> tuple[str, list[str]]:
-    """The thruster as a plugin of uuv_simulator, and what that leaves out."""
-    rotor = rotor_of(source, limits)
-    notes = _left_out(rotor, "uuv_simulator")
-    notes += [_STUCK_CLOCK] if rotor.dynamics in ("yoerger", "bessa") else []
-    return _text("uuv.xacro", source, name, [*rotor.notes, *notes], rotor)
+def _of_uuv(rotor: Rotor) -> list[str]:
+    stuck = [_STUCK_CLOCK] if rotor.dynamics in ("yoerger", "bessa") else []
+    return [*rotor.notes, *_left_out(rotor, "uuv_simulator"), *stuck]
 
 
-def to_stonefish(
-    source: ExportSource, name: str, limits: tuple[float, float] | None
-) -> tuple[str, list[str]]:
-    """The thruster as an actuator of Stonefish, and what that leaves out."""
-    rotor = rotor_of(source, limits)
-    notes = [
-        f"A set point of 1 stands for {number(rotor.largest, 4)} {rotor.unit}: Stonefish holds the "
-        "speed within twice max_setpoint, whatever its unit, so that this is the speed at full "
-        "command.",
-        *_left_out(rotor, "Stonefish"),
-    ]
-    if rotor.dynamics == "zero_order":
-        notes[0] = f"A set point of 1 stands for {number(rotor.largest, 4)} {rotor.unit}."
+def _of_stonefish(rotor: Rotor) -> list[str]:
+    full = f"A set point of 1 stands for {number(rotor.largest, 4)} {rotor.unit}"
+    if rotor.dynamics != "zero_order":
+        full += (
+            ": Stonefish holds the speed within twice max_setpoint, whatever its unit, so that "
+            "this is the speed at full command"
+        )
+    notes = [*rotor.notes, f"{full}.", *_left_out(rotor, "Stonefish")]
     if abs(rotor.low + rotor.high) > 1e-9 * rotor.largest:
         notes.append(
             f"Stonefish takes set points as far astern as ahead: keep the command from "
             f"{number(rotor.low, 4)} to {number(rotor.high, 4)} {rotor.unit} yourself."
         )
-    return _text("stonefish.scn", source, name, [*rotor.notes, *notes], rotor)
+    return notes
 
 
-def _text(
-    template: str, source: ExportSource, name: str, notes: Sequence[str], rotor: Rotor, **more: Any
-) -> tuple[str, list[str]]:
-    """The file, with its notes as comments, and the notes."""
-    lines = [wrap(note, 90) for note in notes]
-    parts: Mapping[str, Any] = {
-        "name": name,
-        "model": source.model,
-        "rotor": rotor,
-        "head_lines": [line for text in source.head for line in wrap(text, 90)],
-        "notes": lines,
-        "version": source.version,
-        "up": _pose(source, upwards=True),
-        "down": _pose(source, upwards=False),
-        **more,
-    }
-    return filled_in(template, **parts), list(notes)
+_SIMULATORS: Mapping[str, tuple[str, Callable[[Rotor], list[str]]]] = {
+    "gz": ("gz.sdf", _of_gz),
+    "uuv": ("uuv.xacro", _of_uuv),
+    "stonefish": ("stonefish.scn", _of_stonefish),
+}
+"""The template of each, and what it cannot express."""
 
 
 def _pose(source: ExportSource, *, upwards: bool) -> tuple[str, str] | None:
@@ -137,29 +142,12 @@ def _left_out(rotor: Rotor, target: str) -> list[str]:
     ]
 
 
-_V = TypeVar("_V")
-Limits = tuple[float, float] | None
-Simulator = Callable[[ExportSource, str, Limits], tuple[str, list[str]]]
-
-
-def of_craft(
-    source: ExportSource, name: str, limits: Limits, simulator: Simulator
-) -> tuple[str, list[str]]:
-    """The thrusters of a craft one after the other, and the notes on all of them.
-
-    Args:
-        source: a craft.
-        name: with which the names of its thrusters begin.
-        limits: lowest and highest command of each.
-        simulator: writes one thruster.
-
-    Raises:
-        InputError: a thruster that the simulator has no place for, by its name.
-    """
+def _of_craft(to: str, source: ExportSource, name: str, limits: Limits) -> tuple[str, list[str]]:
+    """The thrusters of a craft one after the other, and the notes on all of them."""
     texts, notes = [], ["The hull is left out: simulators describe its mass and drag elsewhere."]
     for part, thruster in thrusters_of(source):
         try:
-            text, remarks = simulator(thruster, f"{name}_{part}", limits)
+            text, remarks = to_simulator(to, thruster, f"{name}_{part}", limits)
         except InputError as error:
             raise InputError(f"{part}: {error.problem}", error.mend) from None
         texts.append(text.strip("\n"))

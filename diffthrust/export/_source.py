@@ -46,14 +46,6 @@ class ExportSource:
     mounted: Mounted[Model] | None = None
     strength: float = 1.0
 
-    def unit(self, channel: str, unit: str) -> str:
-        """The unit in which the logs wrote a channel whose numbers are in ``unit``."""
-        return self.units.unit(channel, unit)
-
-    def shown(self, channel: str, numbers: np.ndarray, unit: str) -> np.ndarray:
-        """Numbers that are in ``unit``, as the logs would write them."""
-        return self.units.values(channel, numbers, unit)
-
     def stored(self, channel: str, limits: tuple[float, float], unit: str) -> tuple[float, float]:
         """A range that is given as the logs would write it, in ``unit``."""
         pulses = self.pulses(channel)
@@ -61,7 +53,7 @@ class ExportSource:
             low, high = sorted(float(effort) for effort in pulses.effort(limits))
             return low, high
         # every conversion is a scale and an offset: two points give its inverse
-        zero, unit_value = self.shown(channel, np.array([0.0, 1.0]), unit)
+        zero, unit_value = self.units.values(channel, np.array([0.0, 1.0]), unit)
         low, high = ((limit - zero) / (unit_value - zero) for limit in limits)
         return float(low), float(high)
 
@@ -75,7 +67,7 @@ class ExportSource:
         """A sentence on each channel that the logs have in another unit."""
         lines = []
         for name, unit in {**self.inputs, **self.model.outputs}.items():
-            pulses, theirs = self.pulses(name), self.unit(name, unit)
+            pulses, theirs = self.pulses(name), self.units.unit(name, unit)
             if pulses is not None:
                 lines.append(
                     f"The {name} is an effort here; the logs have pulses, stop {pulses.stop:g}, "

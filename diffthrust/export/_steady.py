@@ -24,11 +24,6 @@ _SETTLED = 1e-10
 """An output has settled where it moves less than this share of all that is found."""
 
 
-def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -> np.ndarray:
-    """One output by `steady_outputs`, ``(n,)``."""
-    return steady_outputs(model, inputs, (output,))[0]
-
-
 def steady_outputs(
     model: Model, inputs: Mapping[str, np.ndarray], outputs: tuple[str, ...]
 ) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from textwrap import wrap
 
@@ -13,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.words import number
 from diffthrust.export._source import ExportSource, filled_in
-from diffthrust.export._steady import steady_output
+from diffthrust.export._steady import steady_outputs
 from diffthrust.models._base.model import Model
 
 _FIRST = 33
@@ -23,55 +22,76 @@ _ACCURACY = 1e-3
 OUTPUT = "thrust"
 
 
-@dataclass(frozen=True)
-class ForceTable:
-    """Commands and the forces that they settle at; neither repeats, so both can be looked up.
+def to_table(
+    source: ExportSource, name: str, suffix: str, limits: tuple[float, float] | None
+) -> tuple[str, list[str]]:
+    """Commands and the forces that a thruster settles at, as CSV or as a C header; and the notes.
 
-    Args:
-        channel: the input that commands.
-        commands: ``(n,)``, in the model's unit.
-        forces: ``(n,)`` [N].
-        notes: where the force stands still, and what was taken for given.
+    Commands are by default those of the logs. Neither repeats, so that both can be looked up. Both
+    are in the units in which the logs were written.
     """
-
-    channel: str
-    commands: np.ndarray
-    forces: np.ndarray
-    notes: tuple[str, ...]
-
-
-def steady_table(source: ExportSource, limits: tuple[float, float] | None = None) -> ForceTable:
-    """The forces that a thruster settles at over commands, by default those of the logs."""
     model = source.model
     channel = commanding(model, source)
+    unit, force_unit = source.inputs[channel], model.outputs[OUTPUT]
     low, high = command_limits(source, channel, limits)
-    notes: list[str] = []
-    constants = {}
-    for name, unit in source.inputs.items():
-        if name != channel:
-            inner = source.ranges.get(name, (0.0, 0.0))
-            constants[name] = 0.0 if name == "inflow" else 0.5 * (inner[0] + inner[1])
-            notes.append(f"It holds for {name} = {number(constants[name], 4)} {unit}".strip() + ".")
+    constants, notes = _constants(source, channel)
 
-    left_out = [e.name for e in model.effects if all(port in model.outputs for port in e.ports)]
-    if left_out:
-        notes.append(f"The force itself, without what its sensor adds: {', '.join(left_out)}.")
-
-    def forces(commands: np.ndarray) -> np.ndarray:
+    def force(commands: np.ndarray) -> np.ndarray:
         inputs = {name: np.full(commands.shape, value) for name, value in constants.items()}
-        return steady_output(model, {channel: commands, **inputs}, OUTPUT)
+        return steady_outputs(model, {channel: commands, **inputs}, (OUTPUT,))[0]
 
     def as_written(command: float) -> str:
-        unit = source.inputs[channel]
-        shown = float(source.shown(channel, np.array([command]), unit)[0])
-        return f"{number(shown, 4)} {source.unit(channel, unit)}"
+        shown = float(source.units.values(channel, np.array([command]), unit)[0])
+        return f"{number(shown, 4)} {source.units.unit(channel, unit)}"
 
     commands = np.linspace(low, high, _FIRST)
     # without a row at the stop a dead band's edges would be lost between two rows
     if low < 0.0 < high:
         commands = np.unique([*commands, 0.0])
-    commands, computed = _refined(commands, forces(commands), forces)
-    return _monotone(ForceTable(channel, commands, computed, tuple(notes)), as_written)
+    commands, forces = _refined(commands, force(commands), force)
+    if not np.ptp(forces):
+        raise InputError(
+            f"The force is the same at every {channel} from {as_written(commands[0])} to "
+            f"{as_written(commands[-1])}.",
+            "Widen the limits.",
+        )
+    commands, forces, more = _monotone(commands, forces, as_written)
+    notes += more
+    units = source.units
+    shown = units.values(OUTPUT, forces, force_unit), units.values(channel, commands, unit)
+    rows = sorted(zip(*shown, strict=True))
+    their_force_unit, their_unit = units.unit(OUTPUT, force_unit), units.unit(channel, unit)
+    if suffix == ".csv":
+        lines = [f"{OUTPUT} [{their_force_unit}],{channel} [{their_unit}]"]
+        lines += [f"{force:.9g},{command:.9g}" for force, command in rows]
+        return "\n".join(lines) + "\n", notes
+    text = filled_in(
+        "table.h",
+        prefix=name,
+        channel=channel,
+        unit=their_unit,
+        force_unit=their_force_unit,
+        rows=rows,
+        head_lines=[line for each in (*source.provenance, *notes) for line in wrap(each, 90)],
+        model=model,
+        version=source.version,
+    )
+    return text, notes
+
+
+def _constants(source: ExportSource, channel: str) -> tuple[dict[str, float], list[str]]:
+    """The inputs beside the command, which the table holds, and notes on what that neglects."""
+    constants, notes = {}, []
+    for name, unit in source.inputs.items():
+        if name != channel:
+            inner = source.ranges.get(name, (0.0, 0.0))
+            constants[name] = 0.0 if name == "inflow" else 0.5 * (inner[0] + inner[1])
+            notes.append(f"It holds for {name} = {number(constants[name], 4)} {unit}".strip() + ".")
+    outputs = source.model.outputs
+    sensed = [e.name for e in source.model.effects if all(port in outputs for port in e.ports)]
+    if sensed:
+        notes.append(f"The force itself, without what its sensor adds: {', '.join(sensed)}.")
+    return constants, notes
 
 
 def commanding(model: Model, source: ExportSource) -> str:
@@ -90,7 +110,7 @@ def command_limits(
     source: ExportSource, channel: str, limits: tuple[float, float] | None
 ) -> tuple[float, float]:
     """The lowest and highest command in the model's unit: those given, or of the logs."""
-    unit = source.unit(channel, source.inputs[channel])
+    unit = source.units.unit(channel, source.inputs[channel])
     range_given = source.ranges.get(channel)
     if limits is not None:
         range_given = source.stored(channel, limits, source.inputs[channel])
@@ -154,70 +174,6 @@ def _edges(rows: Mapping[float, float]) -> list[tuple[float, float]]:
     return [(commands[i], commands[i + 1]) for i in np.flatnonzero(edge)]
 
 
-def _monotone(table: ForceTable, converted: Callable[[float], str]) -> ForceTable:
-    """The rows on which the force grows with the command (or falls), with what was left out."""
-    commands, forces = table.commands, table.forces
-    span = float(np.ptp(forces))
-    if not span:
-        raise InputError(
-            f"The force is the same at every {table.channel} from {converted(commands[0])} to "
-            f"{converted(commands[-1])}.",
-            "Widen the limits.",
-        )
-    turn, stop = np.sign(forces[-1] - forces[0]) or 1.0, int(np.argmin(np.abs(commands)))
-    rise = turn * (forces - forces[stop])
-    reach = commands[-1] - commands[0]
-    up = Outwards(commands[stop:], rise[stop:], span, reach, converted)
-    down = Outwards(-commands[stop::-1], -rise[stop::-1], span, reach, lambda c: converted(-c))
-    rows = [(-c, -f) for c, f in down.rows[:0:-1]] + up.rows
-    notes = [*down.notes, *up.notes]
-    if up.idle or down.idle:
-        notes.insert(
-            0, f"No force from {converted(-down.idle)} to {converted(up.idle)}: a dead band."
-        )
-    return replace(
-        table,
-        commands=np.array([c for c, _ in rows]),
-        forces=forces[stop] + turn * np.array([f for _, f in rows]),
-        notes=(*table.notes, *notes),
-    )
-
-
-def to_table(
-    source: ExportSource, name: str, suffix: str, limits: tuple[float, float] | None
-) -> tuple[str, list[str]]:
-    """The table as CSV, or as a C header where the file ends in ``.h``; and its notes.
-
-    Both are in the units in which the logs were written.
-    """
-    table, model = steady_table(source, limits), source.model
-    unit, force_unit = source.inputs[table.channel], model.outputs[OUTPUT]
-    rows = sorted(
-        zip(
-            source.shown(OUTPUT, table.forces, force_unit),
-            source.shown(table.channel, table.commands, unit),
-            strict=True,
-        )
-    )
-    force_unit, unit = source.unit(OUTPUT, force_unit), source.unit(table.channel, unit)
-    if suffix == ".csv":
-        lines = [f"{OUTPUT} [{force_unit}],{table.channel} [{unit}]"]
-        lines += [f"{force:.9g},{command:.9g}" for force, command in rows]
-        return "\n".join(lines) + "\n", list(table.notes)
-    text = filled_in(
-        "table.h",
-        prefix=name,
-        channel=table.channel,
-        unit=unit,
-        force_unit=force_unit,
-        rows=rows,
-        head_lines=[line for each in (*source.provenance, *table.notes) for line in wrap(each, 90)],
-        model=model,
-        version=source.version,
-    )
-    return text, list(table.notes)
-
-
 CLOSEST = 1e-4
 """Rows are no closer to each other than this share of the range of commands."""
 FLAT = 1e-6
@@ -226,52 +182,58 @@ _JUMP = 0.01
 """Over two rows as close as that, a force that grows by more than this share jumps."""
 
 
-class Outwards:
-    """Rows from the stop outwards, as far as the force grows.
+def _monotone(
+    commands: np.ndarray, forces: np.ndarray, as_written: Callable[[float], str]
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """The rows on which the force grows with the command (or falls), with notes on the others."""
+    turn, stop = np.sign(forces[-1] - forces[0]) or 1.0, int(np.argmin(np.abs(commands)))
+    span, reach = float(np.ptp(forces)), commands[-1] - commands[0]
+    rise = turn * (forces - forces[stop])
+    up, ahead, ahead_notes = _outwards(commands[stop:], rise[stop:], span, reach, as_written)
+    down, astern, astern_notes = _outwards(
+        -commands[stop::-1], -rise[stop::-1], span, reach, lambda c: as_written(-c)
+    )
+    rows = np.array([(-c, -f) for c, f in down[:0:-1]] + up)
+    notes = [*astern_notes, *ahead_notes]
+    if ahead or astern:
+        ends = f"{as_written(-astern)} to {as_written(ahead)}"
+        notes.insert(0, f"No force from {ends}: a dead band.")
+    return rows[:, 0], forces[stop] + turn * rows[:, 1], notes
 
-    Args:
-        commands: from the stop on, growing.
-        forces: beyond that at the stop.
-        span: range of all forces.
-        reach: range of all commands.
-        converted: writes a command for people.
+
+def _outwards(
+    commands: np.ndarray,
+    forces: np.ndarray,
+    span: float,
+    reach: float,
+    as_written: Callable[[float], str],
+) -> tuple[list[tuple[float, float]], float, list[str]]:
+    """Rows from the stop outwards, as far as the force grows; the idle part, and notes.
+
+    Commands grow from the stop on, and forces count from that at the stop; ``span`` and ``reach``
+    are the ranges of all forces and commands. Idle is how far the command may go without a force.
     """
-
-    def __init__(
-        self,
-        commands: np.ndarray,
-        forces: np.ndarray,
-        span: float,
-        reach: float,
-        converted: Callable[[float], str],
-    ) -> None:
-        self.rows = [(float(commands[0]), 0.0)]
-        self.notes: list[str] = []
-        self.idle = float(commands[0])
-        """How far the command may go from the stop without a force."""
-        flat, least = None, FLAT * span
-        for command, force in zip(commands[1:], forces[1:], strict=True):
-            top = self.rows[-1][1]
-            # twice the flatness: after a flat stretch a row is set at top + least, which must lie
-            # below this one
-            if force > top + 2 * least:
-                if flat is not None:
-                    self.rows.append((flat, top + least))
-                last, low = self.rows[-1]
-                if len(self.rows) == 1 + (flat is not None):
-                    self.idle = last
-                if command - last <= 2 * CLOSEST * reach and force - low > _JUMP * span:
-                    self.notes.append(
-                        f"The force jumps at {converted(last)}: it is not held between."
-                    )
-                self.rows.append((float(command), float(force)))
-                flat = None
-            elif force >= top - 2 * least:
-                flat = float(command)
-            else:
-                self.notes.append(
-                    f"The force falls beyond {converted(self.rows[-1][0])}: the table ends there."
-                )
-                return
-        if flat is not None and len(self.rows) > 1:
-            self.notes.append(f"The force does not change beyond {converted(self.rows[-1][0])}.")
+    rows, notes, idle = [(float(commands[0]), 0.0)], [], float(commands[0])
+    flat, least = None, FLAT * span
+    for command, force in zip(commands[1:], forces[1:], strict=True):
+        top = rows[-1][1]
+        # twice the flatness: after a flat stretch a row is set at top + least, which must lie
+        # below this one
+        if force > top + 2 * least:
+            if flat is not None:
+                rows.append((flat, top + least))
+            last, low = rows[-1]
+            if len(rows) == 1 + (flat is not None):
+                idle = last
+            if command - last <= 2 * CLOSEST * reach and force - low > _JUMP * span:
+                notes.append(f"The force jumps at {as_written(last)}: it is not held between.")
+            rows.append((float(command), float(force)))
+            flat = None
+        elif force >= top - 2 * least:
+            flat = float(command)
+        else:
+            beyond = as_written(rows[-1][0])
+            return rows, idle, [*notes, f"The force falls beyond {beyond}: the table ends there."]
+    if flat is not None and len(rows) > 1:
+        notes.append(f"The force does not change beyond {as_written(rows[-1][0])}.")
+    return rows, idle, notes

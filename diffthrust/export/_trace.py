@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -22,31 +21,6 @@ from diffthrust.simulation._trajectory import arriving, equations_of, read_out, 
 
 _SAMPLES = 3
 """How long the example series are by which effects on whole series are traced."""
-
-
-@dataclass(frozen=True)
-class Traced:
-    """What a model does at each sample and within a step, as elementary steps.
-
-    Args:
-        model: the model with its effects.
-        inputs: what it reads, name to unit.
-        states: what it integrates, name to unit.
-        arrive: from the recorded inputs to those that reach the model.
-        start: from the first inputs and the states as given ("given speed") to all states.
-        rates: from states and inputs to the rate of each state.
-        decays: from the same to the decay of each state that relaxes.
-        read: from states and inputs to what the sensors report.
-    """
-
-    model: Model
-    inputs: Mapping[str, str]
-    states: Mapping[str, str]
-    arrive: Operations
-    start: Operations
-    rates: Operations
-    decays: Operations
-    read: Operations
 
 
 class _Naming(Ports):
@@ -78,8 +52,17 @@ def read_inputs(model: Model, signals: Mapping[str, Any]) -> dict[str, str]:
     return {name: unit for name, unit in possible.items() if name in names}
 
 
-def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
-    """Trace a model that reads the given inputs."""
+def traced_model(
+    model: Model, inputs: Mapping[str, str]
+) -> tuple[dict[str, str], dict[str, Operations]]:
+    """What a model that reads the given inputs does at each sample and within a step.
+
+    The states that it integrates, name to unit, and its functions by elementary operations:
+    "arrive" from the recorded inputs to those that reach the model; "start" from the first inputs
+    and the states as given ("given speed") to all states; "rates" from states and inputs to the
+    rate of each state, "decays" to the decay of each that relaxes, and "read" to what the sensors
+    report.
+    """
     where = f"The model '{model}'"
     states = {name: unit for name, unit in model.all_states.items() if name not in inputs}
     values = {name: np.float64(p.value) for name, p in model.parameters.items()}
@@ -129,13 +112,14 @@ def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
         return read_out(model.bind(signals_in), Signals(signals(signals_in, inputs, states)))
 
     with marked():
-        return Traced(
-            model,
-            inputs,
-            states,
-            arrive=traced(arrive, many, where),
-            start=traced(start, example, where),
-            rates=traced(rates, example, where),
-            decays=traced(decays, example, where),
-            read=traced(read, many, where),
-        )
+        functions = {
+            function.__name__: traced(function, examples, where)
+            for function, examples in (
+                (arrive, many),
+                (start, example),
+                (rates, example),
+                (decays, example),
+                (read, many),
+            )
+        }
+    return states, functions
