@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
-from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
 from diffthrust.models._base.model import Model
-from diffthrust.specs._file import line_of
+from diffthrust.specs._file import SpecText
 from diffthrust.specs._parts import ChannelPart, SpecFile
 
 
-def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:
+def roles_of(model: Model, file: SpecFile, source: SpecText) -> dict[str, str]:
     """The role of each channel, decided by the model."""
     needs = [name for effect in model.effects for name in effect.needs]
     inputs = {*model.inputs, *model.optional_inputs, *model.states, *needs}
@@ -24,68 +22,64 @@ def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, s
         loc = ("channels", name)
         if name not in inputs and name not in model.outputs:
             names = (*model.inputs, *model.optional_inputs, *needs, *model.outputs)
-            raise InputError(
-                f"{line_of(text, path, loc)}: the model '{model}' has no channel {name!r}"
-                f"{nearest(name, names, '; ')}.",
+            raise source.error(
+                loc,
+                f"the model '{model}' has no channel {name!r}{nearest(name, names, '; ')}.",
                 "Name the column under [logs] time."
                 if name == "time"
                 else f"Correct the name; there are {listing(dict.fromkeys(names))}.",
             )
-        if channel.role is None:
-            driving = name in model.inputs or name in needs or name not in model.outputs
-            driving = driving or (undriven and name in model.optional_inputs)
-            roles[name] = "input" if driving else "measured"
-        else:
-            roles[name] = channel.role
-            if name not in (inputs if channel.role == "input" else model.outputs):
-                raise InputError(
-                    f"{line_of(text, path, (*loc, 'role'))}: the model '{model}' does not "
-                    f"{'read' if channel.role == 'input' else 'put out'} the channel {name!r}.",
-                    "Remove the role.",
-                )
-        _check_keys(channel, roles[name], text, path, loc)
-    _check_complete(model, roles, text, path)
+        driving = name in model.inputs or name in needs or name not in model.outputs
+        driving = driving or (undriven and name in model.optional_inputs)
+        roles[name] = channel.role or ("input" if driving else "measured")
+        if name not in (inputs if roles[name] == "input" else model.outputs):
+            raise source.error(
+                (*loc, "role"),
+                f"the model '{model}' does not {'read' if channel.role == 'input' else 'put out'} "
+                f"the channel {name!r}.",
+                "Remove the role.",
+            )
+        _check_keys(channel, roles[name], loc, source)
+    _check_complete(model, roles, source)
     return roles
 
 
-def _check_keys(
-    channel: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, ...]
-) -> None:
+def _check_keys(channel: ChannelPart, role: str, loc: tuple[str, ...], source: SpecText) -> None:
     of_sensors = ("unsigned", "noise", "rails", "censored")
+    kinds = {"input": "an input", "measured": "a measured channel"}
     for key in of_sensors if role == "input" else ("hold",):
         if getattr(channel, key) not in (None, False):
-            opposite = "measured channel" if role == "input" else "input"
-            kind = "an input" if role == "input" else "a measured channel"
-            raise InputError(
-                f"{line_of(text, path, (*loc, key))}: this channel is {kind}; {key!r} belongs to "
-                f"{'an' if opposite == 'input' else 'a'} {opposite}.",
-                f'Remove {key}, or give role = "{opposite.split()[0]}".',
+            opposite = "measured" if role == "input" else "input"
+            raise source.error(
+                (*loc, key),
+                f"this channel is {kinds[role]}; {key!r} belongs to {kinds[opposite]}.",
+                f'Remove {key}, or give role = "{opposite}".',
             )
 
 
-def _check_complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> None:
+def _check_complete(model: Model, roles: Mapping[str, str], source: SpecText) -> None:
     driving = [name for name, role in roles.items() if role == "input"]
     prescribed = [name for name in driving if name in model.states]
     missing = [name for name in model.inputs if name not in driving]
     if missing and not prescribed:
-        name = missing[0]
-        raise InputError(
-            f"{line_of(text, path, ('channels',))}: the model '{model}' needs the input {name!r}; "
-            f"given are {listing(driving) if driving else 'no inputs'}.",
+        name, present = missing[0], listing(driving) if driving else "no inputs"
+        raise source.error(
+            ("channels",),
+            f"the model '{model}' needs the input {name!r}; given are {present}.",
             f"Add [channels.{name}] with its column.",
         )
     for effect in model.effects:
-        for name in effect.needs:
-            if name not in driving:
-                raise InputError(
-                    f"{line_of(text, path, ('channels',))}: the effect '{effect.name}' needs the "
-                    f"input {name!r}, which has no column.",
-                    f"Add [channels.{name}], or leave the effect out.",
-                )
+        for name in (name for name in effect.needs if name not in driving):
+            raise source.error(
+                ("channels",),
+                f"the effect '{effect.name}' needs the input {name!r}, which has no column.",
+                f"Add [channels.{name}], or leave the effect out.",
+            )
     if "measured" not in roles.values():
-        raise InputError(
-            f"{line_of(text, path, ('channels',))}: nothing is measured; the model '{model}' puts "
-            f"out {listing(name for name in model.outputs if name not in driving)}.",
+        outputs = listing(name for name in model.outputs if name not in driving)
+        raise source.error(
+            ("channels",),
+            f"nothing is measured; the model '{model}' puts out {outputs}.",
             "Add the channel of one of these.",
         )
 

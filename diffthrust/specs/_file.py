@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -295,6 +296,20 @@ def _split(dotted: str) -> tuple[str, ...]:
     return tuple(a or b or c for a, b, c in re.findall(r'"([^"]*)"|\'([^\']*)\'|([^.\s]+)', dotted))
 
 
-def with_place(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
-    """The same error, preceded by its place in the spec file."""
-    return InputError(f"{line_of(text, path, loc)}: {error.problem}", error.mend)
+class SpecText(NamedTuple):
+    """The text of a spec file, for errors that say where in it they are."""
+
+    text: str
+    path: Path
+
+    def error(self, loc: Iterable[Any], problem: str, mend: str) -> InputError:
+        """An error that begins with the place of a key."""
+        return InputError(f"{line_of(self.text, self.path, loc)}: {problem}", mend)
+
+    @contextmanager
+    def at(self, *loc: Any) -> Iterator[None]:
+        """Within it, errors of what a key says begin with the key's place."""
+        try:
+            yield
+        except InputError as error:
+            raise self.error(loc, error.problem, error.mend) from None

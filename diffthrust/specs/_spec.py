@@ -27,7 +27,7 @@ from diffthrust.models._craft.craft import Craft
 from diffthrust.simulation._commands import adopted, command_kind
 from diffthrust.simulation._record import bind
 from diffthrust.specs._channels import columns_of, roles_of
-from diffthrust.specs._file import NAME, line_of, parse_spec, parse_toml, read_spec_text, with_place
+from diffthrust.specs._file import NAME, SpecText, line_of, parse_spec, parse_toml, read_spec_text
 from diffthrust.specs._parts import SpecFile, TimePart
 from diffthrust.specs._quantities import fields_of
 from diffthrust.specs._scripts import (
@@ -137,32 +137,28 @@ class Spec(Brief):
                 log = log.shifted(channel.shift, name)
         for index, stretch in enumerate(self.file.logs.leave_out):
             if stretch.log == log.name:
-                try:
+                with SpecText(self.text, self.path).at("logs", "leave_out", index):
                     log = log.leave_out(stretch.start, stretch.stop, stretch.note)
-                except InputError as error:
-                    loc = ("logs", "leave_out", index)
-                    raise with_place(self.text, self.path, loc, error) from None
         return log
 
     def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
         """The reader of a file, and the keys of ``[logs]`` that only this reader has."""
-        logs = self.file.logs
+        logs, source = self.file.logs, SpecText(self.text, self.path)
         robot = kind_of(path).messages
         foreign = ("time", "static", "sheet") if robot else ("base", "gap", "faster", "stamps")
-        for key in foreign:
-            if key in logs.model_fields_set:
-                raise InputError(
-                    f"{line_of(self.text, self.path, ('logs', key))}: {path.name} is "
-                    f"{'a log of messages' if robot else 'a table'}, for which {key!r} "
-                    "has no meaning.",
-                    f"Remove {key}" + (", and choose a time base: base." if robot else "."),
-                )
+        for key in (key for key in foreign if key in logs.model_fields_set):
+            raise source.error(
+                ("logs", key),
+                f"{path.name} is {'a log of messages' if robot else 'a table'}, for which {key!r} "
+                "has no meaning.",
+                f"Remove {key}" + (", and choose a time base: base." if robot else "."),
+            )
         if not robot:
             return read_log, {"time": self._clock(), "static": logs.static, "sheet": logs.sheet}
         if logs.base is None and logs.rate is None:
-            raise InputError(
-                f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
-                "different rates, and no time base is chosen.",
+            raise source.error(
+                ("logs", "base"),
+                f"{path.name} has messages of different rates, and no time base is chosen.",
                 'Write base = "messages" for all stamps, base = "speed" for those of that channel, '
                 "base = 0.05 for a step, or rate = 10 for means of 10 samples a second.",
             )
@@ -299,20 +295,21 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     if path.is_dir():
         path = path / NAME
     text = read_spec_text(path)
-    file = parse_spec(text, path)
+    file, source = parse_spec(text, path), SpecText(text, path)
     if file.model == Craft.name:
-        file = _with_commands(file, text, path)
+        with source.at("thrusters"):
+            file = _with_commands(file)
     places = (trust,) if isinstance(trust, str | Path) else tuple(trust)
-    model = _model(file, text, path, places)
-    roles = roles_of(model, file, text, path)
-    train = _files(file.logs.train, "train", text, path)
-    holdout = _files(file.logs.holdout, "holdout", text, path)
+    model = _model(file, source, places)
+    roles = roles_of(model, file, source)
+    train = _files(file.logs.train, "train", source)
+    holdout = _files(file.logs.holdout, "holdout", source)
     # Resolved: the same file by another path, or through a link, is the same log.
     both = [a.name for a in train if a.resolve() in {b.resolve() for b in holdout}]
     if both:
-        raise InputError(
-            f"{line_of(text, path, ('logs', 'holdout'))}: {listing(both)} is also a training log; "
-            "an unseen log must not be one.",
+        raise source.error(
+            ("logs", "holdout"),
+            f"{listing(both)} is also a training log; an unseen log must not be one.",
             "Take it out of one of the two lists.",
         )
     spec = Spec(
@@ -328,91 +325,84 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     names = [spec._log_name(file) for file in (*train, *holdout)]
     for index, stretch in enumerate(file.logs.leave_out):
         if stretch.log not in names:
-            raise InputError(
-                f"{line_of(text, path, ('logs', 'leave_out', index))}: the spec has no log "
-                f"{stretch.log!r}{nearest(stretch.log, names, '; ')}.",
+            raise source.error(
+                ("logs", "leave_out", index),
+                f"the spec has no log {stretch.log!r}{nearest(stretch.log, names, '; ')}.",
                 f"Correct the name; there are {listing(names)}.",
             )
     return spec
 
 
-def _with_commands(file: SpecFile, text: str, path: Path) -> SpecFile:
+def _with_commands(file: SpecFile) -> SpecFile:
     """A spec of a craft with the channels that its thrusters name as columns."""
-    try:
-        if file.thrusters is None:
-            raise InputError(
-                "the model 'craft' needs thrusters, found no [thrusters].",
-                'Add [thrusters] with frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
-            )
-        return file.model_copy(update={"channels": {**channels_of(file), **file.channels}})
-    except InputError as error:
-        raise with_place(text, path, ("thrusters",), error) from None
+    if file.thrusters is None:
+        raise InputError(
+            "the model 'craft' needs thrusters, found no [thrusters].",
+            'Add [thrusters] with frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
+        )
+    return file.model_copy(update={"channels": {**channels_of(file), **file.channels}})
 
 
-def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -> Model:
-    loc: tuple[str, ...] = ("model",)
-    try:
-        options = dict(file.options)
-        if file.model == Craft.name and file.thrusters is not None:
-            loc = ("thrusters",)
+def _model(file: SpecFile, source: SpecText, trust: Sequence[Path | str]) -> Model:
+    folder, options = source.path.parent, dict(file.options)
+    if file.model == Craft.name and file.thrusters is not None:
+        with source.at("thrusters"):
             model = craft_of(file.body, file.thrusters)
-        else:
-            check_place(file.model, path.parent, trust)
-            cls = model_class(file.model, path.parent)
-            loc = ("options", *list(file.options)[:1])
-            # Channels for two thrusters leave no choice of the drive.
-            if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
-                options.setdefault("drive", "twin")
+    else:
+        with source.at("model"):
+            check_place(file.model, folder, trust)
+            cls = model_class(file.model, folder)
+        # Channels for two thrusters leave no choice of the drive.
+        if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
+            options.setdefault("drive", "twin")
+        with source.at("options", *list(file.options)[:1]):
             model = model_with(cls, options)
-        for name, part in file.sensors.items():
-            loc = ("sensors", name)
+    for name, part in file.sensors.items():
+        with source.at("sensors", name):
             model = with_sensor(model, name, part)
-        if "command" not in options:
-            for name in (name for name in model.commanded if name in file.channels):
-                loc = ("channels", name, "unit")
+    if "command" not in options:
+        for name in (name for name in model.commanded if name in file.channels):
+            with source.at("channels", name, "unit"):
                 unit = si_unit(file.channels[name].as_column().kept_unit, name)
                 model = model.commanded_in(command_kind(model, unit))
-        loc = ("effects",)
+    with source.at("effects"):
         for entry in file.effects:
             dotted = isinstance(entry, str) and "." in entry and ":" not in entry
-            model = model + (entry if dotted else effect_of(entry, path.parent, trust))
-        written = {name: channel.as_column().written for name, channel in file.channels.items()}
-        for name, settings in file.parameters.items():
-            loc = ("parameters", name)
+            model = model + (entry if dotted else effect_of(entry, folder, trust))
+    written = {name: channel.as_column().written for name, channel in file.channels.items()}
+    for name, settings in file.parameters.items():
+        with source.at("parameters", name):
             model = model.replace({name: fields_of(settings, name, model, written)})
-        loc = ("fit", "per_log")
-        model = model.replace({name: {"per_log": True} for name in file.fit.per_log})
-    except InputError as error:
-        raise with_place(text, path, loc, error) from None
-    return model
+    with source.at("fit", "per_log"):
+        return model.replace({name: {"per_log": True} for name in file.fit.per_log})
 
 
-def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
-    files: list[Path] = []
+def _files(patterns: Iterable[str], key: str, source: SpecText) -> tuple[Path, ...]:
+    folder, files = source.path.parent, list[Path]()
     for pattern in patterns:
         # A file may be called run[1].csv.
-        if _exists(path.parent / pattern):
+        if _exists(folder / pattern):
             matches = [pattern]
         elif has_magic(pattern):
-            matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))
+            matches = sorted(glob(pattern, root_dir=folder, recursive=True))
         else:
             matches = []
         if not matches:
-            names = (file.name for file in path.parent.iterdir() if file.is_file())
-            raise InputError(
-                f"{line_of(text, path, ('logs', key))}: expected the file {pattern!r} in "
-                f"{path.parent.resolve()}, found none{nearest(pattern, names, '; ')}.",
+            names = (file.name for file in folder.iterdir() if file.is_file())
+            raise source.error(
+                ("logs", key),
+                f"expected the file {pattern!r} in {folder.resolve()}, found none"
+                f"{nearest(pattern, names, '; ')}.",
                 "Correct the name; paths are relative to the spec file.",
             )
-        paths = [path.parent / match for match in matches]
-        for file in paths:
+        for file in (folder / match for match in matches):
             if what := oddity(file):
-                raise InputError(
-                    f"{line_of(text, path, ('logs', key))}: expected a log, found {file} to be "
-                    f"{what}.",
+                raise source.error(
+                    ("logs", key),
+                    f"expected a log, found {file} to be {what}.",
                     "Name the file of a log.",
                 )
-        files += paths
+            files.append(file)
     return tuple(dict.fromkeys(files))
 
 

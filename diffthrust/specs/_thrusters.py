@@ -16,7 +16,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
-from diffthrust.specs._file import parse_toml, read_spec_text, validated, with_place
+from diffthrust.specs._file import SpecText, parse_toml, read_spec_text, validated
 from diffthrust.specs._parts import (
     ChannelPart,
     CraftPart,
@@ -107,14 +107,12 @@ def craft_from(path: Path | str) -> Craft:
         )
     parts = {name: tables[name] for name in CraftPart.model_fields if name in tables}
     part = validated(CraftPart, parts, text, path)
-    loc: tuple[str, ...] = ("thrusters",)
-    try:
+    source = SpecText(text, path)
+    with source.at("thrusters"):
         craft = craft_of(part.body, part.thrusters)
-        for name, sensor in part.sensors.items():
-            loc = ("sensors", name)
+    for name, sensor in part.sensors.items():
+        with source.at("sensors", name):
             craft = with_sensor(craft, name, sensor)
-    except InputError as error:
-        raise with_place(text, path, loc, error) from None
     return craft
 
 

@@ -84,7 +84,7 @@ def _of(path: Path) -> Iterator[Message]:
         name = ast.unparse(node.func)
         if name == "InputError" and node.args:
             problem, mend = node.args[0], node.args[1] if len(node.args) > 1 else None
-        elif name == "InputError.at" and len(node.args) > 1:
+        elif name in ("InputError.at", "source.error") and len(node.args) > 1:
             problem, mend = node.args[1], node.args[2] if len(node.args) > 2 else None
         else:
             continue
