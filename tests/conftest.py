@@ -27,3 +27,9 @@ gc.set_threshold(100_000, 50, 50)
 def nothing_stored(monkeypatch):
     """No traced program lies on disk: what is counted as traced was so in this test."""
     monkeypatch.setattr(programs, "program_store", lambda: None)
+
+
+@pytest.fixture
+def no_cache(monkeypatch):
+    """Nothing is kept between runs, also by a command that runs in this process."""
+    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")

@@ -7,18 +7,22 @@ import sys
 from typing import Annotated
 
 import typer
+from typer import Option
 
-from diffthrust.cli._campaign import campaign_command
-from diffthrust.cli._check import check_command
 from diffthrust.cli._demo import demo_command
-from diffthrust.cli._export import export_command
-from diffthrust.cli._fit import compare_command, diagnose_command, fit_command
+from diffthrust.cli._fit import (
+    compare_command,
+    diagnose_command,
+    export_command,
+    fit_command,
+    sample_command,
+)
+from diffthrust.cli._folders import campaign_command, check_command
 from diffthrust.cli._interrupt import ended_soon
 from diffthrust.cli._lists import cache_command, datasets_command, effects_command
 from diffthrust.cli._look import explore_command, look_command
 from diffthrust.cli._map import map_command
 from diffthrust.cli._new import new_command, new_effect_command
-from diffthrust.cli._sample import sample_command
 from diffthrust.cli._session import BAD_INPUT, DONE
 
 app = typer.Typer(
@@ -55,9 +59,7 @@ def main() -> None:
 
 
 @app.callback(invoke_without_command=True)
-def _start(
-    version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
-) -> None:
+def _start(version: Annotated[bool, Option("--version", help="Show the version.")] = False) -> None:
     if version:
         from diffthrust import __version__
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from diffthrust._support.errors import InputError
+from diffthrust.cli import _session as ui
 from diffthrust.cli._fit import diagnose_command
-from diffthrust.cli._session import session, show, write_figure, written
 
 
 def demo_command(
-    output: Annotated[
-        Path, typer.Option("--output", metavar="DIR", help="The folder for its files.")
-    ] = Path("demo_output"),
+    output: Annotated[Path, Option(metavar="DIR", help="The folder for its files.")] = Path(
+        "demo_output"
+    ),
     missing: Annotated[
-        bool,
-        typer.Option("--missing", help="Diagnose a thruster with effects that its model lacks."),
+        bool, Option("--missing", help="Diagnose a thruster with effects that its model lacks.")
     ] = False,
 ) -> None:
     """Fit the thruster to a log of the package, and test it on an unseen log."""
@@ -29,16 +28,16 @@ def demo_command(
 
 
 def _diagnosed(output: Path) -> None:
-    with session():
+    with ui.session():
         from diffthrust.cli._demo_logs import hidden_folder
 
         folder = hidden_folder(output)
-    show(f"Made three logs of a thruster, and a spec of a plainer one, in {folder}.")
+    ui.show(f"Made three logs of a thruster, and a spec of a plainer one, in {folder}.")
     diagnose_command(folder, report=output / "diagnosis.html")
 
 
 def _fitted(output: Path) -> None:
-    with session() as progress:
+    with ui.session() as progress:
         from diffthrust.cli._demo_logs import folder_at
         from diffthrust.comparison._page import comparisons_of
         from diffthrust.specs._spec import load_spec
@@ -47,11 +46,11 @@ def _fitted(output: Path) -> None:
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
         fit = loaded.fit(progress=progress, train=train, holdout=holdout)
         figure = folder_at(output) / "comparison.png"
-        write_figure(figure, comparisons_of(fit, train, holdout)["unseen logs"].plot)
-    show(fit)
+        ui.write_figure(figure, comparisons_of(fit, train, holdout)["unseen logs"].plot)
+    ui.show(fit)
     assert fit.holdout is not None
-    show(f"Error on the unseen log: NRMSE {fit.holdout.nrmse:.4f}.")
-    written(figure)
+    ui.show(f"Error on the unseen log: NRMSE {fit.holdout.nrmse:.4f}.")
+    ui.written(figure)
 
 
 def _demo_folder() -> Path:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from diffthrust._support.report import Line, Report, Rows, Section, Styled
-from diffthrust.cli._session import session, show
+from diffthrust.cli import _session as ui
 
 if TYPE_CHECKING:
     from diffthrust.datasets._record import DataSet
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
 
 def effects_command() -> None:
     """List the effects of the catalogue: what each does, its port, and its parameters."""
-    with session():
+    with ui.session():
         from diffthrust.models import MODELS, Vessel
         from diffthrust.models._base.registry import catalogue
 
         models = {name: model() for name, model in MODELS.items()}
         models["vessel (twin)"] = Vessel(drive="twin")
         report = catalogue_report(catalogue().values(), models)
-    show(report)
+    ui.show(report)
 
 
 def datasets_command(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="A data set to download; without it all are listed."),
+        Argument(metavar="NAME", help="A data set to download; without it all are listed."),
     ] = None,
 ) -> None:
     """List public logs with licence and known defects, or download a set."""
-    with session():
+    with ui.session():
         from diffthrust import datasets
 
         if name is None:
@@ -44,17 +44,17 @@ def datasets_command(
             folder = datasets.fetch(name)
             about = next(about for about in datasets.list() if about.name == name)
             text = f"{about}\n  folder    {folder}"
-    show(text)
+    ui.show(text)
 
 
 def cache_command(
-    clear: Annotated[bool, typer.Option("--clear", help="Delete the traced programs.")] = False,
+    clear: Annotated[bool, Option("--clear", help="Delete the traced programs.")] = False,
 ) -> None:
     """Show what is kept between runs so that nothing is traced twice, or clear it.
 
     The environment variable DIFFTHRUST_CACHE names another folder; "off" switches it off.
     """
-    with session():
+    with ui.session():
         from diffthrust._support._running.stored import program_store
 
         store = program_store()
@@ -73,7 +73,7 @@ def cache_command(
                     "other projects; delete it by hand where it does not."
                 )
             text = "\n".join(lines)
-    show(text)
+    ui.show(text)
 
 
 def catalogue_report(effects: Iterable[type[Effect]], models: Mapping[str, Model]) -> Report:

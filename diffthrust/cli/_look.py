@@ -6,50 +6,41 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.files import write_json
 from diffthrust._support.visible import visible
-from diffthrust.cli._session import (
-    JsonPath,
-    TrustOption,
-    figure_option,
-    file_option,
-    session,
-    show,
-    write_figure,
-    written,
-)
+from diffthrust.cli import _session as ui
 
 
 def look_command(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="FILE...", help="A log, several of one kind, or a folder of them."),
+        Argument(metavar="FILE...", help="A log, several of one kind, or a folder of them."),
     ] = None,
     figure: Annotated[
-        Path | None, figure_option("Draw the channels over time, or the craft (.png, .svg, .pdf).")
+        Path | None,
+        ui.figure_option("Draw the channels over time, or the craft (.png, .svg, .pdf)."),
     ] = None,
     spec: Annotated[
-        Path | None, file_option("--spec", "FILE.toml", "Write the draft of a spec file.")
+        Path | None, ui.file_option("FILE.toml", "Write the draft of a spec file.")
     ] = None,
     craft: Annotated[
         Path | None,
-        typer.Option(
-            "--craft",
+        Option(
             metavar="FILE",
             help="Show the craft of a spec (.toml), or of the settings in an autopilot's log or in "
             "a file of its parameters.",
         ),
     ] = None,
-    json: JsonPath = None,
-    all: Annotated[bool, typer.Option("--all", help="Show every field of a robot's log.")] = False,
+    json: ui.JsonPath = None,
+    all: Annotated[bool, Option("--all", help="Show every field of a robot's log.")] = False,
 ) -> None:
     """Survey a log, and draft a spec file for a first fit; or show a craft."""
     if craft is not None and not files:
         _show_craft(craft, figure)
         return
-    with session():
+    with ui.session():
         if not files:
             raise InputError(
                 "expected a log to look at, found none.",
@@ -60,12 +51,10 @@ def look_command(
         survey = look(files)
         if spec:
             survey.save_spec(spec)
-        if json:
-            write_json(json, survey.to_json())
-        if figure:
-            write_figure(figure, survey.plot)
-        show(look_report(survey, all=all))
-    written(spec, json, figure)
+        ui.write_json_of(json, survey)
+        ui.write_figure(figure, survey.plot)
+        ui.show(look_report(survey, all=all))
+    ui.written(spec, json, figure)
     if spec and survey.model:
         path = visible(str(spec))
         typer.echo(f"Next: read the doubts in {path}, then diffthrust fit {path}")
@@ -76,7 +65,7 @@ def look_command(
 
 def _show_craft(path: Path, figure: Path | None) -> None:
     """The thrusters of a craft, and a drawing of it."""
-    with session():
+    with ui.session():
         if path.suffix.lower() == ".toml":
             from diffthrust.specs._thrusters import craft_from
 
@@ -88,10 +77,9 @@ def _show_craft(path: Path, figure: Path | None) -> None:
 
             layout = layout_in(path)
             craft, report = layout.craft(), report_of(layout)
-        if figure:
-            write_figure(figure, craft.plot)
-        show(report)
-    written(figure)
+        ui.write_figure(figure, craft.plot)
+        ui.show(report)
+    ui.written(figure)
     if not figure:
         typer.echo(
             f"Next: diffthrust look --craft {visible(str(path))} --figure craft.png draws it"
@@ -101,22 +89,20 @@ def _show_craft(path: Path, figure: Path | None) -> None:
 def explore_command(
     what: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="SPEC|LOG|FIT",
             help="A spec file or its folder, a log or a folder of logs, or a saved fit or "
             "diagnosis.",
         ),
     ],
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address, and open no browser.")
+        bool, Option("--no-browser", help="Print the address, and open no browser.")
     ] = False,
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Listen there; 0 for any free one.")
-    ] = 0,
-    trust: TrustOption = None,
+    port: Annotated[int, Option(min=0, max=65535, help="Listen there; 0 for any free one.")] = 0,
+    trust: ui.TrustOption = None,
 ) -> None:
     """Look at logs, drag, add what is missing, and watch the error fall: a page in the browser."""
-    with session() as progress:
+    with ui.session() as progress:
         from diffthrust.workbench import explore
 
         progress("opening the logs", 0.0)

@@ -6,21 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+from typer import Option
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_json
-from diffthrust.cli._session import (
-    JsonPath,
-    NoFitOption,
-    SpecPath,
-    TrustOption,
-    figure_option,
-    session,
-    show,
-    write_figure,
-    written,
-)
+from diffthrust.cli import _session as ui
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,52 +25,46 @@ _SPAN = 50.0
 
 
 def map_command(
-    spec: SpecPath,
+    spec: ui.SpecPath,
     amplitudes: Annotated[
         str | None,
-        typer.Option(
-            "--amplitudes",
+        Option(
             metavar="A,B,... or MIN:MAX:N",
             help="Of the input, in the model's unit; MIN:MAX:N gives N values, evenly spaced in "
             "the logarithm. By default up to the largest input in the logs.",
         ),
     ] = None,
     frequencies: Annotated[
-        str,
-        typer.Option("--frequencies", metavar="A,B,... or MIN:MAX:N", help="In rad/s; N as above."),
+        str, Option(metavar="A,B,... or MIN:MAX:N", help="In rad/s; N as above.")
     ] = f"0.1:30:{_POINTS}",
     method: Annotated[
         Literal["simulation", "harmonic_balance", "paper", "consistent"],
-        typer.Option(
-            "--method",
+        Option(
             help="simulation and harmonic_balance take any model; paper and consistent are the "
-            "closed forms of the plain thruster.",
+            "closed forms of the plain thruster."
         ),
     ] = "simulation",
     harmonics: Annotated[
-        int, typer.Option("--harmonics", metavar="N", min=1, help="Number in a harmonic balance.")
+        int, Option(metavar="N", min=1, help="Number in a harmonic balance.")
     ] = 15,
-    input: Annotated[
-        str, typer.Option("--input", metavar="NAME", help="The input that is a sinusoid.")
-    ] = "command",
-    output: Annotated[str, typer.Option("--output", metavar="NAME", help="The output.")] = "thrust",
-    bias: Annotated[float, typer.Option("--bias", metavar="X", help="Mean of the input.")] = 0.0,
-    no_fit: NoFitOption = False,
+    input: Annotated[str, Option(metavar="NAME", help="The input that is a sinusoid.")] = "command",
+    output: Annotated[str, Option(metavar="NAME", help="The output.")] = "thrust",
+    bias: Annotated[float, Option(metavar="X", help="Mean of the input.")] = 0.0,
+    no_fit: ui.NoFitOption = False,
     draws: Annotated[
         int | None,
-        typer.Option(
-            "--draws",
+        Option(
             metavar="N",
             min=20,
             help="Add intervals of 95 % from N draws of the fit's covariance; 100 suffice.",
         ),
     ] = None,
-    json: JsonPath = None,
-    figure: Annotated[Path | None, figure_option("Draw gain and phase.")] = None,
-    trust: TrustOption = None,
+    json: ui.JsonPath = None,
+    figure: Annotated[Path | None, ui.figure_option("Draw gain and phase.")] = None,
+    trust: ui.TrustOption = None,
 ) -> None:
     """Map gain and phase of the fitted model over amplitude and frequency."""
-    with session() as progress:
+    with ui.session() as progress:
         from diffthrust.describing._band import uncertainty
         from diffthrust.describing._describe import describing_function
         from diffthrust.specs._spec import load_spec
@@ -99,10 +83,8 @@ def map_command(
         if amplitudes is None:
             grids["amplitudes"] = _within(loaded.model, input, train, bias)
         fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=unseen)
-        requested: Any = {
-            **{"input": input, "output": output, "bias": bias},
-            **{"method": method, "harmonics": harmonics},
-        }
+        requested: Any = {"input": input, "output": output, "bias": bias}
+        requested |= {"method": method, "harmonics": harmonics}
         if draws is None:
             response = describing_function(fit or loaded.model, **grids, **requested)
         else:
@@ -110,12 +92,11 @@ def map_command(
         if json:
             status = {"status": fit.status.value, "message": fit.message} if fit else None
             write_json(json, {**response.to_json(), "fit": status})
-        if figure:
-            write_figure(figure, response.plot)
+        ui.write_figure(figure, response.plot)
     if fit:
-        show(f"Status: {fit.status.value}. {fit.message}")
-    show(response)
-    written(json, figure)
+        ui.show(f"Status: {fit.status.value}. {fit.message}")
+    ui.show(response)
+    ui.written(json, figure)
 
 
 def grid_points(option: str, text: str) -> np.ndarray:

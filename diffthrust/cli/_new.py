@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from diffthrust._support.errors import InputError
-from diffthrust.cli._session import session, show, written
+from diffthrust.cli import _session as ui
 
 if TYPE_CHECKING:
     from diffthrust.effects import Formula
@@ -17,20 +17,18 @@ if TYPE_CHECKING:
 
 def new_command(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Name of the fit and of its folder.")
+        str | None, Argument(metavar="NAME", help="Name of the fit and of its folder.")
     ] = None,
-    model: Annotated[
-        str, typer.Option("--model", metavar="MODEL", help="A model of the catalogue.")
-    ] = "thruster",
-    directory: Annotated[
-        Path, typer.Option("--directory", metavar="DIR", help="The folder of the fits.")
-    ] = Path("fits"),
+    model: Annotated[str, Option(metavar="MODEL", help="A model of the catalogue.")] = "thruster",
+    directory: Annotated[Path, Option(metavar="DIR", help="The folder of the fits.")] = Path(
+        "fits"
+    ),
     workflow: Annotated[
-        bool, typer.Option("--workflow", help="Also write .github/workflows/fits.yml, the CI gate.")
+        bool, Option("--workflow", help="Also write .github/workflows/fits.yml, the CI gate.")
     ] = False,
 ) -> None:
     """Make DIR/NAME with a commented spec and example logs, ready to take logs of your own."""
-    with session():
+    with ui.session():
         from diffthrust.specs._new import new_fit, new_workflow, workflow_place
 
         if name is None and not workflow:
@@ -41,48 +39,41 @@ def new_command(
             workflow_place(directory)  # refuse it before anything is written
         folder = new_fit(name, model, directory) if name is not None else None
         gate = new_workflow(directory) if workflow else None
-    written(folder, gate)
+    ui.written(folder, gate)
     if folder:
-        show(
+        ui.show(
             f"Next: put your logs into {folder}, name them in its fit.toml, and run diffthrust fit "
             f"{folder}.\nOnce you trust it: diffthrust check {directory} --update"
         )
 
 
 def new_effect_command(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the effect and its files.")],
+    name: Annotated[str, Argument(metavar="NAME", help="Name of the effect and its files.")],
     formula: Annotated[
-        str,
-        typer.Option("--formula", metavar="TEXT", help='The law: "-a * speed * abs(speed)**p".'),
+        str, Option(metavar="TEXT", help='The law: "-a * speed * abs(speed)**p".')
     ] = "",
     port: Annotated[
-        str, typer.Option("--port", metavar="PORT", help="Where it acts; see diffthrust effects.")
+        str, Option(metavar="PORT", help="Where it acts; see diffthrust effects.")
     ] = "",
     learned: Annotated[
         Path | None,
-        typer.Option(
-            "--learned",
+        Option(
             metavar="DIAG.json",
             help="Instead of --formula: the law learned by diagnose --save DIAG.json.",
         ),
     ] = None,
     parameter: Annotated[
         list[str] | None,
-        typer.Option(
-            "--parameter",
+        Option(
             metavar="NAME=UNIT",
             help="A parameter; with more fields, 'p={ value = 1.5, bounds = [0.5, 3] }'.",
         ),
     ] = None,
-    doc: Annotated[
-        str, typer.Option("--doc", metavar="TEXT", help="What the effect does, in a sentence.")
-    ] = "",
-    directory: Annotated[
-        Path, typer.Option("--directory", metavar="DIR", help="Where the files go.")
-    ] = Path(),
+    doc: Annotated[str, Option(metavar="TEXT", help="What the effect does, in a sentence.")] = "",
+    directory: Annotated[Path, Option(metavar="DIR", help="Where the files go.")] = Path(),
 ) -> None:
     """Write NAME.py with the class of an effect, and test_NAME.py with tests that pass."""
-    with session():
+    with ui.session():
         from diffthrust.effects import Formula
         from diffthrust.effects._class_text import class_name
         from diffthrust.specs._new import bound_to_model, new_effect, parse_parameter
@@ -107,8 +98,8 @@ def new_effect_command(
                 "or --learned DIAG.json.",
             )
         files = new_effect(effect, doc=doc, directory=directory)
-    written(*files)
-    show(
+    ui.written(*files)
+    ui.show(
         f'Next: name it beside a spec, effects = ["{name}.py:{class_name(name)}"], and run '
         f"diffthrust fit; its tests: pytest {files[1]}"
     )

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from diffthrust._support.errors import Defect, InputError
-from diffthrust._support.files import ending, existing_folder, write_whole
+from diffthrust._support.files import ending, existing_folder, write_json, write_whole
 from diffthrust._support.visible import visible
 from diffthrust.cli._interrupt import STOPPED, interrupted, report_stopped
 
@@ -73,7 +74,7 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
         typer.echo(f"{over}Warning: {visible(str(message))}", err=True)
 
 
-def file_option(flag: str, metavar: str, help: str, *more: str) -> Any:
+def file_option(metavar: str, help: str, *more: str) -> Any:
     """An option for a file to write; its ending, that of metavar or more, is checked early.
 
     So is its folder: a diagnosis of half a minute ended in "No such file or directory".
@@ -88,45 +89,42 @@ def file_option(flag: str, metavar: str, help: str, *more: str) -> Any:
             raise typer.BadParameter(str(error)) from None
         return path
 
-    return typer.Option(flag, metavar=metavar, help=help, callback=check)
+    return Option(metavar=metavar, help=help, callback=check)
 
 
 def figure_option(help: str) -> Any:
     """The option for a figure to draw."""
-    return file_option("--figure", "FILE.png", help, *FIGURE_TYPES[1:])
+    return file_option("FILE.png", help, *FIGURE_TYPES[1:])
 
 
 SpecPath = Annotated[
-    Path, typer.Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
+    Path, Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
 ]
 FittedPath = Annotated[
     Path,
-    typer.Argument(
+    Argument(
         metavar="SPEC",
         help="A spec file (TOML), a folder with a fit.toml, or a fit that fit --save has kept.",
     ),
 ]
 TrustOption = Annotated[
     list[Path] | None,
-    typer.Option(
+    Option(
         "--trust",
         metavar="DIR",
         help="A folder whose scripts specs may run, besides those in and below their own.",
     ),
 ]
 NoFitOption = Annotated[
-    bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
+    bool, Option("--no-fit", help="Take the parameters as the spec gives them.")
 ]
-JsonPath = Annotated[Path | None, file_option("--json", "FILE.json", "Write the results as JSON.")]
+JsonPath = Annotated[Path | None, file_option("FILE.json", "Write the results as JSON.")]
 ReportPath = Annotated[
-    Path | None,
-    file_option("--report", "FILE.html", "Write a page with tables and figures.", ".htm"),
+    Path | None, file_option("FILE.html", "Write a page with tables and figures.", ".htm")
 ]
 SavePath = Annotated[
     Path | None,
-    file_option(
-        "--save", "FILE.json", "Save the complete result; in Python dft.load(FILE) loads it."
-    ),
+    file_option("FILE.json", "Save the complete result; in Python dft.load(FILE) loads it."),
 ]
 
 
@@ -161,8 +159,16 @@ def show(content: Result | Report | str) -> None:
     typer.echo(plain_text(report, width), nl=False)
 
 
-def write_figure(path: Path, draw: Callable[[], Figure]) -> None:
-    """Write a figure in the format that the name of the file ends in."""
+def write_json_of(path: Path | None, result: Any) -> None:
+    """Write what a result has for other programs, where that is asked for."""
+    if path:
+        write_json(path, result.to_json())
+
+
+def write_figure(path: Path | None, draw: Callable[[], Figure]) -> None:
+    """Write a figure, where that is asked for, in the format that the file's name ends in."""
+    if path is None:
+        return
     from io import BytesIO
 
     from diffthrust._support.figures import unseen

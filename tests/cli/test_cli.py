@@ -21,12 +21,9 @@ import diffthrust as dft
 from diffthrust.cli._demo_logs import HIDDEN, hidden_folder  # private: what is hidden
 from diffthrust.specs import load_spec
 
+pytestmark = pytest.mark.usefixtures("no_cache")
+
 ERROR_KEYS = {"rmse", "nrmse", "fit_percent", "samples", "unit", "written"}
-
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
 @pytest.fixture
@@ -118,7 +115,9 @@ def test_effects_are_listed_with_parameters_and_units():
 def test_version_and_help():
     assert diffthrust.__version__ in run("--version").stdout
     text = run("--help").stdout
-    assert all(word in text for word in ("fit", "compare", "check", "demo", "effects"))
+    words = ("fit", "compare", "diagnose", "sample", "check", "demo", "effects")
+    assert all(word in text for word in words)
+    assert "--candidates" in run("diagnose", "--help").stdout
 
 
 def test_bad_input_is_one_message_and_status_2(sensor, tmp_path):

@@ -8,10 +8,7 @@ import pytest
 from command_line import run
 from survey.strange_logs import thruster, write_table
 
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
+pytestmark = pytest.mark.usefixtures("no_cache")
 
 
 @pytest.fixture

@@ -9,12 +9,9 @@ import numpy as np
 import pytest
 from places import FITS
 
+pytestmark = pytest.mark.usefixtures("no_cache")
+
 JASON = FITS / "jason_thruster"
-
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
 def run(*words: object, status: int = 0):

@@ -10,12 +10,9 @@ import command_line
 import pytest
 from places import FITS
 
+pytestmark = pytest.mark.usefixtures("no_cache")
+
 SHORT = ("--draws", 200, "--warmup", 60)
-
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
 @pytest.fixture
@@ -95,7 +92,3 @@ def test_bad_input_is_one_message_and_status_2(sensor, tmp_path):
     other.write_text("not a chain")
     assert "other.h5" in refused(sensor, *SHORT, "--file", other)
     assert other.read_text() == "not a chain"
-
-
-def test_help_tells_of_it():
-    assert "sample" in command_line.run("--help").stdout

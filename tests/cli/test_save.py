@@ -9,12 +9,9 @@ from places import FITS
 
 import diffthrust as dft
 
+pytestmark = pytest.mark.usefixtures("no_cache")
+
 SPEC = FITS / "depth_sensor"
-
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
 def test_a_fit_is_saved_and_loaded(tmp_path):

@@ -13,13 +13,10 @@ from campaign_specs import SENSOR, InPlace, sensor_log, sensor_spec
 
 from diffthrust.many import campaign
 
+pytestmark = pytest.mark.usefixtures("no_cache")
+
 ESCAPE, MARKUP, BYTES = "red\x1b[31m\nline", "bold[bold red]", os.fsdecode(b"byte\xff")
 SHOWN = {ESCAPE: "red\\x1b[31m\\nline", MARKUP: MARKUP, BYTES: "byte\\xff"}
-
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
 @pytest.fixture
