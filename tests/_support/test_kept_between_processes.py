@@ -19,7 +19,8 @@ dft.simulate(dft.Thruster(), dft.Log(time, {"command": np.sin(time)}, {"speed": 
 
 
 def kept_after(script: str, **variables: str) -> None:
-    env = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
+    others = ("JAX_COMPILATION_CACHE_DIR", "DIFFTHRUST_CACHE")
+    env = {k: v for k, v in os.environ.items() if k not in others}
     env |= {"PYTHONPATH": str(ROOT), **variables}
     subprocess.run([sys.executable, "-c", script], check=True, env=env, timeout=300)
 

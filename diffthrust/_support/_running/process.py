@@ -104,19 +104,13 @@ class Worker:
         if process := self._process:
             process.kill()
 
-    def close(self) -> None:
-        """End the process, from the thread that uses it or when that has ended."""
-        self._end()
-
-    __del__ = close
-
     def start(self) -> subprocess.Popen[bytes]:
         """The process, that has said that it is ready."""
         if self._stopped:
             raise CancelledError
         if self._process is not None and self._process.poll() is None:
             return self._process
-        self._end()
+        self.close()
         if self._quiet:
             self._said = tempfile.TemporaryFile()  # noqa: SIM115  (closed with the process)
         process = self._process = subprocess.Popen(
@@ -160,13 +154,16 @@ class Worker:
                 timer.cancel()
         if reply is not None:
             return pickle.loads(reply)
-        how = self._end(_DEATH_LIMIT)
+        how = self.close(_DEATH_LIMIT)
         if self._stopped:
             raise CancelledError
         raise ProcessLate(how) if late.is_set() else ProcessDied(how)
 
-    def _end(self, patience: float = 0.0) -> str:
-        """Kill the process if it still runs after ``patience`` seconds; report how it ended."""
+    def close(self, patience: float = 0.0) -> str:
+        """End the process, from the thread that uses it or when that has ended; say how it ended.
+
+        It is killed if it still runs after ``patience`` seconds.
+        """
         process, errors = self._process, self._said
         self._process = self._said = None
         if process is None:
@@ -179,12 +176,15 @@ class Worker:
             if pipe:
                 with suppress(OSError):  # closing flushes, and nobody reads any more
                     pipe.close()
-        how = [f"exit status {code}" if code >= 0 else f"signal {_signal(-code)}"]
+        names = {each.value: each.name for each in signal.Signals}
+        how = [f"exit status {code}" if code >= 0 else f"signal {names.get(-code, -code)}"]
         if errors is not None:
             with errors:
                 errors.seek(0)
                 how += errors.read().decode(errors="replace").strip().splitlines()[-1:]
         return ", ".join(how)
+
+    __del__ = close
 
 
 def _environment() -> dict[str, str]:
@@ -200,10 +200,3 @@ def _environment() -> dict[str, str]:
         "XLA_FLAGS": flags.strip(),
         "PYTHONPATH": os.pathsep.join(folder or os.getcwd() for folder in sys.path),
     }
-
-
-def _signal(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return str(number)
