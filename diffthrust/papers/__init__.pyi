@@ -5,9 +5,9 @@ from ._commands import lowpass_noise as lowpass_noise
 from ._commands import staircase as staircase
 from ._line import FittedLine as FittedLine
 from ._line import fit_line as fit_line
-from ._manoeuvres import Manoeuvres as Manoeuvres
-from ._manoeuvres import manoeuvres as manoeuvres
-from ._manoeuvres import undisturbed as undisturbed
+from ._steady import Manoeuvres as Manoeuvres
 from ._steady import Steady as Steady
+from ._steady import manoeuvres as manoeuvres
 from ._steady import steady_portions as steady_portions
+from ._steady import undisturbed as undisturbed
 from ._tabulated import TabulatedVessel as TabulatedVessel

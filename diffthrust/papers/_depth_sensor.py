@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
+from diffthrust._support.validation import finite
 from diffthrust._support.words import number
 from diffthrust.papers._line import FittedLine, fit_line, numbers
 from diffthrust.uncertainty._prediction.physical import Quantity
@@ -191,8 +192,7 @@ def calibrate(
             f"{'none' if isinstance(readings, Mapping) else type(readings).__name__}.",
             "Write {'reading 1': ...}.",
         )
-    if not 0.0 < level < 1.0:
-        raise InputError(f"calibrate, level: expected a share, found {level!r}.", "Write 0.01.")
+    finite("calibrate, level", level, lambda x: 0 < x < 1, "a share", "Write 0.01.")
     depth = numbers("calibrate, depth", depth)
     columns = {name: numbers(f"calibrate, {name!r}", y) for name, y in readings.items()}
     for name, values in columns.items():
@@ -232,8 +232,8 @@ def _f(more: float, hypothesis: int, scatter: float, free: int, level: float) ->
     # rounding: the fitted line cannot be worse than the datasheet's
     more = max(more, 0.0)
     statistic = (more / hypothesis) / (scatter / free) if scatter > 0 else np.inf * (more > 0)
-    return LineTest(float(statistic), (hypothesis, free), float(f.sf(statistic, hypothesis, free)),
-                    level)  # fmt: skip
+    p_value = float(f.sf(statistic, hypothesis, free))
+    return LineTest(float(statistic), (hypothesis, free), p_value, level)
 
 
 def _squares(values: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,8 +11,7 @@ from matplotlib.figure import Figure
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
 from diffthrust.models import Vessel
-from diffthrust.papers._line import FittedLine
-from diffthrust.papers._transients import Transient
+from diffthrust.papers._line import FittedLine, Transient
 from diffthrust.uncertainty._prediction.physical import Quantity
 
 _Points = tuple[np.ndarray, np.ndarray]
@@ -22,9 +22,9 @@ def static_test_figure(
 ) -> Figure:
     """The two lines of a static test."""
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    thrust_panel, second_panel = figure.subplots(1, 2)
-    _line(thrust_panel, thrust, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {ct}")
-    _line(second_panel, speed, "command [V]", "speed |speed| [rad²/s²]", f"beta/alpha = {ratio}")
+    first, second = figure.subplots(1, 2)
+    _line(first, thrust, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {ct}")
+    _line(second, speed, "command [V]", "speed |speed| [rad²/s²]", f"beta/alpha = {ratio}")
     return figure
 
 
@@ -37,22 +37,19 @@ def dynamic_test_figure(
     top.plot(*thinned(time, command), color="0.4", linewidth=0.9)
     styled(top, "Dynamic test", "", "command [V]")
     below.plot(*thinned(time, measured), color=BLUE, linewidth=1.2, label="measured")
-    below.plot(*thinned(time, simulated), color=VERMILLION, linewidth=1.0,
-               linestyle="--", label="simulated")  # fmt: skip
-    styled(below, "", "time [s]", label)
-    below.legend(fontsize=8, frameon=False, ncols=2)
+    dashed: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": "--"}
+    below.plot(*thinned(time, simulated), label="simulated", **dashed)
+    _finished(below, "", "time [s]", label, ncols=2)
     return figure
 
 
 def steady_map_figure(thrust: np.ndarray, printed: np.ndarray, modelled: np.ndarray) -> Figure:
     """Voltage against thrust, by equation 7 and of the model."""
     figure = Figure(figsize=(6.0, 4.0), layout="constrained")
-    axes = figure.subplots()
-    axes.plot(thrust, printed, color=VERMILLION, linestyle="--",
-              label="equation 7: R T / Km + Ke √(T / KT)")  # fmt: skip
+    axes, equation = figure.subplots(), "equation 7: R T / Km + Ke √(T / KT)"
+    axes.plot(thrust, printed, color=VERMILLION, linestyle="--", label=equation)
     axes.plot(thrust, modelled, color=BLUE, label="steady state of the model, with friction")
-    styled(axes, "Steady map of the thruster", "thrust [N]", "voltage [V]")
-    axes.legend(fontsize=8, frameon=False)
+    _finished(axes, "Steady map of the thruster", "thrust [N]", "voltage [V]")
     return figure
 
 
@@ -69,10 +66,10 @@ def calibration_figure(
         axes.plot(line.x, line.y, marker, color=colour, markersize=4, label=name)
     label = f"line: {together.slope:.4f} V/m, {together.intercept:.3f} V"
     axes.plot(x, together(x), color=VERMILLION, linewidth=1.3, label=label)
-    axes.plot(x, slope * x + intercept, color="black", linestyle="--", linewidth=1.3,
-              label=f"datasheet: {slope:g} V/m, {intercept:g} V")  # fmt: skip
-    styled(axes, "Depth sensor: readings and the datasheet's line", "depth [m]", "reading [V]")
-    axes.legend(fontsize=8, frameon=False, loc="center right")
+    label = f"datasheet: {slope:g} V/m, {intercept:g} V"
+    axes.plot(x, slope * x + intercept, color="black", linestyle="--", linewidth=1.3, label=label)
+    title = "Depth sensor: readings and the datasheet's line"
+    _finished(axes, title, "depth [m]", "reading [V]", loc="center right")
     return figure
 
 
@@ -112,24 +109,25 @@ def _line(
 ) -> None:
     """Points and their line; ``verification`` are points ``(x, y)`` that were not fitted."""
     axes.plot(line.x, line.y, "o", color=BLUE, markersize=5, label="fitted to")
-    shown = [line.x]
+    shown = line.x
     if verification is not None:
         axes.plot(*verification, "s", color=GREY, markersize=5, label="verified on")
-        shown.append(verification[0])
-    ends = np.array([min(0.0, *(np.min(v) for v in shown)), max(np.max(v) for v in shown)])
+        shown = np.concatenate([shown, verification[0]])
+    ends = np.array([min(0.0, shown.min()), shown.max()])
     axes.plot(ends, line(ends), color=VERMILLION, linewidth=1.3, label="line")
-    styled(axes, title, x, y)
-    axes.legend(fontsize=8, frameon=False)
+    _finished(axes, title, x, y)
 
 
 def _transient(axes: Axes, transient: Transient, label: str, title: str) -> None:
-    for kind, runs, colour in (
-        ("fitted to", transient.runs, BLUE),
-        ("verified on", transient.others, GREY),
-    ):
+    kinds = (("fitted to", transient.runs, BLUE), ("verified on", transient.others, GREY))
+    for kind, runs, colour in kinds:
         for k, (time, measured, _) in enumerate(runs):
             axes.plot(time, measured, ".", color=colour, markersize=3, label="" if k else kind)
     for k, (time, _, course) in enumerate((*transient.runs, *transient.others)):
         axes.plot(time, course, color=VERMILLION, linewidth=1.2, label="" if k else "curve")
-    styled(axes, title, "time since the step [s]", label)
-    axes.legend(fontsize=8, frameon=False)
+    _finished(axes, title, "time since the step [s]", label)
+
+
+def _finished(axes: Axes, title: str, x: str, y: str, **legend: Any) -> None:
+    styled(axes, title, x, y)
+    axes.legend(fontsize=8, frameon=False, **legend)

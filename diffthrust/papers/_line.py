@@ -1,7 +1,8 @@
-"""A straight line through points, as the papers fit one parameter after the other."""
+"""A straight line and a time constant, as the papers fit one parameter after the other."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Brief
 from diffthrust.uncertainty._prediction.physical import Quantity
 
 
@@ -99,17 +101,67 @@ def fit_line(
             f"{np.unique(x).size}.",
             "Give records at more levels.",
         )
-    coefficients, *_ = np.linalg.lstsq(matrix, y, rcond=None)
-    degrees = x.size - matrix.shape[1]
-    inverse = np.linalg.pinv(matrix)
-    scatter = float(np.sum((y - matrix @ coefficients) ** 2)) / degrees if degrees else np.nan
-    errors_of = np.sqrt(scatter * np.sum(inverse**2, axis=1))
+    coefficients, std_errors = least_squares(matrix, y)
     if errors is not None:
         # the larger of both: three points may lie on a line by chance; fmax passes over the NaN of
         # an exact line
-        errors_of = np.fmax(
-            errors_of, np.sqrt(np.sum((inverse * np.asarray(errors, float)) ** 2, axis=1))
-        )
+        spread = np.linalg.pinv(matrix) * np.asarray(errors, float)
+        std_errors = np.fmax(std_errors, np.sqrt(np.sum(spread**2, axis=1)))
     slope, intercept, *_ = [*map(float, coefficients), 0.0]
-    slope_error, intercept_error, *_ = [*map(float, errors_of), 0.0]
+    slope_error, intercept_error, *_ = [*map(float, std_errors), 0.0]
     return FittedLine(slope, intercept, slope_error, intercept_error, x, y)
+
+
+def least_squares(matrix: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients, and the standard errors that residuals without memory give them, or NaN."""
+    coefficients, *_ = np.linalg.lstsq(matrix, y, rcond=None)
+    degrees = matrix.shape[0] - matrix.shape[1]
+    scatter = float(np.sum((y - matrix @ coefficients) ** 2)) / degrees if degrees else np.nan
+    return coefficients, np.sqrt(scatter * np.sum(np.linalg.pinv(matrix) ** 2, axis=1))
+
+
+Course = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Time, measured and fitted, ``(n,)`` each."""
+Approach = tuple[np.ndarray, np.ndarray, Any]
+"""Time and what was measured, ``(n,)`` each, and what it approaches."""
+
+
+@dataclass(frozen=True, repr=False)
+class Transient(Brief):
+    """A time constant, from how a speed approaches its steady value.
+
+    Args:
+        time_constant: [s].
+        runs: ``(time, measured, fitted)`` of the runs it was fitted to, from the step on.
+        others: the same of the runs it was verified on.
+
+    Example:
+        >>> found = dft.papers.siramdasu.sequential(*manoeuvred)
+        >>> found.yaw.time_constant > 0
+        True
+    """
+
+    time_constant: float
+    runs: tuple[Course, ...] = field(repr=False)
+    others: tuple[Course, ...] = field(repr=False)
+
+
+def fit_transient(
+    runs: Sequence[Approach],
+    others: Sequence[Approach],
+    course: Callable[[np.ndarray, np.ndarray, Any, float], np.ndarray],
+) -> Transient:
+    """The time constant that runs have in common; ``course`` is that of a run with one of them."""
+    from scipy.optimize import least_squares
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        each = [course(time, y, end, np.exp(x[0])) - y for time, y, end in runs]
+        joined = np.concatenate(each)
+        return joined[np.isfinite(joined)]
+
+    lag = float(np.exp(least_squares(residual, [0.0]).x[0]))
+
+    def fitted(runs: Sequence[Approach]) -> tuple[Course, ...]:
+        return tuple((time, y, course(time, y, end, lag)) for time, y, end in runs)
+
+    return Transient(lag, fitted(runs), fitted(others))

@@ -23,19 +23,8 @@ from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
-from diffthrust.papers._line import FittedLine, fit_line
+from diffthrust.papers._line import Approach, FittedLine, Transient, fit_line, fit_transient
 from diffthrust.papers._steady import Steady, records, steady_portions
-from diffthrust.papers._transients import (
-    AMIDSHIPS,
-    ANGLE,
-    SCREW,
-    SURGE,
-    SWAY,
-    YAW,
-    Transient,
-    surge_transient,
-    yaw_transient,
-)
 from diffthrust.simulation._simulate import simulate
 
 if TYPE_CHECKING:
@@ -43,7 +32,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Sensitivity", "Sequential", "Transient", "sensitivity", "sequential"]
 
-_INPUTS = (SCREW[0], ANGLE[0])
+_SCREW, _ANGLE = ("propeller_speed", "rev/s"), ("rudder_angle", "rad")
+_SURGE, _SWAY, _YAW = ("surge", "m/s"), ("sway", "m/s"), ("yaw_rate", "rad/s")
+_AMIDSHIPS = 1e-3
+"""Radians: a propeller this far from amidships counts as straight."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,18 +127,21 @@ def sequential(
         first = finite("sequential, transient", transient, lambda x: x > 0, "seconds, above zero")
     line, d11 = _steady_speed(straight, settle)
     exponent = line.slope
-    surge = surge_transient(straight, listed(verify), exponent, d11)
+    runs, others = (
+        [_rising(log, exponent, d11) for log in logs] for logs in (straight, listed(verify))
+    )
+    surge = fit_transient(runs, others, _approaching)
     m11 = surge.time_constant * d11
     circles = listed(circles)
     ends = [_last(log, settle) for log in circles]
-    angles = np.array([end.mean(*ANGLE) for end in ends])
-    turning = np.abs(angles) > AMIDSHIPS
+    angles = np.array([end.mean(*_ANGLE) for end in ends])
+    turning = np.abs(angles) > _AMIDSHIPS
     if turning.sum() < 2:
         raise InputError(
             f"sequential: expected two or more circles at held angles, found {int(turning.sum())}.",
             "Give runs that end at a held angle, to either side.",
         )
-    n, u, v, r = (np.array([end.mean(*c) for end in ends]) for c in (SCREW, SURGE, SWAY, YAW))
+    n, u, v, r = (np.array([end.mean(*c) for end in ends]) for c in (_SCREW, _SURGE, _SWAY, _YAW))
     push = n**exponent
     # the widest circles are fitted, where sway and yaw stand out most from their noise
     widest = turning & (np.abs(angles) > 0.95 * np.max(np.abs(angles)))
@@ -168,9 +163,13 @@ def sequential(
             f"sequential: {wrong[0]} came out as {values[wrong[0]]:.3g}, which has no meaning.",
             "Look at the signs of sway, yaw rate and angle (see dft.Vessel), and at the lines.",
         )
-    yaw = yaw_transient(circles, ends, widest, values, exponent, lever_arm, first)
-    inertia = yaw.time_constant * d33.slope
-    vessel = Vessel(i33=inertia, exponent=exponent, lever_arm=lever_arm).replace(values)
+    vessel = Vessel(exponent=exponent, lever_arm=lever_arm).replace(values)
+    runs, others = (
+        [_turning(circles[i], angles[i], vessel, first) for i in np.flatnonzero(chosen)]
+        for chosen in (widest, remaining)
+    )
+    yaw = fit_transient(runs, others, _lagging)
+    vessel = vessel.replace(i33=yaw.time_constant * d33.slope)
     notes = _off_course(values, float(np.max(push[turning])) / d11)
     for note in notes:
         warn(note, UserWarning)
@@ -248,7 +247,7 @@ def sensitivity(
         ((69.2, 98.0, 120.0), (69.2, 98.0), (69.2, 120.0), (98.0, 120.0))
     """
     straight = listed(straight)
-    levels = np.array([_last(log, settle).mean(*SCREW) for log in straight])
+    levels = np.array([_last(log, settle).mean(*_SCREW) for log in straight])
     each = np.unique(np.round(levels, 3))
     if each.size < 3:
         raise InputError(
@@ -280,12 +279,13 @@ def sensitivity(
 
 def _last(log: Log, settle: float) -> Steady:
     """The steady end of a run."""
-    return steady_portions(log, settle=settle, least=0.5, inputs=_INPUTS)[-1]
+    inputs = (_SCREW[0], _ANGLE[0])
+    return steady_portions(log, settle=settle, least=0.5, inputs=inputs)[-1]
 
 
 def _steady_speed(straight: Sequence[Log], settle: float) -> tuple[FittedLine, float]:
     ends = [_last(log, settle) for log in straight]
-    n, u = (np.array([end.mean(*c) for end in ends]) for c in (SCREW, SURGE))
+    n, u = (np.array([end.mean(*c) for end in ends]) for c in (_SCREW, _SURGE))
     if np.any(n <= 0) or np.any(u <= 0):
         raise InputError(
             "sequential: expected straight runs ahead, found steady propeller speeds from "
@@ -295,3 +295,59 @@ def _steady_speed(straight: Sequence[Log], settle: float) -> tuple[FittedLine, f
     # n^C = d11 u in the steady state: its logarithm is a line of slope C with the intercept -ln d11
     line = fit_line(np.log(n), np.log(u), "sequential, exponent and d11")
     return line, float(np.exp(-line.intercept))
+
+
+def _rising(log: Log, exponent: float, d11: float) -> Approach:
+    """The surge of a run from rest, and what it comes to."""
+    n, u = log.values(*_SCREW), log.values(*_SURGE)
+    begin = int(np.argmax(n > 0))
+    finite = np.isfinite(u[begin:])
+    time = (log.time[begin:] - log.time[begin])[finite]
+    return time, u[begin:][finite], float(np.median(n[begin:])) ** exponent / d11
+
+
+def _approaching(time: np.ndarray, u: np.ndarray, end: float, lag: float) -> np.ndarray:
+    """The course of the surge, equation (12)."""
+    return end + (u[0] - end) * np.exp(-time / lag)
+
+
+def _turning(log: Log, angle: float, vessel: Vessel, first: float) -> Approach:
+    """The yaw rate of the ``first`` seconds of a circle, and what it follows, equation (16).
+
+    Surge and sway are exponentials there.
+    """
+    angles, n, r = log.values(*_ANGLE), log.values(*_SCREW), log.values(*_YAW)
+    begin = int(np.argmax(np.abs(angles - angle) < _AMIDSHIPS))
+    stop = int(np.searchsorted(log.time, log.time[begin] + first + 1e-9))
+    portion = slice(begin, stop)
+    time = log.time[portion] - log.time[begin]
+    u, v = (_exponential(time, log.values(*c)[portion]) for c in (_SURGE, _SWAY))
+    moment = (vessel.m11 - vessel.m22) * u * v
+    moment -= vessel.lever_arm * n[portion] ** vessel.exponent * np.sin(angles[portion])
+    return time, r[portion], moment / vessel.d33
+
+
+def _lagging(time: np.ndarray, r: np.ndarray, target: np.ndarray, lag: float) -> np.ndarray:
+    """A first-order lag behind a target that is straight between the samples."""
+    out = np.empty(time.size)
+    out[0] = r[np.isfinite(r)][0]
+    for k, h in enumerate(np.diff(time)):
+        # the exact answer to a ramp: no error of integration enters the time constant
+        kept, slope = np.exp(-h / lag), (target[k + 1] - target[k]) / h
+        out[k + 1] = target[k + 1] - slope * lag + kept * (out[k] - target[k] + slope * lag)
+    return out
+
+
+def _exponential(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The course of an exponential through samples, equations (17) and (18)."""
+    from scipy.optimize import least_squares
+
+    finite = np.isfinite(values)
+    t, y = time[finite], values[finite]
+
+    def course(x: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return x[0] * np.exp(-np.exp(x[1]) * t) + x[2]
+
+    # a decay rate is fitted as its logarithm: it cannot turn into a growth
+    start = [y[0] - y[-1], 0.0, y[-1]]
+    return course(least_squares(lambda x: course(x, t) - y, start).x, time)

@@ -15,9 +15,10 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models import QuadraticLoad, Thruster
-from diffthrust.papers._line import FittedLine, fit_line
+from diffthrust.papers._line import FittedLine, fit_line, least_squares
 from diffthrust.papers._steady import Steady, steady_portions
 from diffthrust.simulation._simulate import simulate
 from diffthrust.uncertainty._prediction.physical import Quantity
@@ -107,11 +108,10 @@ class DynamicTest(Brief):
         """Command, and measured and simulated thrust (or speed), as in the paper's figure 10."""
         from diffthrust.papers._figures import dynamic_test_figure
 
-        name, unit = _SPEED if self.ct is None else _THRUST
-        return dynamic_test_figure(
-            self.log.time, self.log.values(*_COMMAND), self.log.values(name, unit),
-            simulate(self.model, self.log)[name], f"{name} [{unit}]",
-        )  # fmt: skip
+        log, (name, unit) = self.log, _SPEED if self.ct is None else _THRUST
+        command, measured = log.values(*_COMMAND), log.values(name, unit)
+        simulated = simulate(self.model, log)[name]
+        return dynamic_test_figure(log.time, command, measured, simulated, f"{name} [{unit}]")
 
 
 def static_test(
@@ -154,12 +154,13 @@ def static_test(
             f"{len(portions)} portions were found.",
             "Give direction='reverse' or 'both', or records with such commands.",
         )
-    command = np.array([portion.mean(*_COMMAND) for portion in used])
-    thrust = np.array([portion.mean(*_THRUST) for portion in used])
+    command, thrust = (
+        np.array([p.mean(*channel) for p in used]) for channel in (_COMMAND, _THRUST)
+    )
     speed = np.array([_signed_mean(portion) for portion in used])
     squared = speed * np.abs(speed)
-    of_squared = 2.0 * np.abs(speed) * np.array([portion.std_error(*_SPEED) for portion in used])
-    of_thrust = np.array([portion.std_error(*_THRUST) for portion in used])
+    of_speed, of_thrust = (np.array([p.std_error(*c) for p in used]) for c in (_SPEED, _THRUST))
+    of_squared = 2.0 * np.abs(speed) * of_speed
     # a first slope, to turn the speed's noise into an error of the thrust (effective variance)
     ct = fit_line(squared, thrust, "static_test, thrust", through_origin=True).slope
     apart = np.hypot(of_thrust, ct * of_squared)
@@ -237,23 +238,24 @@ def dynamic_test(
     used = np.ones(slope.size, bool) if direction == "both" else (speed[:-1] > 0)
     used = ~used if direction == "reverse" else used
     matrix = np.stack([load, drive], axis=1)[used]
-    values, errors = _least_squares(matrix, slope[used])
+    if len(matrix) < 3 or np.linalg.matrix_rank(matrix) < 2:
+        raise InputError(
+            "dynamic_test: speed and command do not move enough to separate the coefficients.",
+            "Give a record that moves, in the direction that is asked for.",
+        )
+    values, errors = (x.tolist() for x in least_squares(matrix, slope[used]))
     ct = None
     if thrust is not None:
         valid = used & np.isfinite(thrust[:-1])
         simulated = _simulated(log, *values)[:-1][valid]
         ct = Quantity(*thrust_line(speed[:-1][valid], thrust[:-1][valid], simulated), "N s^2/rad^2")
-    return DynamicTest(
-        Quantity(values[0], errors[0], "1/rad"),
-        Quantity(values[1], errors[1], "rad/(V s^2)"),
-        ct,
-        log,
-    )
+    alpha, beta = map(Quantity, values, errors, ("1/rad", "rad/(V s^2)"))
+    return DynamicTest(alpha, beta, ct, log)
 
 
 def _simulated(log: Log, alpha: float, beta: float) -> np.ndarray:
     """The speed under these values; or an `InputError`, where they are none of a thruster."""
-    for name, value in (("alpha", alpha), ("beta", beta)):
+    for name, value in {"alpha": alpha, "beta": beta}.items():
         if not value > 0:
             raise InputError(
                 f"dynamic_test: {name} came out as {value:.3g}, which has no meaning.",
@@ -265,8 +267,9 @@ def _simulated(log: Log, alpha: float, beta: float) -> np.ndarray:
 def _signed_mean(portion: Steady) -> float:
     """The mean speed; where the sensor gives no sign it has that of the command."""
     speed = portion.mean(*_SPEED)
-    unsigned = "speed" in portion.log.unsigned
-    return abs(speed) * float(np.sign(portion.mean(*_COMMAND))) if unsigned else speed
+    if "speed" not in portion.log.unsigned:
+        return speed
+    return abs(speed) * float(np.sign(portion.mean(*_COMMAND)))
 
 
 def _in_direction(command: float, direction: str) -> bool:
@@ -295,25 +298,8 @@ def _check_record(
             f"{log.name}: 'speed' has {int(np.sum(~np.isfinite(speed)))} missing samples.",
             "Use dft.fit, which leaves them out, or a stretch without gaps: log.slice(...).",
         )
-    if not 0 < cutoff < 0.5 * rate:
-        raise InputError(
-            f"dynamic_test, cutoff: expected Hz, above zero and below half the sample rate, "
-            f"{0.5 * rate:g} Hz, found {cutoff!r}.",
-            "Correct it.",
-        )
-
-
-def _least_squares(matrix: np.ndarray, target: np.ndarray) -> tuple[list[float], list[float]]:
-    """Coefficients and the standard errors that residuals without memory would give them."""
-    if len(target) <= matrix.shape[1] or np.linalg.matrix_rank(matrix) < matrix.shape[1]:
-        raise InputError(
-            "dynamic_test: speed and command do not move enough to separate the coefficients.",
-            "Give a record that moves, in the direction that is asked for.",
-        )
-    coefficients, *_ = np.linalg.lstsq(matrix, target, rcond=None)
-    variance = np.sum((target - matrix @ coefficients) ** 2) / (len(target) - matrix.shape[1])
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
-    return [float(x) for x in coefficients], [float(x) for x in errors]
+    expected = f"Hz, above zero and below half the sample rate, {0.5 * rate:g} Hz"
+    finite("dynamic_test, cutoff", cutoff, lambda x: 0 < x < 0.5 * rate, expected)
 
 
 def thrust_line(
