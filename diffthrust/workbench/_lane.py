@@ -6,23 +6,18 @@ import threading
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from diffthrust._support.progress import Progress
 
 _PAUSE = 0.2
 """Display: seconds between two messages of progress; a diagnosis has hundreds."""
-Deliver = Callable[[Callable[[], None]], Any]
+Work = Callable[[Progress], Any]
+Answer = Callable[[Any], None]
 
 
 class Stopped(Exception):
     """Raised inside work that was stopped, where it reports its progress."""
-
-
-class _Request(NamedTuple):
-    work: Callable[[Progress], Any]
-    then: Callable[[Any], None]
-    failed: Callable[[Exception], None]
 
 
 class Lane:
@@ -36,14 +31,15 @@ class Lane:
         progress: is told the message and the share done, in the thread of the page.
     """
 
-    def __init__(self, deliver: Deliver, progress: Progress | None = None) -> None:
+    def __init__(
+        self, deliver: Callable[[Callable[[], None]], Any], progress: Progress | None = None
+    ) -> None:
         self._deliver, self._progress = deliver, progress
         self._changed = threading.Condition()
-        self._waiting: _Request | None = None
+        self._waiting: tuple[Work, Answer, Answer] | None = None
         self._working = self._stopping = self._closed = False
         self._told = 0.0
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._run, daemon=True).start()
 
     @property
     def busy(self) -> bool:
@@ -51,24 +47,13 @@ class Lane:
         with self._changed:
             return self._working or self._waiting is not None
 
-    def ask(
-        self,
-        work: Callable[[Progress], Any],
-        then: Callable[[Any], None],
-        failed: Callable[[Exception], None],
-        *,
-        stop: bool = False,
-    ) -> None:
-        """Have something done.
+    def ask(self, work: Work, then: Answer, failed: Answer, *, stop: bool = False) -> None:
+        """Have something done: in the page's thread ``then`` gets the result, ``failed`` the error.
 
-        Args:
-            work: takes a function that is told how far it is.
-            then: gets the result, in the thread of the page.
-            failed: gets the error, likewise; not of what was stopped.
-            stop: stop what is being done, which takes until it next reports its progress.
+        With ``stop`` what is being done ends where it next reports its progress.
         """
         with self._changed:
-            self._waiting = _Request(work, then, failed)
+            self._waiting = work, then, failed
             self._stopping = self._stopping or (stop and self._working)
             self._changed.notify()
 
@@ -88,8 +73,8 @@ class Lane:
         if self._stopping:
             raise Stopped
         if self._progress is not None and time.monotonic() - self._told > _PAUSE:
-            self._told, progress = time.monotonic(), self._progress
-            self._deliver(lambda: progress(message, share))
+            self._told = time.monotonic()
+            self._deliver(partial(self._progress, message, share))
 
     def _run(self) -> None:
         while True:
@@ -99,11 +84,11 @@ class Lane:
                 if self._waiting is None:
                     return
                 request, self._waiting, self._working = self._waiting, None, True
-            self._do(request)
+            self._do(*request)
 
-    def _do(self, request: _Request) -> None:
+    def _do(self, work: Work, then: Answer, failed: Answer) -> None:
         try:
-            answer = partial(request.then, request.work(self._report))
+            answer = partial(then, work(self._report))
         except Exception as error:  # whatever it is, the page says so and goes on
-            answer = partial(request.failed, error)
+            answer = partial(failed, error)
         self._deliver(answer)

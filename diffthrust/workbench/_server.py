@@ -39,10 +39,9 @@ class PageServer:
         leave: is called at the end.
         port: to listen on; 0 for any that is free.
         patience: milliseconds after which a page that was closed ends the server.
-
-    Attributes:
-        address: of the page, with its token.
     """
+
+    address: str  # of the page, with its token
 
     def __init__(
         self,
@@ -53,12 +52,9 @@ class PageServer:
         patience: int = _HOUR,
     ) -> None:
         self._fill, self._leave, self._patience = fill, leave, patience
-        self._ready = threading.Event()
-        self.ended: threading.Event = threading.Event()
+        self._ready, self.ended = threading.Event(), threading.Event()
         _check_free(port)
-        self._thread = threading.Thread(target=self._run, args=(port,), daemon=True)
-        self.address: str = ""
-        self._thread.start()
+        threading.Thread(target=self._run, args=(port,), daemon=True).start()
         self._ready.wait()
 
     def _run(self, port: int) -> None:

@@ -6,7 +6,7 @@ import atexit
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from diffthrust._support.names import short_repr
 from diffthrust._support.results import Brief
 from diffthrust._support.saved_file import read_saved
 from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._kinds import is_log
 from diffthrust.logs._log import Log
@@ -29,18 +30,10 @@ from diffthrust.survey._look import look
 
 @dataclass(frozen=True, repr=False)
 class Source(Brief):
-    """A model with its logs, as they were opened.
+    """A model with its logs, as they were opened, and a fit or a diagnosis that exists already.
 
-    Args:
-        name: what the page is called.
-        model: the model with its effects.
-        train: the training logs.
-        unseen: the logs that fits do not see.
-        spec: the spec file that they are from; ``None`` for objects of Python.
-        drafted: the spec was drafted from bare logs, and lies in a temporary folder.
-        fit: a fit that exists already.
-        diagnosis: a diagnosis that exists already.
-        options: arguments of `fit`.
+    The spec is ``None`` for objects of Python; one that was drafted from bare logs lies in a
+    temporary folder. Options are arguments of `fit`.
     """
 
     name: str
@@ -60,19 +53,12 @@ def opened(
     holdout: Log | Sequence[Log] = (),
     trust: Sequence[Path | str] = (),
 ) -> Source:
-    """Open a spec file, a log or several, a saved result, or an object of the library.
-
-    Args:
-        what: the path of a spec, of its folder, of a log or of a folder of logs, or of what
-            ``save`` has written; or a `Spec`, `Fit`, `Diagnosis` or `Model`.
-        logs: training logs, for a model, and for a fit that does not keep its own.
-        holdout: unseen logs, likewise.
-        trust: folders whose scripts a spec may run.
+    """Open what `explore` takes, with its arguments.
 
     Raises:
         InputError: it cannot be opened; it names a script outside the trusted folders; no logs.
     """
-    train, unseen = ((x,) if isinstance(x, Log) else tuple(x) for x in (logs, holdout))
+    train, unseen = listed(logs), listed(holdout, "holdout")
     if isinstance(what, str | PathLike):
         return _of_path(Path(what), trust)
     if isinstance(what, Spec):
@@ -99,10 +85,11 @@ def opened(
 
 
 def _of_path(path: Path, trust: Sequence[Path | str]) -> Source:
-    folder_of_logs = path.is_dir() and not (path / NAME).is_file()
-    if path.suffix.lower() == ".json":
+    kind = path.suffix.lower()
+    if kind == ".json":
         return _of_saved(path, trust)
-    if path.suffix.lower() != ".toml" and (folder_of_logs or (path.is_file() and is_log(path))):
+    folder_of_logs = path.is_dir() and not (path / NAME).is_file()
+    if kind != ".toml" and (folder_of_logs or (path.is_file() and is_log(path))):
         return _of_logs(path)
     _refuse_scripts(path / NAME if path.is_dir() else path, trust)
     return _of_spec(load_spec(path, trust=trust))
@@ -111,32 +98,20 @@ def _of_path(path: Path, trust: Sequence[Path | str]) -> Source:
 def _refuse_scripts(file: Path, trust: Sequence[Path | str]) -> None:
     """Raise `InputError` for a spec that names a script outside the trusted folders.
 
-    Elsewhere a spec's own folder is trusted. A page that is opened to look at a log should not run
-    what came with it.
+    Unlike elsewhere, not its own: a page that is opened to look at a log runs nothing beside it.
     """
-    places = [Path(place).resolve() for place in trust]
     for word in parse_spec(read_spec_text(file), file).words:
         script = script_file(word, file.parent)
-        if script and not any(script.resolve().is_relative_to(place) for place in places):
+        if script and not any(script.resolve().is_relative_to(Path(p).resolve()) for p in trust):
             raise InputError(
                 f"{file}: it names the script {script.name}, which the workbench does not run.",
                 f"Read it; then trust its folder: --trust {script.parent}",
             )
 
 
-def _of_spec(
-    spec: Spec, *, drafted: bool = False, name: str = "", fit: Fit | None = None
-) -> Source:
-    return Source(
-        name or spec.name,
-        spec.model,
-        spec.train_logs(),
-        spec.holdout_logs(),
-        spec=spec,
-        drafted=drafted,
-        fit=fit,
-        options=spec.file.fit.model_dump(exclude_unset=True),
-    )
+def _of_spec(spec: Spec) -> Source:
+    train, options = spec.train_logs(), spec.file.fit.model_dump(exclude_unset=True)
+    return Source(spec.name, spec.model, train, spec.holdout_logs(), spec=spec, options=options)
 
 
 def _of_logs(path: Path) -> Source:
@@ -148,7 +123,8 @@ def _of_logs(path: Path) -> Source:
         )
     folder = Path(tempfile.mkdtemp(prefix="diffthrust-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return _of_spec(load_spec(survey.save_spec(folder / NAME)), drafted=True, name=path.stem)
+    source = _of_spec(load_spec(survey.save_spec(folder / NAME)))
+    return replace(source, drafted=True, name=path.stem)
 
 
 def _of_saved(path: Path, trust: Sequence[Path | str]) -> Source:
@@ -160,7 +136,7 @@ def _of_saved(path: Path, trust: Sequence[Path | str]) -> Source:
         if place.is_file():
             _refuse_scripts(place, trust)
     spec, fit = fitted_spec(path, trust)
-    return _of_spec(spec, fit=fit)
+    return replace(_of_spec(spec), fit=fit)
 
 
 def _of_diagnosis(diagnosis: Diagnosis) -> Source:
