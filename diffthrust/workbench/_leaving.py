@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
 from base64 import b64decode
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,7 +22,7 @@ from diffthrust.estimation._model_lines import code_of, effects_line, python_lin
 from diffthrust.specs._file import NAME
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec
-from diffthrust.workbench._session import Session, Task
+from diffthrust.workbench._session import Session
 
 _FIRST = "# Saved by the workbench of diffthrust: diffthrust explore opens it again."
 """The first line of a spec that may be overwritten: nobody has written it by hand."""
@@ -33,9 +32,7 @@ _ELSEWHERE = "Name another folder."
 def spec_text(session: Session, folder: Path) -> str:
     """The spec with what was added, left out and shifted; comments and all else stay.
 
-    Args:
-        session: of a spec file.
-        folder: where it will lie: paths are relative to it.
+    Its paths are relative to the folder, where it will lie.
 
     Raises:
         InputError: the session is not of a spec.
@@ -52,12 +49,12 @@ def spec_text(session: Session, folder: Path) -> str:
     for key, files in (("train", spec.train), ("holdout", spec.holdout)):
         if files:
             logs[key] = [_relative(file, folder) for file in files]
-    _set_list(logs, "leave_out", [dict(vars(stretch)) for stretch in _stretches(session)])
-    for name, seconds in _shifts(session).items():
-        channel = document["channels"][name]
-        if not isinstance(channel, Mapping):  # channels.speed = "rpm" names the column alone
-            document["channels"][name] = {"column": channel}
-        document["channels"][name]["shift"] = seconds
+    _set_left_out(logs, (*spec.file.logs.leave_out, *setup.left_out))
+    channels = document.get("channels", {})
+    for name, seconds in setup.shifts.items():
+        if not isinstance(channels[name], Mapping):  # channels.speed = "rpm", the column alone
+            channels[name] = {"column": channels[name]}
+        channels[name]["shift"] = spec.file.channels[name].shift + seconds
     kept = zip(spec.model.effects, document.get("effects", []), strict=True)
     entries: dict[str, Any] = {effect.name: entry for effect, entry in kept}
     laws = tomlkit.parse(effects_line(session.laws.values()))["effects"]
@@ -80,39 +77,25 @@ def _word(word: str, home: Path, folder: Path) -> str:
     return f"{_relative(script_of, folder)}:{word.rpartition(':')[2]}" if script_of else word
 
 
-def _stretches(session: Session) -> list[Any]:
-    spec = session.source.spec
-    return [*(spec.file.logs.leave_out if spec else ()), *session.setup.left_out]
-
-
-def _shifts(session: Session) -> dict[str, float]:
-    """By channel, with those that the spec has already."""
-    spec, channels = session.source.spec, {}
-    for name, seconds in session.setup.shifts.items():
-        already = spec.file.channels[name].shift if spec else 0.0
-        channels[name] = already + seconds
-    return channels
-
-
-def _set_list(table: Any, key: str, entries: list[dict[str, Any]]) -> None:
-    table.pop(key, None)
-    if entries:
-        lines = tomlkit.array()
-        for entry in entries:
-            inline = tomlkit.inline_table()
-            inline.update({k: v for k, v in entry.items() if v != ""})
-            lines.append(inline)
-        table[key] = lines.multiline(True)
+def _set_left_out(logs: Any, stretches: Iterable[Any]) -> None:
+    logs.pop("leave_out", None)
+    lines = tomlkit.array()
+    for stretch in stretches:
+        entry = tomlkit.inline_table()
+        entry.update({key: value for key, value in vars(stretch).items() if value != ""})
+        lines.append(entry)
+    if lines:
+        logs["leave_out"] = lines.multiline(True)
 
 
 def _set_parameters(document: Any, session: Session) -> None:
     """Drop those of effects that are gone; write what is estimated, and where a fit begins."""
     parameters = document.get("parameters", {})
-    gone = {effect.name for effect in session.source.model.effects} - {*session.setup.effects}
+    gone = {*session.opened} - {*session.setup.effects}
     for name in list(parameters):
-        if name in gone or name.partition(".")[0] in gone:
+        if name.partition(".")[0] in gone:
             del parameters[name]
-    freed, moved = _freed(session), _moved(session) if session.setup.moved else {}
+    freed, moved = _freed(session), _moved(session)
     if freed or moved:
         document.setdefault("parameters", tomlkit.table())
     for name in freed:
@@ -140,8 +123,8 @@ def _freed(session: Session) -> list[str]:
 
 
 def _moved(session: Session) -> dict[str, float]:
-    """The values that sliders have, of parameters that the model has, as they are written."""
-    has = session.task.model.parameters
+    """The values that sliders were moved to, of parameters that the model has."""
+    has = session.task.model.parameters if session.setup.moved else ()
     return {n: float(f"{v:.8g}") for n, v in session.setup.values.items() if n in has}
 
 
@@ -156,25 +139,22 @@ def script(session: Session) -> str:
         place = as_python(str(spec.path))
         lines += [f"spec = dft.load_spec({place})", "train = list(spec.train_logs())"]
         lines += ["unseen = list(spec.holdout_logs())", *_model_code(session)]
-    edits = [_edit_code(task, index) for index in range(len(task.logs))]
-    lines += [edit for edit in edits if edit]
-    options = "".join(f", {k}={_code(v)}" for k, v in session.source.options.items())
+    for name, logs in (("train", session.source.train), ("unseen", session.source.unseen)):
+        for index, log in enumerate(logs):
+            edits = (f".{do}({', '.join(map(as_python, of))})" for do, of in task.edits(log))
+            if code := "".join(edits):
+                lines.append(f"{name}[{index}] = {name}[{index}]{code}")
+    options = "".join(f", {k}={as_python(v)}" for k, v in session.source.options.items())
     lines += ["", f"fit = dft.fit(model, train, holdout=unseen{options})"]
     lines += ["print(fit.report())", "print(dft.compare(fit, unseen or train).report())", ""]
     return "\n".join(lines)
 
 
-def _code(value: Any) -> str:
-    return json.dumps(value) if isinstance(value, str) else as_python(value)
-
-
 def _model_code(session: Session) -> list[str]:
-    source, setup = session.source, session.setup
-    had = [effect.name for effect in source.model.effects]
-    terms = [f" - {as_python(name)}" for name in had if name not in setup.effects]
-    free = _freed(session)
-    added = (session.effects[name] for name in setup.effects if name not in (*had, *free))
-    terms += [f" + {code_of(effect)}" for effect in added]
+    setup, free = session.setup, _freed(session)
+    terms = [f" - {as_python(name)}" for name in session.opened if name not in setup.effects]
+    added = (name for name in setup.effects if name not in (*session.opened, *free))
+    terms += [f" + {code_of(session.effects[name])}" for name in added]
     lines = [f"model = spec.model{''.join(terms)}"]
     if free:
         lines.append(f"model = model.free({', '.join(map(as_python, free))})")
@@ -183,34 +163,10 @@ def _model_code(session: Session) -> list[str]:
     return lines
 
 
-def _edit_code(task: Task, index: int) -> str:
-    """The line that shifts one log and leaves stretches of it out; empty if nothing was done."""
-    log, count, calls = task.logs[index], len(task.train), ""
-    by_seconds: dict[float, list[str]] = {}
-    for channel, seconds in task.setup.shifts.items():
-        if channel in log.inputs or channel in log.measured:
-            by_seconds.setdefault(seconds, []).append(channel)
-    for seconds, channels in by_seconds.items():
-        calls += f".shifted({seconds!r}, {', '.join(map(as_python, channels))})"
-    for stretch in task.setup.left_out:
-        if stretch.log == log.name:
-            note = f", {as_python(stretch.note)}" if stretch.note else ""
-            calls += f".leave_out({stretch.start!r}, {stretch.stop!r}{note})"
-    name = f"train[{index}]" if index < count else f"unseen[{index - count}]"
-    return f"{name} = {name}{calls}" if calls else ""
-
-
 def save(session: Session, folder: Path) -> tuple[Path, ...]:
     """Write spec, fit, report, figure and script into a folder, all of them or none.
 
     The spec gets its [expected] block, so that ``diffthrust check`` accepts it as it is.
-
-    Args:
-        session: fitted, or with a fit of its present model.
-        folder: made if it is not there.
-
-    Returns:
-        The files.
 
     Raises:
         InputError: there is no fit, a spec lies there that somebody has written, or a file cannot

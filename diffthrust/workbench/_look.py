@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
@@ -14,6 +14,11 @@ from diffthrust._support.errors import InputError
 SELECTED, FAILING, LEFT_OUT = "#56B4E9", "#E69F00", "#999999"
 LEFT, RIGHT = 260, 340
 """Widths of the columns [px]: at 1 280 the plots get over half of the page."""
+STRETCHED: dict[str, Any] = {"sizing_mode": "stretch_width"}
+WIDE: dict[str, Any] = {"width": LEFT - 20}
+HALF: dict[str, Any] = {"width": LEFT // 2 - 14}
+Edit = Callable[[Callable[[], None]], None]
+"""Makes a change of the session."""
 
 _TEXT = """
 :host { font: 13px/1.4 system-ui, sans-serif; color: #222; }
@@ -42,9 +47,9 @@ def text(markup: str = "", **options: Any) -> Div:
     return Div(text=markup, disable_math=True, stylesheets=[_TEXT], margin=(2, 4, 2, 4), **options)
 
 
-def heading(words: str, **options: Any) -> Div:
+def heading(words: str) -> Div:
     """A heading within a column."""
-    return text(f"<h2>{escape(words)}</h2>", **options)
+    return text(f"<h2>{escape(words)}</h2>")
 
 
 def paragraphs(words: str, kind: str = "") -> str:
@@ -58,19 +63,6 @@ def words_of(error: Exception) -> str:
     return str(error) if isinstance(error, InputError) else repr(error)
 
 
-def table(rows: list[tuple[str, ...]]) -> str:
-    """A table of texts, escaped."""
-    lines = []
-    for row in rows:
-        cells = "".join(
-            f'<td class="{"number" if cell[:1].isdigit() or cell[:1] == "-" else ""}">'
-            f"{escape(cell)}</td>"
-            for cell in row
-        )
-        lines.append(f"<tr>{cells}</tr>")
-    return f"<table>{''.join(lines)}</table>"
-
-
 def button(label: str, do: Any, kind: str = "default", **options: Any) -> Button:
     """A button that calls a function without arguments."""
     made = Button(label=label, button_type=kind, stylesheets=[_BUTTON], **options)  # pyright: ignore
@@ -78,16 +70,12 @@ def button(label: str, do: Any, kind: str = "default", **options: Any) -> Button
     return made
 
 
-def box_of(event: SelectionGeometry) -> dict[str, float] | None:
-    """The corners ``x0``, ``x1``, ``y0``, ``y1`` of a box, once it is drawn."""
+def box_of(event: SelectionGeometry) -> list[list[float]] | None:
+    """The ends of a box along x and along y, once it is drawn."""
     geometry: Any = event.geometry
     if not event.final or geometry is None or geometry.get("type") != "rect":
         return None
-    corners = {}
-    for axis in "xy":
-        ends = [float(geometry.get(f"{axis}{k}") or 0.0) for k in (0, 1)]
-        corners |= {f"{axis}0": min(ends), f"{axis}1": max(ends)}
-    return corners
+    return [sorted(float(geometry.get(f"{axis}{k}") or 0.0) for k in (0, 1)) for axis in "xy"]
 
 
 _QUICKER = """

@@ -18,14 +18,24 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
 from diffthrust._support.words import humanize
 from diffthrust.comparison._compare import Comparison
-from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.comparison._regimes import Regime
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.simulation._runs import Run, shown_of
 from diffthrust.workbench._controls import Controls
 from diffthrust.workbench._lane import Lane, Stopped
-from diffthrust.workbench._look import LEFT, button, heading, once_ready, paragraphs, text, words_of
+from diffthrust.workbench._look import (
+    HALF,
+    LEFT,
+    STRETCHED,
+    WIDE,
+    button,
+    heading,
+    once_ready,
+    paragraphs,
+    text,
+    words_of,
+)
 from diffthrust.workbench._plots import Plots
 from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task
@@ -35,21 +45,19 @@ _FITTING, _DIAGNOSING = "fitting", "looking for what is missing"
 
 
 class Page:
-    """A session in a document of Bokeh.
+    """A session in a document of Bokeh, with its model held against its logs: a comparison.
 
-    All methods run in the thread of the document, except the work given to the two lanes: ``quick``
-    follows sliders, ``long`` fits and diagnoses.
-
-    Args:
-        document: an empty one.
-        session: what is shown.
-        comparison: its model held against its logs.
+    All methods run in the thread of the document, except the work given to the three lanes:
+    ``quick`` follows sliders, ``long`` fits and diagnoses, ``saving`` writes files.
     """
 
     def __init__(self, document: Document, session: Session, comparison: Comparison) -> None:
         self.document, self.session, self.comparison = document, session, comparison
         self.quick = Lane(document.add_next_tick_callback)
         self.long = Lane(document.add_next_tick_callback, self._show_progress)
+        # in the lane of fits a save stopped a diagnosis of minutes, and a tick before its turn took
+        # its place
+        self.saving = Lane(document.add_next_tick_callback)
         self.opened = self._error(comparison)
         self.shown = 0
         self.sliding: dict[str, float] = {}
@@ -60,49 +68,72 @@ class Page:
         self.plots = Plots(comparison.runs, self.select)
         self.results = Results(self.plots.light_up)
         self.controls = Controls(
-            session.task.model,
-            session.effects,
-            self._constants(),
+            session,
             shown_of(comparison.runs),
-            on_tick=self._tick,
+            on_edit=self.edit,
             on_slide=self._slide,
             on_release=self._release,
         )
         self.tools = Tools(
             session,
-            Lane(document.add_next_tick_callback),
-            log_shown=lambda: self.log_shown,
+            self.saving,
             on_edit=self.edit,
             on_select=self.select,
             on_diagnose=self.diagnose_stretch,
         )
+        self._compared_by = session.setup.fitted_by
         self._left()
-        self.fails = column(sizing_mode="stretch_width")
+        self._lay_out()
+        self._show_log(0)
+        self.results.show_diagnosis(session.diagnosis)
+        self._show_state()
+
+    def _left(self) -> None:
+        session, source = self.session, self.session.source
+        names = [log.name for log in (*source.train, *source.unseen)]
+        self.title, self.verdict, self.progress = text(), text(), text()
+        self.logs = RadioGroup(labels=names, active=0, **WIDE)
+        self.logs.on_change("active", lambda attr, old, new: self._show_log(new))
+        fit = partial(self._in_turn, _FITTING, self._fit)
+        diagnose = partial(self._in_turn, _DIAGNOSING, self._diagnose)
+        self.diagnosing = button("Diagnose: what is missing?", diagnose, "primary", **WIDE)
+        self.adding = button("Add what was found", self._add_found, "success", **WIDE)
+        self.stopping = button("Stop", self._stop, **HALF)
+        self.undoing = button("Undo", partial(self.edit, session.undo), **HALF)
+        self.redoing = button("Redo", partial(self.edit, session.redo), **HALF)
+        self.adding.visible, self.stopping.disabled = False, True
+        self.left = column(
+            self.title,
+            heading("Logs, with the error of the model"),
+            self.logs,
+            text(paragraphs("0: perfect; 1: no better than the mean (NRMSE)", "quiet")),
+            self.diagnosing,
+            self.progress,
+            self.verdict,
+            self.adding,
+            row(button("Fit", fit, **HALF), self.stopping),
+            row(self.undoing, self.redoing),
+            *self.tools.parts,
+            width=LEFT,
+        )
+
+    def _lay_out(self) -> None:
+        self.fails = column(**STRETCHED)
         middle = column(
             self.plots.layout,
             self.fails,
             self.results.layout,
-            sizing_mode="stretch_width",
             styles={"min-width": "min(430px, 100%)", "flex": "1 1 430px"},
+            **STRETCHED,
         )
         figures = [*self.plots.figures, self.results.stairs.figure, self.results.scatter]
-        document.title = f"{session.source.name}: diffthrust"
-        document.js_on_event(DocumentReady, once_ready(figures))
+        self.document.title = f"{self.session.source.name}: diffthrust"
+        self.document.js_on_event(DocumentReady, once_ready(figures))
         # begun earlier, work costs the page seconds to load: Python runs one thread at a time
-        document.on_event(DocumentReady, lambda _: self._begin())
-        self._compared_by = session.setup.fitted_by
-        self.plots.show(self.run, self._left_out())
-        self.results.show_run(comparison.model, self.run)
-        self.results.show_diagnosis(session.diagnosis)
-        self._show_state()
-        document.add_root(
-            row(
-                self.left,
-                middle,
-                self.controls.layout,
-                sizing_mode="stretch_width",
-                styles={"flex-wrap": "wrap", "gap": "6px", "max-width": "100vw"},
-            )
+        self.document.on_event(DocumentReady, lambda _: self._begin())
+        styles = {"flex-wrap": "wrap", "gap": "6px", "max-width": "100vw"}
+        self.document.add_root(
+            row(self.left, middle, self.controls.layout, styles=styles, **STRETCHED)
         )
 
     def _begin(self) -> None:
@@ -116,59 +147,10 @@ class Page:
         """The log that is shown, with the model along it."""
         return self.comparison.runs[self.shown]
 
-    @property
-    def log_shown(self) -> str:
-        """Its name."""
-        return self.run.record.name
-
     def close(self) -> None:
         """End the threads."""
-        for lane in (self.quick, self.long, self.tools.saving):
+        for lane in (self.quick, self.long, self.saving):
             lane.close()
-
-    # -- the left-hand side ----------------------------------------------------------------------
-
-    def _left(self) -> None:
-        session, source = self.session, self.session.source
-        names = [log.name for log in (*source.train, *source.unseen)]
-        self.title, self.verdict, self.progress = text(), text(), text()
-        self.logs = RadioGroup(labels=names, active=0, width=LEFT - 20)
-        self.logs.on_change("active", lambda attr, old, new: self._show_log(new))
-        wide: dict[str, Any] = {"width": LEFT - 20}
-        half: dict[str, Any] = {"width": LEFT // 2 - 14}
-        diagnose = partial(self._in_turn, _DIAGNOSING, self._diagnose)
-        self.diagnosing = button("Diagnose: what is missing?", diagnose, "primary", **wide)
-        self.adding = button("Add what was found", self._add_found, "success", **wide)
-        self.fitting = button("Fit", partial(self._in_turn, _FITTING, self._fit), **half)
-        self.stopping = button("Stop", self._stop, **half)
-        self.undoing = button("Undo", partial(self.edit, session.undo), **half)
-        self.redoing = button("Redo", partial(self.edit, session.redo), **half)
-        self.adding.visible, self.stopping.disabled = False, True
-        self.left = column(
-            self.title,
-            heading("Logs, with the error of the model"),
-            self.logs,
-            text('<p class="quiet">0: perfect; 1: no better than the mean (NRMSE)</p>'),
-            self.diagnosing,
-            self.progress,
-            self.verdict,
-            self.adding,
-            row(self.fitting, self.stopping),
-            row(self.undoing, self.redoing),
-            *self.tools.parts,
-            width=LEFT,
-        )
-
-    def _show_log(self, index: int) -> None:
-        self.shown = index
-        self.plots.show(self.run, self._left_out())
-        self.results.show_run(self.comparison.model, self.run)
-        self.select(None)
-        self._show_regimes()
-
-    def _left_out(self) -> list[tuple[float, float]]:
-        left_out = self.session.setup.left_out
-        return [(s.start, s.stop) for s in left_out if s.log == self.log_shown]
 
     # -- work ------------------------------------------------------------------------------------
 
@@ -184,19 +166,15 @@ class Page:
     def _compared(self, task: Task, comparison: Comparison) -> None:
         if task.setup.fitted_by != self.session.setup.fitted_by:
             return  # of a model that was left meanwhile
-        other_logs = [r.record.log.notes for r in comparison.runs] != [
-            r.record.log.notes for r in self.comparison.runs
-        ]
+        new, old = ([r.record.log.notes for r in c.runs] for c in (comparison, self.comparison))
         self.comparison, self._compared_by = comparison, task.setup.fitted_by
-        if other_logs:
-            self.plots.show(self.run, self._left_out())
-        else:
+        self.regimes = ()  # until those of this model are there
+        if new == old:
             self.plots.update(self.run)
-        self.results.show_run(comparison.model, self.run)
-        if other_logs:
-            start, stop = self.stretch or (None, 0.0)
-            self.select(start, stop)
-        self._found_regimes(())  # those of the earlier model, until its own are there
+            self.results.show_run(comparison.model, self.run)
+            self._show_regimes()
+        else:
+            self._show_log(self.shown, *(self.stretch or ()))
         self._show_state()
         self._ask_regimes()
 
@@ -209,22 +187,17 @@ class Page:
         task = self.session.task
         self._ask(task.fit, partial(self._fitted, task), _FITTING)
 
+    def _fit_if_needed(self) -> None:
+        if self.session.fit is None:
+            self._fit()
+
     def _fitted(self, task: Task, result: Fit) -> None:
         self.session.accept(task, result)
         self._refresh()
 
-    def _in_turn(self, doing: str, begin: Callable[[], None]) -> None:
-        """Begin something, after other work that is being done: minutes of it would be lost."""
-        if self.doing in ("", doing):
-            begin()
-        else:
-            self.next = doing, begin
-            self._show_progress(self.doing, 0.0)
-
     def _diagnose(self) -> None:
         task, start = self.session.task, self.session.fit if self.session.fitted else None
-        work = partial(task.diagnose, start)
-        self._ask(work, partial(self._diagnosed, task), _DIAGNOSING)
+        self._ask(partial(task.diagnose, start), partial(self._diagnosed, task), _DIAGNOSING)
 
     def _diagnosed(self, task: Task, diagnosis: Diagnosis) -> None:
         self.session.accept_diagnosis(task, diagnosis)
@@ -236,14 +209,24 @@ class Page:
         if self.stretch is None:
             self._say("Select a stretch first.", "bad")
             return
-        stretch = Stretch(self.log_shown, *self.stretch)
-        where = f"{stretch.log}, {stretch.start:.4g} to {stretch.stop:.4g} s"
-        doing, show = f"looking at {where}", partial(self.results.show_stretch, where=where)
+        stretch = Stretch(self.run.record.name, *self.stretch)
+        show, doing = (
+            partial(self.results.show_stretch, where=str(stretch)),
+            f"looking at {stretch}",
+        )
 
         def begin() -> None:
             self._ask(partial(self.session.task.diagnose_stretch, stretch), show, doing)
 
         self._in_turn(doing, begin)
+
+    def _in_turn(self, doing: str, begin: Callable[[], None]) -> None:
+        """Begin, but after other work that is being done: minutes of it would be lost."""
+        if self.doing in ("", doing):
+            begin()
+        else:
+            self.next = doing, begin
+            self._show_progress(self.doing, 0.0)
 
     def _ask(
         self, work: Callable[[Progress], Any], then: Callable[[Any], None], doing: str
@@ -278,45 +261,31 @@ class Page:
         else:
             self._complain(error)
 
-    def _complain(self, error: Exception) -> None:
-        self._say(words_of(error), "bad")
+    # -- what the user does ----------------------------------------------------------------------
 
-    def attempt(self, change: Callable[[], None]) -> bool:
-        """Make a change of the session, and say what is wrong where it is refused."""
+    def edit(self, change: Callable[[], None], *, refitted: bool = True) -> None:
+        """Make a change of the session, and the fit that it asks for; or say why it is refused."""
         try:
             change()
         except InputError as error:
-            self._say(str(error), "bad")
+            self._complain(error)
             self._show_state()
-            return False
+            return
         self._refresh()
-        return True
-
-    # -- what the user does ----------------------------------------------------------------------
-
-    def _tick(self, name: str, added: bool) -> None:
-        self.edit(partial(self.session.tick if added else self.session.untick, name))
+        if refitted and self.session.fit is None:
+            self._in_turn(_FITTING, self._fit_if_needed)
 
     def _add_found(self) -> None:
-        self.edit(partial(self.session.tick_all, self.session.found))
-
-    def _fit_if_needed(self) -> None:
-        if self.session.fit is None:
-            self._fit()
-
-    def edit(self, change: Callable[[], None]) -> None:
-        """Make a change of the effects or of the logs, and the fit that it asks for."""
-        if self.attempt(change) and self.session.fit is None:
-            self._in_turn(_FITTING, self._fit_if_needed)
+        self.edit(partial(self.session.tick, *self.session.found))
 
     def _slide(self, name: str, value: float) -> None:
         self.sliding[name] = value
-        setup = self.session.setup
-        moved = replace(setup, values={**setup.values, **self.sliding}, moved=True)
-        task, like, index = replace(self.session.task, setup=moved), self._like(setup), self.shown
+        setup, index = self.session.setup, self.shown
+        moved = replace(setup, values={**setup.values, **self.sliding})
+        task, like = replace(self.session.task, setup=moved), self._like(setup)
         if like is not None:
-            answer = partial(self._followed, moved, index)
-            self.quick.ask(lambda _: task.follow(like, index), answer, self._complain)
+            answer = partial(self._followed, setup, index)
+            self.quick.ask(lambda _: task.compare(like, index).runs[0], answer, self._complain)
 
     def _followed(self, setup: Setup, index: int, run: Run) -> None:
         if setup.fitted_by == self.session.setup.fitted_by and index == self.shown:
@@ -325,19 +294,28 @@ class Page:
     def _release(self) -> None:
         values, self.sliding = self.sliding, {}
         if values:
-            self.attempt(partial(self.session.move, values))
+            self.edit(partial(self.session.move, values), refitted=False)
 
     def select(self, start: float | None, stop: float = 0.0) -> None:
         """Select a stretch of the log that is shown; none where it has no start."""
         self.stretch = None if start is None else (start, stop)
         self.plots.brush(self.stretch)
         time = self.run.time - self.run.time[0]
-        inside = (time >= self.stretch[0]) & (time <= self.stretch[1]) if self.stretch else time < 0
-        self.results.light_up(inside)
+        first = np.inf if start is None else start
+        self.results.light_up((time >= first) & (time <= stop))
         self.plots.light_up(np.zeros(time.size, bool))
-        self.tools.show_stretch(self.stretch)
+        self.tools.show_stretch(self.run.record.name, self.stretch)
 
     # -- what is shown ---------------------------------------------------------------------------
+
+    def _show_log(self, index: int, start: float | None = None, stop: float = 0.0) -> None:
+        """Show a log from end to end, with a stretch of it selected."""
+        self.shown, log = index, self.comparison.runs[index].record.name
+        left_out = [(s.start, s.stop) for s in self.session.setup.left_out if s.log == log]
+        self.plots.show(self.run, left_out)
+        self.results.show_run(self.comparison.model, self.run)
+        self.select(start, stop)
+        self._show_regimes()
 
     def _refresh(self) -> None:
         self._show_state()
@@ -345,43 +323,29 @@ class Page:
 
     def _show_state(self) -> None:
         """Bring everything but the plots up to the session."""
-        session, diagnosis = self.session, self.session.diagnosis
-        model, current = session.task.model, self._like(session.setup) is not None
+        session, diagnosis, setup = self.session, self.session.diagnosis, self.session.setup
         self.title.text = (
             f"<h1>{escape(session.source.name)}</h1>"
-            f"<p>{escape(humanize(str(model)))}</p>{self._status()}"
+            f"<p>{escape(humanize(str(session.task.model)))}</p>{self._status()}"
         )
-        runs, count = self.comparison.runs, len(session.source.train)
+        count = len(session.source.train)
         self.logs.labels = [
             f"{run.record.name} ({'training' if i < count else 'unseen'}) {run.errors.nrmse:.3g}"
-            for i, run in enumerate(runs)
+            for i, run in enumerate(self.comparison.runs)
         ]
-        worth = {**diagnosis.possible, **diagnosis.worth} if diagnosis else {}
-        worth |= {law.effect.name: law.worth for law in diagnosis.laws} if diagnosis else {}
-        added, found = session.setup.effects, session.found
-        self.controls.show_effects(session.effects, self._constants(), added, found, worth)
-        self.controls.show_parameters(model, awake=current)
-        now = self._error(self.comparison) if session.setup.moved else None
-        has_unseen = bool(session.source.unseen)
-        self.results.show_steps(session.staircase, self.opened, now, unseen=has_unseen)
-        self.undoing.disabled, self.redoing.disabled = not session.earlier, not session.undone
-        self.adding.visible = not set(session.found) <= set(session.setup.effects)
+        self.controls.show(awake=self._like(setup) is not None)
+        now = self._error(self.comparison) if setup.moved else None
+        unseen = bool(session.source.unseen)
+        self.results.show_steps(session.staircase, self.opened, now, unseen=unseen)
+        self.undoing.disabled = session.at == 0
+        self.redoing.disabled = session.at == len(session.history) - 1
+        self.adding.visible = not set(session.found) <= set(setup.effects)
         if diagnosis:
             lines = diagnosis.summary.splitlines()
             if session.found and not diagnosis.helpful_mends:  # what it says to copy is a button
                 lines = [line for line in lines if not line.startswith("Copy: ")]
             self.verdict.text = paragraphs("\n".join(lines))
-        self.tools.show_setup(session.setup)
-
-    def _constants(self) -> dict[str, str]:
-        """What is said of each constant of the model: where it is held, and where it should be."""
-        diagnosis, words = self.session.diagnosis, {}
-        held = diagnosis.held if diagnosis else {}
-        for name, p in self.session.constants.items():
-            words[name] = f"{p.doc or 'a constant'}, held at {p.value:.4g} {p.unit}".rstrip()
-            if name in held:
-                words[name] += f"; these logs suggest {held[name].wanted:.4g}"
-        return words
+        self.tools.show()
 
     def _error(self, comparison: Comparison) -> float:
         """NRMSE over the unseen logs, or over all where there are none."""
@@ -394,9 +358,10 @@ class Page:
         if fit is None:
             return "<p><b>not fitted yet: start values</b></p>"
         if self.session.setup.moved:
-            return '<p class="quiet">sliders were moved since the fit: "Fit" goes back to it</p>'
-        kind = "quiet" if fit.status.ok else "bad"
-        return f'<p class="{kind}">fit: {escape(humanize(fit.status.value))}</p>'
+            words = 'sliders were moved since the fit: "Fit" goes back to it'
+            return paragraphs(words, "quiet")
+        words = f"fit: {humanize(fit.status.value)}"
+        return paragraphs(words, "quiet" if fit.status.ok else "bad")
 
     def _show_progress(self, message: str, share: float) -> None:
         working = (share >= 0.0 and self.long.busy) or bool(message)
@@ -409,25 +374,27 @@ class Page:
     def _say(self, words: str, kind: str = "quiet") -> None:
         self.progress.text = paragraphs(words, kind)
 
+    def _complain(self, error: Exception) -> None:
+        self._say(words_of(error), "bad")
+
     def _found_regimes(self, regimes: tuple[Regime, ...]) -> None:
         self.regimes = regimes
         self._show_regimes()
 
     def _show_regimes(self) -> None:
         """Shade where each channel fails, and say it, with a button that zooms there."""
-        derived = derived_of(self.comparison.model, self.run)
-        failing: dict[str, Any] = {}
-        lines = []
+        derived, lines = self.results.derived, []
+        failing: dict[str, list[tuple[float, float]]] = {}
         for regime in self.regimes:
             if not {interval.signal for interval in regime.where} <= derived.keys():
                 continue  # this log lacks one
             marked = self.plots.marked(regime.holds(derived))
-            failing[regime.channel] = [*failing.get(regime.channel, ()), *marked]
+            failing.setdefault(regime.channel, []).extend(marked)
             if marked:
                 widest = max(marked, key=lambda pair: pair[1] - pair[0])
                 zoom = partial(self.plots.zoom, *widest)
                 closer = button("Zoom in", zoom, width=70, margin=(0, 4, 0, 4))
-                words = text(paragraphs(regime.sentence, "shaded"), sizing_mode="stretch_width")
-                lines.append(row(words, closer, sizing_mode="stretch_width"))
+                words = text(paragraphs(regime.sentence, "shaded"), **STRETCHED)
+                lines.append(row(words, closer, **STRETCHED))
         self.plots.shade(failing)
         self.fails.children = lines

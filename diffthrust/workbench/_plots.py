@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.events import SelectionGeometry
-from bokeh.models import BoxAnnotation, BoxSelectTool, ColumnDataSource, PanTool, WheelZoomTool
+from bokeh.models import BoxSelectTool, ColumnDataSource, PanTool, WheelZoomTool
 
 from diffthrust._support.envelope import bins_of, envelope, stretches
 from diffthrust._support.figures import VERMILLION
@@ -29,7 +29,7 @@ _HEIGHTS = {True: (56, 84, 54), False: (60, 112, 62)}
 Stretches = Sequence[tuple[float, float]]
 
 
-class Plots:
+class Plots(RunPlots):
     """The plots of the log that is shown, linked in time.
 
     Args:
@@ -41,47 +41,38 @@ class Plots:
         pan, wheel = PanTool(dimensions="width"), WheelZoomTool(dimensions="width")
         select = BoxSelectTool(dimensions="width", description="Select a stretch")
         many = len({name for run in runs for name in run.channels}) > 2
-        self.plots = RunPlots(runs, _HEIGHTS[many], [pan, wheel, select], pan, wheel)
-        self.layout, self.figures = self.plots.layout, self.plots.figures
-        self.drawn, self.x_range = self.plots.drawn, self.plots.x_range
+        super().__init__(runs, _HEIGHTS[many], [pan, wheel, select], pan, wheel)
         self.on_select = on_select
         self.lit: Any = ColumnDataSource(data={"time": []})
-        self.left_out: Any = _no_strips()
-        self.failing = {name: _no_strips() for name in self.plots.channels}
-        self.brushes: list[BoxAnnotation] = []
-        for figure, fields in zip(self.figures, self.plots.fields, strict=True):
-            self._mark(figure, fields)
-        for k, source in enumerate(self.failing.values()):
-            for figure in self._of_channel(k):
-                _strip(figure, source, FAILING, 0.18)
-        self.run: Run = runs[0]
+        self.left_out, self.brushed = _strips(), _strips()
+        self.failing = {name: _strips() for name in self.channels}
+        for figure, (field, *_) in zip(self.figures, self.fields, strict=True):
+            self._mark(figure, field)
         self._columns: dict[str, np.ndarray] = {}
+        self._lit = np.zeros(0, bool)
         self._sent, self._span, self._asked = np.array([0, 1]), (0.0, 0.0), False
         self.x_range.on_change("start", self._on_range)
         self.x_range.on_change("end", self._on_range)
 
-    def _of_channel(self, k: int) -> list[Any]:
-        """The plots of a channel and of its residual."""
-        pairs = zip(self.figures, self.plots.fields, strict=True)
-        return [f for f, fields in pairs if fields[0] in (f"measured{k}", f"residual{k}")]
-
-    def _mark(self, figure: Any, fields: tuple[str, ...]) -> None:
-        """Make room for what is left out, selected and lit."""
-        _strip(figure, self.left_out, LEFT_OUT, 0.3)
-        brush = BoxAnnotation(fill_color=SELECTED, fill_alpha=0.2, line_color=None, visible=False)
-        figure.add_layout(brush)
-        self.brushes.append(brush)
+    def _mark(self, figure: Any, field: str) -> None:
+        """Make room for what is left out, selected and lit, and for where the channel fails."""
+        strips = [(self.left_out, LEFT_OUT, 0.3), (self.brushed, SELECTED, 0.2)]
+        for k, failing in enumerate(self.failing.values()):
+            if field in (f"measured{k}", f"residual{k}"):
+                strips.append((failing, FAILING, 0.18))
+                color = SELECTED if field.startswith("measured") else VERMILLION
+                figure.scatter("time", field, source=self.lit, size=5, color=color)
+        for source, color, alpha in strips:
+            fill = {"fill_color": color, "fill_alpha": alpha, "line_color": None}
+            figure.vstrip("x0", "x1", source=source, level="underlay", **fill)
         figure.on_event(SelectionGeometry, self._on_geometry)
-        if not fields[0].startswith("input"):
-            color = SELECTED if fields[0].startswith("measured") else VERMILLION
-            figure.scatter("time", fields[0], source=self.lit, size=5, color=color)
 
     # -- what is shown ---------------------------------------------------------------------------
 
     def show(self, run: Run, left_out: Stretches = ()) -> None:
         """Show a log from end to end."""
-        self.run, self._columns = run, self.plots.columns(run)
-        self.left_out.data = _strips(left_out)
+        self._columns = self.columns(run)
+        self.left_out.data = _ends(left_out)
         self.shade({})
         self.light_up(np.zeros(run.time.size, bool))
         self.brush(None)
@@ -94,11 +85,9 @@ class Plots:
     def update(self, run: Run, *, rescaled: bool = True) -> None:
         """Show the same log as another model gives it: only what has changed is sent, at once.
 
-        Args:
-            run: of the other model.
-            rescaled: whether scales may shrink; under a slider they stay, or the eye loses them.
+        Under a slider scales are not ``rescaled`` to something smaller, or the eye loses them.
         """
-        self.run, self._columns = run, self.plots.columns(run)
+        self._columns = self.columns(run)
         changed = [n for n in self._columns if n.startswith(("modelled", "residual"))]
         self.drawn.data.update({n: envelope(self._sent, self._columns[n]) for n in changed})
         if self._lit.any():  # a slider sends nothing more
@@ -107,7 +96,7 @@ class Plots:
 
     def _fit_heights(self, *, anew: bool) -> None:
         """Let all of a series be seen, with a scale of its own or the one that it has."""
-        heights = self.plots.heights(self._columns)
+        heights = self.heights(self._columns)
         for figure, (low, high) in zip(self.figures, heights, strict=True):
             ends = figure.y_range
             if anew or low < ends.start or high > ends.end:
@@ -116,7 +105,7 @@ class Plots:
     def shade(self, failing: Mapping[str, Stretches]) -> None:
         """Shade where each channel fails."""
         for channel, source in self.failing.items():
-            source.data = _strips(failing.get(channel, ()))
+            source.data = _ends(failing.get(channel, ()))
 
     def light_up(self, selected: np.ndarray) -> None:
         """Mark samples, by booleans over those of the log."""
@@ -127,10 +116,7 @@ class Plots:
 
     def brush(self, stretch: tuple[float, float] | None) -> None:
         """Show which stretch is selected."""
-        for brush in self.brushes:
-            if stretch is not None:
-                brush.update(left=stretch[0], right=stretch[1])
-            brush.visible = stretch is not None
+        self.brushed.data = _ends([stretch] if stretch else [])
 
     def zoom(self, start: float, stop: float) -> None:
         """Show a stretch with a little around it."""
@@ -146,9 +132,9 @@ class Plots:
         start, end = float(self.x_range.start), float(self.x_range.end)
         width = end - start
         self._span = (start - _BESIDE * width, end + _BESIDE * width)
-        time, bins = self._columns["time"], int((1 + 2 * _BESIDE) * _BINS)
-        self._sent = bins_of(time, *self._span, bins)
-        self.plots.draw(self._sent, self._columns)
+        bins = int((1 + 2 * _BESIDE) * _BINS)
+        self._sent = bins_of(self._columns["time"], *self._span, bins)
+        self.draw(self._sent, self._columns)
 
     # -- what the user does ----------------------------------------------------------------------
 
@@ -165,25 +151,18 @@ class Plots:
         (low, high), width = self._span, end - start
         near = 0.1 * width  # the end of what was sent: the next part is fetched before it is seen
         zoomed = abs((high - low) / (1 + 2 * _BESIDE) - width) > 0.01 * width
-        first, last = 0.0, float(self._columns["time"][-1])
-        if zoomed or (start - low < near and low > first) or (high - end < near and high < last):
+        last = float(self._columns["time"][-1])
+        if zoomed or (start - low < near and low > 0.0) or (high - end < near and high < last):
             self._send()
 
     def _on_geometry(self, event: SelectionGeometry) -> None:
-        box = box_of(event)
-        if box is not None:
-            self.on_select(box["x0"], box["x1"])
+        if (box := box_of(event)) is not None:
+            self.on_select(*box[0])
 
 
-def _no_strips() -> Any:
-    return ColumnDataSource(data=_strips(()))
+def _strips() -> Any:
+    return ColumnDataSource(data=_ends(()))
 
 
-def _strips(pairs: Stretches) -> dict[str, list[float]]:
-    return {"x0": [pair[0] for pair in pairs], "x1": [pair[1] for pair in pairs]}
-
-
-def _strip(figure: Any, source: Any, color: str, alpha: float) -> None:
-    """Shade stretches behind all lines of a plot."""
-    shade = {"fill_color": color, "fill_alpha": alpha, "line_color": None}
-    figure.vstrip("x0", "x1", source=source, level="underlay", **shade)
+def _ends(pairs: Stretches) -> dict[str, list[float]]:
+    return {"x0": [start for start, _ in pairs], "x1": [stop for _, stop in pairs]}

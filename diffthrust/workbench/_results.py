@@ -29,21 +29,18 @@ from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
-from diffthrust.workbench._look import box_of, table, text
+from diffthrust.workbench._look import STRETCHED, box_of, paragraphs, text
 from diffthrust.workbench._session import Step
 
 _POINTS = 4000
 """Display: points of the scatter; more would cover each other."""
 _HEIGHT = 186
 """Display: of a tab [px]; more is below the edge of a window of 720 px."""
+_WRAPPED = {"flex-wrap": "wrap"}
 
 
 class Results:
-    """Tabs below the plots.
-
-    Args:
-        on_select: is told which samples of the log were selected in the scatter.
-    """
+    """Tabs below the plots; ``on_select`` is told which samples were selected in the scatter."""
 
     def __init__(self, on_select: Callable[[np.ndarray], None]) -> None:
         self.on_select = on_select
@@ -52,8 +49,8 @@ class Results:
         self.now_label: Any = Label(
             x=4, y=0, x_units="screen", text_color=VERMILLION, text_font_size="11px"
         )
-        self.stairs.figure.add_layout(self.now)
-        self.stairs.figure.add_layout(self.now_label)
+        for mark in (self.now, self.now_label):
+            self.stairs.figure.add_layout(mark)
         self.points = ColumnDataSource(data={"x": [], "y": [], "index": []})
         self.channel = Select(options=[], width=95, margin=(0, 4, 0, 4))
         self.signal = Select(options=[], width=125, margin=(0, 4, 0, 4))
@@ -63,34 +60,25 @@ class Results:
         self.stretch, self.learned, self.experiment = text(), text(), text()
         self.run: Run | None = None
         self.selected = np.zeros(0, bool)
-        self._signals: dict[str, tuple[np.ndarray, str]] = {}
+        self.derived: dict[str, tuple[np.ndarray, str]] = {}
+        self._signals = self.derived
+        axes = (text("residual of"), self.channel, text("against"), self.signal)
         beside = column(
-            row(
-                text("residual of"),
-                self.channel,
-                text("against"),
-                self.signal,
-                styles={"flex-wrap": "wrap"},
-            ),
+            row(*axes, styles=_WRAPPED),
             self.scatter,
-            sizing_mode="stretch_width",
             styles={"flex": "1 1 290px", "min-width": "0"},
+            **STRETCHED,
         )
-        first = row(
-            self.stairs.figure,
-            beside,
-            sizing_mode="stretch_width",
-            styles={"flex-wrap": "wrap"},
-        )
+        tabs = {
+            "Error, step by step": row(self.stairs.figure, beside, styles=_WRAPPED, **STRETCHED),
+            "What is wrong here?": self.stretch,
+            "Learned law": self.learned,
+            "Next experiment": self.experiment,
+        }
         self.layout = Tabs(
-            tabs=[
-                TabPanel(title="Error, step by step", child=first),
-                TabPanel(title="What is wrong here?", child=self.stretch),
-                TabPanel(title="Learned law", child=self.learned),
-                TabPanel(title="Next experiment", child=self.experiment),
-            ],
-            sizing_mode="stretch_width",
+            tabs=[TabPanel(title=title, child=child) for title, child in tabs.items()],
             stylesheets=[".bk-headers-wrapper { flex-wrap: wrap; }"],
+            **STRETCHED,
         )
         self.show_stretch(None, "")
         self.show_diagnosis(None)
@@ -100,13 +88,10 @@ class Results:
     def show_steps(
         self, steps: Sequence[Step], opened: float, now: float | None, *, unseen: bool
     ) -> None:
-        """Show the staircase, and as a dashed line the error of the present values.
+        """Show the staircase, and as a dashed line the error of values that sliders were moved to.
 
-        Args:
-            steps: those of the session.
-            opened: the error of the model as it was opened, shown until that is fitted.
-            now: the error of values that sliders were moved to; ``None`` where none was.
-            unseen: the errors are of unseen logs.
+        The model as opened stands there with that error until it is fitted. The errors are of
+        ``unseen`` logs or of training logs.
         """
         fitted = any(not step.added for step in steps)
         names = [step.added or "as opened" for step in steps]
@@ -141,12 +126,12 @@ class Results:
         """Offer the residuals and signals of a run."""
         if self.selected.size != run.time.size:
             self.selected = np.zeros(run.time.size, bool)
-        self.run = run
-        self._signals = derived_of(model, run)
+        self.run, self.derived = run, derived_of(model, run)
+        self._signals = dict(self.derived)
         for name in run.record.inputs:
-            if name in self._signals:  # as in its plot: pulses of 1 100 us, not 400 below the stop
+            if name in self.derived:  # as in its plot: pulses of 1 100 us, not 400 below the stop
                 values = run.shown.values(name, run.signals[name], run.units[name])
-                self._signals[name] = values, self._signals[name][1]
+                self._signals[name] = values, self.derived[name][1]
         for select, names in ((self.channel, run.channels), (self.signal, self._signals)):
             if list(names) != select.options:
                 select.options = list(names)
@@ -163,27 +148,23 @@ class Results:
         index = np.flatnonzero(np.isfinite(trace.residual) & np.isfinite(signal))
         index = index[:: max(1, -(-index.size // _POINTS))]
         self.points.selected.indices = []  # none of them beyond the points to come
-        self.points.data = {
-            "x": signal[index].astype(np.float32),
-            "y": trace.residual[index].astype(np.float32),
-            "index": index,
-        }
+        series = {"x": signal, "y": trace.residual}
+        drawn = {axis: values[index].astype(np.float32) for axis, values in series.items()}
+        self.points.data = {**drawn, "index": index}
         self.light_up(self.selected)
         # another text, not another label: for each new model Bokeh goes through the whole page
         self.scatter.yaxis[0].axis_label.text = with_unit("residual", trace.unit)
         self.scatter.xaxis[0].axis_label.text = with_unit(self.signal.value, unit)
 
     def _on_geometry(self, event: SelectionGeometry) -> None:
-        box = box_of(event)
-        if box is None or self.run is None:
+        if self.run is None or (box := box_of(event)) is None:
             return
-        trace = self.run.shown_channels[self.channel.value]
+        residual = self.run.shown_channels[self.channel.value].residual
         signal = self._signals[self.signal.value][0]
-        inside = np.ones(signal.size, bool)
-        for values, low, high in ((signal, "x0", "x1"), (trace.residual, "y0", "y1")):
-            inside &= (values >= box[low]) & (values <= box[high])
-        self.selected = inside
-        self.on_select(inside)
+        self.selected = np.ones(signal.size, bool)
+        for values, (low, high) in zip((signal, residual), box, strict=True):
+            self.selected &= (values >= low) & (values <= high)
+        self.on_select(self.selected)
 
     def light_up(self, selected: np.ndarray) -> None:
         """Mark samples of the log that were selected elsewhere."""
@@ -197,18 +178,21 @@ class Results:
         """Rank what a diagnosis of one stretch alone has tried."""
         if diagnosis is None:
             words = "Select a stretch in the plots (the dashed square of their toolbar), then ask."
-            self.stretch.text = f'<p class="quiet">{words}</p>'
+            self.stretch.text = paragraphs(words, "quiet")
             return
         tried = [t for t in diagnosis.ranking if t.stage == 0][:8]
-        rows = [("", "effect", "evidence (fall of the information criterion)")]
-        rows += [(f"{k}", humanize(t.effect), f"{-t.delta_bic:.1f}") for k, t in
-                 enumerate(tried, 1)]  # fmt: skip
-        found = ", ".join(humanize(name) for name in diagnosis.added) or "nothing for sure"
+        rows = "".join(
+            f'<tr><td class="number">{k}</td><td>{escape(humanize(t.effect))}</td>'
+            f'<td class="number">{-t.delta_bic:.1f}</td></tr>'
+            for k, t in enumerate(tried, 1)
+        )
+        heads = "<td></td><td>effect</td><td>evidence (fall of the information criterion)</td>"
+        names = ", ".join(humanize(name) for name in diagnosis.added) or "nothing for sure"
         remaining = diagnosis.remaining
         place = f" What remains acts at '{remaining.port}'." if remaining else ""
         self.stretch.text = (
-            f"<p>{escape(where)}: found here alone: <b>{escape(found)}</b>.{escape(place)}</p>"
-            + table(rows)
+            f"<p>{escape(where)}: found here alone: <b>{escape(names)}</b>.{escape(place)}</p>"
+            f"<table><tr>{heads}</tr>{rows}</table>"
         )
         self.layout.active = 1
 
@@ -219,16 +203,14 @@ class Results:
         if diagnosis is not None:
             learned = "No law was learned: the verdict on the left says why."
             experiment = "No experiment is needed to tell effects apart."
-        self.learned.text, self.experiment.text = (
-            f'<p class="quiet">{escape(words)}</p>' for words in (learned, experiment)
-        )
+        self.learned.text = paragraphs(learned, "quiet")
+        self.experiment.text = paragraphs(experiment, "quiet")
         if diagnosis is not None and diagnosis.laws:
             laws = "; ".join(f"{law.effect.name}: {law.worth}" for law in diagnosis.laws)
             words = f"What each removes of the squared error that is left without it: {laws}."
-            self.learned.text = f"<p>{escape(words)}</p>{_picture(diagnosis.plot_learned)}"
-        if diagnosis is not None and diagnosis.experiment is not None:
-            proposed = diagnosis.experiment
-            self.experiment.text = f"<p>{escape(proposed.sentence)}</p>{_picture(proposed.plot)}"
+            self.learned.text = paragraphs(words) + _picture(diagnosis.plot_learned)
+        if diagnosis is not None and (proposed := diagnosis.experiment) is not None:
+            self.experiment.text = paragraphs(proposed.sentence) + _picture(proposed.plot)
 
 
 def _picture(draw: Callable[[], Any]) -> str:

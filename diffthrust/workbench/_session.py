@@ -6,9 +6,10 @@ by a `Task`, which is frozen: it may run in another thread while the session goe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import ProgressOption
@@ -24,7 +25,6 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._record import bind
-from diffthrust.simulation._runs import Run
 from diffthrust.workbench._source import Source
 
 
@@ -37,25 +37,23 @@ class Stretch:
     stop: float
     note: str = ""
 
+    def __str__(self) -> str:
+        return f"{self.log}, {self.start:.4g} to {self.stop:.4g} s"
+
 
 @dataclass(frozen=True)
 class Setup:
-    """What a user has chosen; undo and redo go from one to another.
-
-    Args:
-        effects: names of the effects in the model, and of constants that it held and are estimated
-            now, in the order in which they were added.
-        values: parameters that are not as they were opened, by full name, in the model's units.
-        moved: some of these were moved since the last fit.
-        left_out: stretches that do not count as measured.
-        shifts: seconds by which channels come later.
-    """
+    """What a user has chosen; undo and redo go from one to another."""
 
     effects: tuple[str, ...] = ()
+    """Names of those in the model, and of constants that it held and that are estimated now."""
     values: Mapping[str, float] = field(default_factory=dict)
-    moved: bool = False
+    """Parameters that are not as they were opened, by full name, in the model's units."""
+    moved: tuple[str, ...] = ()
+    """Those of them that were moved last, since the last fit."""
     left_out: tuple[Stretch, ...] = ()
     shifts: Mapping[str, float] = field(default_factory=dict)
+    """Seconds by which channels come later."""
 
     @property
     def fitted_by(self) -> tuple[object, ...]:
@@ -63,14 +61,8 @@ class Setup:
         return self.effects, self.left_out, tuple(sorted(self.shifts.items()))
 
 
-@dataclass(frozen=True)
-class Step:
-    """A step of the staircase: the errors of the model with some effects.
-
-    Args:
-        added: the effect that it has more than the step before; empty for the first.
-        fit: its fit.
-    """
+class Step(NamedTuple):
+    """A step of the staircase: the effect that it has more than the one before, and its fit."""
 
     added: str
     fit: Fit
@@ -83,13 +75,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Task:
-    """A setup with its model and logs: what fits, comparisons and diagnoses are made of.
-
-    Args:
-        source: what was opened.
-        setup: what was chosen.
-        laws: the learned laws among the effects, by name.
-    """
+    """A setup with its model and logs: what fits, comparisons and diagnoses are made of."""
 
     source: Source
     setup: Setup
@@ -124,13 +110,21 @@ class Task:
         """All of them, the training logs first."""
         return (*self.train, *self.unseen)
 
-    def _edited(self, log: Log) -> Log:
+    def edits(self, log: Log) -> list[tuple[str, tuple[Any, ...]]]:
+        """What is done to a log: methods of it, with their arguments."""
+        edits: list[tuple[str, tuple[Any, ...]]] = []
         for channel, seconds in self.setup.shifts.items():
             if channel in log.inputs or channel in log.measured:
-                log = log.shifted(seconds, channel)
+                edits.append(("shifted", (seconds, channel)))
         for stretch in self.setup.left_out:
             if stretch.log == log.name:
-                log = log.leave_out(stretch.start, stretch.stop, stretch.note)
+                note = (stretch.note,) if stretch.note else ()
+                edits.append(("leave_out", (stretch.start, stretch.stop, *note)))
+        return edits
+
+    def _edited(self, log: Log) -> Log:
+        for method, arguments in self.edits(log):
+            log = getattr(log, method)(*arguments)
         return log
 
     def fit(self, progress: ProgressOption = None) -> Fit:
@@ -138,24 +132,18 @@ class Task:
         options = self.source.options
         return fit(self.model, self.train, holdout=self.unseen, progress=progress, **options)
 
-    def compare(self, like: Comparison | None = None) -> Comparison:
-        """The model held against all logs.
+    def compare(self, like: Comparison | None = None, only: int | None = None) -> Comparison:
+        """The model held against all logs, or one alone: a slider asks for thirty a second.
 
-        Args:
-            like: one with the same effects and logs, whose integrator steps and initial states are
-                taken.
+        ``like`` has the same effects and logs: its integrator steps and initial states are taken.
         """
         if like is None:
             return compare(self.model, self.logs)
-        starts = [_estimated(run) for run in like.runs]
-        steps = max(run.substeps for run in like.runs)
-        return compare(self.model, self.logs, initial=starts, substeps=steps)
-
-    def follow(self, like: Comparison, index: int) -> Run:
-        """The model along one of the logs, as `compare`: a slider asks for thirty a second."""
-        run, log = like.runs[index], self.logs[index]
-        start = [_estimated(run)]
-        return compare(self.model, log, initial=start, substeps=run.substeps).runs[0]
+        part = slice(None) if only is None else slice(only, only + 1)
+        runs = like.runs[part]
+        starts = [{name: run.start[name] for name in run.estimated} for run in runs]
+        steps = max(run.substeps for run in runs)
+        return compare(self.model, self.logs[part], initial=starts, substeps=steps)
 
     def diagnose(self, start: Fit | None = None, progress: ProgressOption = None) -> Diagnosis:
         """What the model lacks, beginning from a fit of it where there is one."""
@@ -171,40 +159,38 @@ class Task:
 
 
 class Session:
-    """A workbench: a source, the present setup, its history, and the fits made so far.
-
-    Args:
-        source: what was opened.
+    """A workbench: a source, the history of its setups, and the fits made so far.
 
     Example:
         >>> session = Session(opened(fit))
         >>> session.tick("command_deadband")
         >>> print(session.task.model)
         thruster + command_deadband
-        >>> session.undo()
-        >>> print(session.task.model)
-        thruster
     """
 
     def __init__(self, source: Source) -> None:
         self.source = source
-        self.setup: Setup = Setup(effects=tuple(effect.name for effect in source.model.effects))
-        self.undone: list[Setup] = []
-        self.earlier: list[Setup] = []
+        self.opened: tuple[str, ...] = tuple(effect.name for effect in source.model.effects)
+        self.history: tuple[Setup, ...] = (Setup(self.opened),)
+        self.at: int = 0
         self.fits: dict[tuple[object, ...], Fit] = {}
         self.diagnosis: Diagnosis | None = None
         self.laws: dict[str, Effect] = {}
-        self._sliding: tuple[object, ...] = ()
-        self._task: Task | None = None
+        self._task = Task(source, self.setup, self.laws)
         if source.fit is not None:
             self.accept(self.task, source.fit)
         if source.diagnosis is not None:
             self.accept_diagnosis(self.task, source.diagnosis)
 
     @property
+    def setup(self) -> Setup:
+        """What is chosen now: one of the history, in which undo and redo go back and forth."""
+        return self.history[self.at]
+
+    @property
     def task(self) -> Task:
         """The present setup, to be worked on."""
-        if self._task is None or self._task.setup is not self.setup:
+        if self._task.setup is not self.setup:
             self._task = Task(self.source, self.setup, self.laws)
         return self._task
 
@@ -230,20 +216,18 @@ class Session:
     @cached_property
     def constants(self) -> Mapping[str, Parameter]:
         """By name what the model as it was opened holds, and may estimate."""
-        model = self.source.model
-        of_effects = {effect.name for effect in model.effects}
-        named = model.parameters.items()
-        return {n: p for n, p in named if p.fixed and n.partition(".")[0] not in of_effects}
+        named = self.source.model.parameters.items()
+        return {n: p for n, p in named if p.fixed and n.partition(".")[0] not in self.opened}
 
     @property
     def found(self) -> tuple[str, ...]:
         """Names of what the diagnosis has found: effects, constants and learned laws."""
         if self.diagnosis is None:
-            return tuple(effect.name for effect in self.source.model.effects)
-        held, stage = {*self.diagnosis.held}, self.diagnosis.stages[-1].effects
+            return self.opened
         present = [effect.name for effect in self.diagnosis.improved.effects]
-        kept = {*present, *held} & {*self.effects, *self.constants}
-        return tuple(name for name in dict.fromkeys((*stage, *present)) if name in kept)
+        names = dict.fromkeys((*self.diagnosis.stages[-1].effects, *present))
+        kept = {*present, *self.diagnosis.held} & {*self.effects, *self.constants}
+        return tuple(name for name in names if name in kept)
 
     @property
     def fit(self) -> Fit | None:
@@ -262,8 +246,7 @@ class Session:
         From the model as it was opened, where none of its effects was taken back.
         """
         effects, steps = self.setup.effects, []
-        opened = tuple(effect.name for effect in self.source.model.effects)
-        first = len(opened) if effects[: len(opened)] == opened else 0
+        first = len(self.opened) if effects[: len(self.opened)] == self.opened else 0
         for count in range(first, len(effects) + 1):
             key = replace(self.setup, effects=effects[:count]).fitted_by
             if key in self.fits:
@@ -273,30 +256,24 @@ class Session:
 
     # -- changes, each of which can be undone ----------------------------------------------------
 
-    def tick(self, name: str) -> None:
-        """Add an effect, or estimate a constant.
+    def tick(self, *names: str) -> None:
+        """Add effects, or estimate constants, as one change.
 
         Raises:
-            InputError: it is not one of those that can be added.
+            InputError: one is not among those that can be added.
         """
-        if name in self.setup.effects:
-            return
-        if name not in self.effects and name not in self.constants:
-            why = self.addable[1].get(name, "the model has no port for it")
-            raise InputError(f"The effect {name!r} cannot be added: {why}.", "Choose another.")
-        self._change(replace(self.setup, effects=(*self.setup.effects, name)), replace_values=True)
+        added = tuple(name for name in names if name not in self.setup.effects)
+        for name in added:
+            if name not in self.effects and name not in self.constants:
+                why = self.addable[1].get(name, "the model has no port for it")
+                raise InputError(f"The effect {name!r} cannot be added: {why}.", "Choose another.")
+        self._change(replace(self.setup, effects=(*self.setup.effects, *added)))
 
     def untick(self, name: str) -> None:
         """Take an effect back, or hold a constant again where the model held it."""
         kept = tuple(effect for effect in self.setup.effects if effect != name)
         values = {n: v for n, v in self.setup.values.items() if n != name}
-        self._change(replace(self.setup, effects=kept, values=values), replace_values=True)
-
-    def tick_all(self, names: Sequence[str]) -> None:
-        """Add several effects as one change, as those that a diagnosis has found."""
-        more = tuple(name for name in names if name not in self.setup.effects)
-        effects = (*self.setup.effects, *more)
-        self._change(replace(self.setup, effects=effects), replace_values=True)
+        self._change(replace(self.setup, effects=kept, values=values))
 
     def move(self, values: Mapping[str, float]) -> None:
         """Set parameters, by full name; moves of the same ones are undone together.
@@ -307,13 +284,11 @@ class Session:
             InputError: a value outside its bounds, or a name that the model does not have.
         """
         _ = self.task.model.replace(dict(values))
-        moved = replace(self.setup, values={**self.setup.values, **values}, moved=True)
-        undone = len(self.earlier)
-        again, self._sliding = self._sliding == (undone, *values), ()
-        self._change(moved)
-        if again and self.earlier[undone:]:
-            self.earlier.pop()
-        self._sliding = (len(self.earlier), *values)
+        names, setup = tuple(values), self.setup
+        before = self.history[self.at - 1] if self.at else None
+        if setup.moved == names and before and before.fitted_by == setup.fitted_by:
+            self.at -= 1
+        self._append(replace(setup, values={**setup.values, **values}, moved=names))
 
     def leave_out(self, stretch: Stretch) -> None:
         """Leave a stretch out of fits and comparisons.
@@ -340,28 +315,28 @@ class Session:
             _ = log.shifted(seconds, *channels)
         self._change(replace(self.setup, shifts=shifts))
 
-    def _change(self, setup: Setup, *, replace_values: bool = False) -> None:
+    def _change(self, setup: Setup) -> None:
         if setup == self.setup:
             return
         task = Task(self.source, setup, self.laws)
         _ = task.logs, task.model  # says what is wrong
-        if replace_values and (known := self.fits.get(setup.fitted_by)):
-            setup = replace(setup, values=_values(known), moved=False)
-        self.earlier.append(self.setup)
-        self.undone.clear()
-        self.setup = setup
+        self._task = task
+        if result := self.fits.get(setup.fitted_by):
+            setup = replace(setup, values=_values(result), moved=())
+        self._append(setup)
+
+    def _append(self, setup: Setup) -> None:
+        """Make it the last of the history: what was undone is not done again."""
+        self.history = (*self.history[: self.at + 1], setup)
+        self.at += 1
 
     def undo(self) -> None:
         """Go back by one change."""
-        if self.earlier:
-            self.undone.append(self.setup)
-            self.setup = self.earlier.pop()
+        self.at = max(self.at - 1, 0)
 
     def redo(self) -> None:
         """Go forward again."""
-        if self.undone:
-            self.earlier.append(self.setup)
-            self.setup = self.undone.pop()
+        self.at = min(self.at + 1, len(self.history) - 1)
 
     # -- what was worked out ---------------------------------------------------------------------
 
@@ -369,7 +344,8 @@ class Session:
         """Keep a fit; its values are taken if the setup asks for them still."""
         self.fits[task.setup.fitted_by] = result
         if task.setup.fitted_by == self.setup.fitted_by and task.setup.values == self.setup.values:
-            self.setup = replace(self.setup, values=_values(result), moved=False)
+            setup = replace(self.setup, values=_values(result), moved=())
+            self.history = (*self.history[: self.at], setup, *self.history[self.at + 1 :])
 
     def accept_diagnosis(self, task: Task, diagnosis: Diagnosis) -> None:
         """Keep a diagnosis, and the fits of its stages and laws: steps of the staircase."""
@@ -387,10 +363,6 @@ class Session:
         for names, result in fits.items():
             if set(names) <= addable:
                 self.fits.setdefault(replace(task.setup, effects=names).fitted_by, result)
-
-
-def _estimated(run: Run) -> dict[str, float]:
-    return {name: run.start[name] for name in run.estimated}
 
 
 def _values(result: Fit) -> dict[str, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -18,6 +19,7 @@ from matplotlib.colors import to_hex
 import diffthrust as dft
 from diffthrust._support.plots import plot  # private: a figure of the page
 from diffthrust.comparison._regimes import Regime, SignalRange  # private: what is shaded
+from diffthrust.diagnosis._findings import HeldValue  # private: what is said of constants
 from diffthrust.logs import PWM, Written
 from diffthrust.logs._written import ShownUnits  # private: what the page takes from runs
 from diffthrust.workbench._controls import CONSTANTS, Controls  # private: a part of the page
@@ -102,7 +104,7 @@ def test_what_was_selected_stays_lit_in_plots_and_scatter_once_another_model_is_
     page.plots.light_up(page.run.time < page.run.time[5])
     page._compared(page.session.task, page.session.task.compare())
     assert page.plots.lit.data["time"].size == 5
-    assert page.plots.brushes[0].visible
+    assert page.plots.brushed.data == {"x0": [1.0], "x1": [3.0]}
     page._show_log(1)
     assert not page.results.points.selected.indices
 
@@ -198,7 +200,7 @@ def test_a_tick_stops_no_diagnosis_and_is_fitted_after_it(page, monkeypatch):
     monkeypatch.setattr(Task, "fit", lambda task, progress: task.setup.effects)
     page._diagnose()
     assert page.diagnosing.disabled
-    page._tick("command_deadband", True)
+    page.edit(partial(page.session.tick, "command_deadband"))
     assert "Then: fitting. Stop ends both." in page.progress.text
     end.set()
     page.document.run_until(lambda: bool(fitted))
@@ -299,17 +301,8 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
         time, {"command": np.sin(time)}, {"speed": 90 * np.sin(time)}, units=units, written=ways
     )
     model = dft.Thruster() + "command_deadband" + "speed_sensor_offset"  # commanded in V
-    model, moved = Session(opened(model, log)).task.model, []
-    controls = Controls(
-        model,
-        {},
-        {},
-        ShownUnits([log.written]),
-        on_tick=lambda name, added: None,
-        on_slide=lambda name, value: moved.append((name, value)),
-        on_release=lambda: None,
-    )
-    controls.show_parameters(model, awake=True)
+    controls, moved = controls_of(Session(opened(model, log)))
+    controls.show(awake=True)
     width, offset = (
         controls._sliders[name][0]
         for name in ("command_deadband.half_width", "speed_sensor_offset.offset")
@@ -323,28 +316,40 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
 
 
 def test_constants_are_listed_and_those_that_a_diagnosis_wants_elsewhere_are_found():
-    model = dft.SpeedLoopThruster().fix("time_constant")
-    log = dft.Log(np.arange(3.0), {"command": np.ones(3)}, {"speed": np.ones(3)})
-    ticked, words = [], {"time_constant": "held at 0.1 s; these logs suggest 0.2"}
-    controls = Controls(
-        model,
-        {},
-        words,
-        ShownUnits([log.written]),
-        on_tick=lambda *tick: ticked.append(tick),
-        on_slide=lambda name, value: None,
-        on_release=lambda: None,
-    )
-    controls.show_effects({}, words, (), (), {})
+    time = np.linspace(0.0, 4.0, 81)
+    units = {"command": "effort", "speed": "rad/s"}
+    log = dft.Log(time, {"command": np.sin(time)}, {"speed": 90 * np.sin(time)}, units=units)
+    session = Session(opened(dft.SpeedLoopThruster().fix("time_constant"), log))
+    controls, _ = controls_of(session)
+    controls.show(awake=True)
     assert controls.boxes.labels == []
-    controls.show_effects({}, words, (), ("time_constant",), {})
+    diag = made_diagnosis.found()
+    stages = (diag.stages[0], replace(diag.stages[0], effects=("time_constant",)))
+    held = {"time_constant": HeldValue(0.2, 0.1, 0.01)}
+    session.diagnosis = replace(diag, stages=stages, held=held, best=(), laws=())
+    controls.show(awake=True)
     assert controls.boxes.labels == ["time constant"]
-    assert "these logs suggest 0.2" in controls.about.text
+    assert "held at 0.2 s; these logs suggest 0.1" in controls.about.text
     controls.boxes.active = [0]
-    assert ticked == [("time_constant", True)]
-    controls.show_effects({}, words, (), (), {})
+    assert session.setup.effects == ("time_constant",)
+    session.undo()
+    session.diagnosis = None
     controls.port.value = CONSTANTS
     assert controls.boxes.labels == ["time constant"]
+    assert controls.boxes.active == []
+
+
+def controls_of(session: Session) -> tuple[Controls, list[tuple[str, float]]]:
+    """The controls of a session, and where they write what sliders are moved to."""
+    moved: list[tuple[str, float]] = []
+    controls = Controls(
+        session,
+        ShownUnits([log.written for log in session.source.train]),
+        on_edit=lambda change: change(),
+        on_slide=lambda name, value: moved.append((name, value)),
+        on_release=lambda: None,
+    )
+    return controls, moved
 
 
 def test_low_plots_have_three_ticks():

@@ -31,6 +31,20 @@ def session(lacking) -> Session:
     return Session(opened(lacking))
 
 
+def with_script(lacking: Path, home: Path) -> Path:
+    """The spec in another folder, with a model of its own, and what its script leaves when run."""
+    for log in ("run1.csv", "run2.csv"):
+        (home / log).write_bytes((lacking / log).read_bytes())
+    text = (lacking / "fit.toml").read_text().replace('"thruster"', '"own.py:Mine"')
+    (home / "fit.toml").write_text(text)
+    ran = home / "ran"
+    (home / "own.py").write_text(
+        f"from pathlib import Path\nPath({str(ran)!r}).touch()\nfrom diffthrust import Thruster\n"
+        "class Mine(Thruster):\n    '''Mine.'''\n"
+    )
+    return ran
+
+
 def fitted(session: Session) -> Session:
     task = session.task
     session.accept(task, task.fit())
@@ -79,15 +93,7 @@ def test_what_cannot_be_opened_is_said(tmp_path):
 
 
 def test_a_script_is_run_only_from_a_trusted_folder(lacking, tmp_path):
-    ran = tmp_path / "ran"
-    code = (
-        f"from pathlib import Path\nPath({str(ran)!r}).touch()\nfrom diffthrust import Thruster\n"
-    )
-    (tmp_path / "own.py").write_text(f"{code}class Mine(Thruster):\n    '''Mine.'''\n")
-    text = (lacking / "fit.toml").read_text().replace('"thruster"', '"own.py:Mine"')
-    (tmp_path / "fit.toml").write_text(text)
-    for name in ("run1.csv", "run2.csv"):
-        (tmp_path / name).write_bytes((lacking / name).read_bytes())
+    ran = with_script(lacking, tmp_path)
     with pytest.raises(dft.InputError, match=r"script own.py, which the workbench does not run"):
         opened(tmp_path)
     assert not ran.exists()
@@ -153,7 +159,7 @@ def test_moves_of_one_slider_are_undone_together_and_those_of_two_apart(session)
     assert session.setup is second
     session.undo()
     assert session.setup is first
-    assert not session.earlier
+    assert session.at == 0
 
 
 def test_a_fit_that_comes_late_is_kept_and_takes_no_slider_back(session):
@@ -176,7 +182,7 @@ def test_refused_changes_change_nothing(session):
         with pytest.raises(dft.InputError, match=expected):
             change()
         assert session.setup is before
-        assert not session.earlier
+        assert session.history == (before,)
 
 
 def test_left_out_stretches_and_shifts_reach_the_logs(session):
@@ -249,7 +255,7 @@ def test_a_learned_law_is_added_with_its_fit_and_saved(session, tmp_path):
     law = LearnedLaw(curve, fit, Worth(0.9, 0.8, 0.95), 9.0)
     session.accept_diagnosis(task, replace(made_diagnosis.unexplained(), laws=(law,)))
     assert session.found == ("learned",)
-    session.tick_all(session.found)
+    session.tick(*session.found)
     assert session.fit is fit  # it is not fitted again
     assert session.setup.values["learned.level"] == fit.parameters["learned.level"].value
     save(session, tmp_path / "explored")
@@ -293,15 +299,9 @@ def test_a_folder_that_cannot_be_made_is_said(session, tmp_path):
 
 @pytest.mark.thorough
 def test_a_model_of_ones_own_is_saved_and_its_fit_runs_no_script_untrusted(lacking, tmp_path):
-    ran, home = tmp_path / "ran", tmp_path / "home"
+    home = tmp_path / "home"
     home.mkdir()
-    code = f"from pathlib import Path\nPath({str(ran)!r}).touch()\n"
-    code += "from diffthrust import Thruster\nclass Mine(Thruster):\n    '''Mine.'''\n"
-    (home / "own.py").write_text(code)
-    text = (lacking / "fit.toml").read_text().replace('"thruster"', '"own.py:Mine"')
-    (home / "fit.toml").write_text(text)
-    for name in ("run1.csv", "run2.csv"):
-        (home / name).write_bytes((lacking / name).read_bytes())
+    ran = with_script(lacking, home)
     session = fitted(Session(opened(home, trust=[home])))
     save(session, home / "explored")
     command_line.run("check", home / "explored", "--trust", home)
@@ -373,7 +373,7 @@ def test_a_constant_that_a_diagnosis_wants_elsewhere_is_among_what_was_found(hel
     diag = replace(diag, stages=stages, held={"ct": wanted}, best=(), laws=())
     held.accept_diagnosis(task, diag)
     assert held.found == ("ct",)
-    held.tick_all(held.found)
+    held.tick(*held.found)
     assert held.fit is fit
 
 
