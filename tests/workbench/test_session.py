@@ -162,6 +162,19 @@ def test_moves_of_one_slider_are_undone_together_and_those_of_two_apart(session)
     assert session.at == 0
 
 
+def test_undo_goes_back_to_a_fit_and_what_was_fitted_has_its_values_again(session):
+    session.move({"alpha": 0.05})
+    optimum = fitted(session).setup
+    session.move({"alpha": 0.05})  # of the same slider, but after a fit
+    session.undo()
+    assert session.setup is optimum
+    session.leave_out(Stretch("run1.csv", 1.0, 2.0))
+    session.move({"alpha": 0.05})
+    session.take_in(0)
+    assert session.fitted
+    assert session.setup.values == optimum.values
+
+
 def test_a_fit_that_comes_late_is_kept_and_takes_no_slider_back(session):
     task, fit = session.task, session.task.fit()
     session.move({"alpha": 0.05})
