@@ -97,24 +97,24 @@ def _set_parameters(document: Any, session: Session) -> None:
             del parameters[name]
     freed, moved = _freed(session), _moved(session)
     if freed or moved:
-        document.setdefault("parameters", tomlkit.table())
+        parameters = document.setdefault("parameters", tomlkit.table())
     for name in freed:
-        table, key = _place(document["parameters"], name)
-        if not isinstance(table.get(key), Mapping):  # absent, or i33 = 1.7, the value alone
-            table[key] = {"value": table[key]} if key in table else {}
-        table[key]["fixed"] = False
+        _set(parameters, name, "fixed", False)
     for name, value in moved.items():
-        table, key = _place(document["parameters"], name)
-        if isinstance(table.get(key), Mapping):
-            table[key]["value"] = value
-        else:
-            table[key] = value
+        _set(parameters, name, "value", value)
 
 
-def _place(table: Any, name: str) -> tuple[Any, str]:
-    """The table and the key of a parameter: those of an effect may have a table of their own."""
+def _set(table: Any, name: str, field: str, value: float | bool) -> None:
+    """Set a field of a parameter, which may stand in its effect's table, or be its value alone."""
     effect, dot, of_effect = name.partition(".")
-    return (table[effect], of_effect) if dot and effect in table else (table, name)
+    if dot and effect in table:
+        table, name = table[effect], of_effect
+    if isinstance(table.get(name), Mapping):
+        table[name][field] = value
+    elif field == "value":
+        table[name] = value
+    else:
+        table[name] = ({"value": table[name]} if name in table else {}) | {field: value}
 
 
 def _freed(session: Session) -> list[str]:

@@ -233,14 +233,19 @@ def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
     page.document.run_until(lambda: "cannot be made" in page.tools.said.text)
 
 
-def test_a_command_in_pulses_is_in_the_scatter_as_in_its_plot():
+def in_pulses() -> dft.Log:
+    """A log whose file has its command in pulses, and its speed in turns a minute."""
     time = np.linspace(0.0, 4.0, 81)
-    inputs, units = {"command": np.sin(time)}, {"command": "effort", "speed": "rad/s"}
-    written = {"command": Written("us", "pwm", PWM(1500.0, 1900.0))}
-    log = dft.Log(time, inputs, {"speed": 90 * np.sin(time)}, units=units, written=written)
+    units = {"command": "effort", "speed": "rad/s"}
+    ways = {"command": Written("us", "pwm", PWM(1500.0, 1900.0)), "speed": Written("rpm", "rpm")}
+    inputs, measured = {"command": np.sin(time)}, {"speed": 90 * np.sin(time)}
+    return dft.Log(time, inputs, measured, units=units, written=ways)
+
+
+def test_a_command_in_pulses_is_in_the_scatter_as_in_its_plot():
     model = dft.SpeedLoopThruster(command="effort")
     results = Results(lambda samples: None)
-    results.show_run(model, dft.compare(model, log).runs[0])
+    results.show_run(model, dft.compare(model, in_pulses()).runs[0])
     assert results.signal.value == "command"
     assert results.points.data["x"].max() == pytest.approx(1900.0, abs=1.0)
     results.signal.value = "|command|"  # a size has no other zero
@@ -294,14 +299,8 @@ def test_a_page_has_the_colours_and_words_of_the_pictures(page):
 
 
 def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own():
-    time = np.linspace(0.0, 4.0, 81)
-    units = {"command": "effort", "speed": "rad/s"}
-    ways = {"command": Written("us", "pwm", PWM(1500.0, 1900.0)), "speed": Written("rpm", "rpm")}
-    log = dft.Log(
-        time, {"command": np.sin(time)}, {"speed": 90 * np.sin(time)}, units=units, written=ways
-    )
     model = dft.Thruster() + "command_deadband" + "speed_sensor_offset"  # commanded in V
-    controls, moved = controls_of(Session(opened(model, log)))
+    controls, moved = controls_of(Session(opened(model, in_pulses())))
     controls.show(awake=True)
     width, offset = (
         controls._sliders[name][0]
@@ -316,10 +315,7 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
 
 
 def test_constants_are_listed_and_those_that_a_diagnosis_wants_elsewhere_are_found():
-    time = np.linspace(0.0, 4.0, 81)
-    units = {"command": "effort", "speed": "rad/s"}
-    log = dft.Log(time, {"command": np.sin(time)}, {"speed": 90 * np.sin(time)}, units=units)
-    session = Session(opened(dft.SpeedLoopThruster().fix("time_constant"), log))
+    session = Session(opened(dft.SpeedLoopThruster().fix("time_constant"), in_pulses()))
     controls, _ = controls_of(session)
     controls.show(awake=True)
     assert controls.boxes.labels == []
