@@ -18,7 +18,7 @@ from campaign_specs import SENSOR, InPlace, sensor_log, sensor_spec
 from processes import ProcessDied, Worker, own_worker
 
 import diffthrust as dft
-from diffthrust.many._campaign import campaign, store, task  # private: patched, for what goes wrong
+from diffthrust.many._campaign import campaign, task  # private: patched, for what goes wrong
 from diffthrust.many._campaign.job import Job  # private: one task by itself
 from diffthrust.many._campaign.task import helped, run_job  # private: its process
 from diffthrust.specs import load_spec
@@ -210,7 +210,7 @@ def test_a_full_disk_is_a_row_and_loses_nothing(dives, monkeypatch):
     done, _ = ran(dives)
     before = (done.output / "a" / "fit.json").read_bytes()
     sensor_log(dives / "a" / "train.csv", 0.4, 1.0)
-    write = store.write_json
+    write = task.write_json
 
     def half(path, data):
         path.write_text("{")
@@ -219,7 +219,7 @@ def test_a_full_disk_is_a_row_and_loses_nothing(dives, monkeypatch):
         write(path, data)
 
     with monkeypatch.context() as patched:
-        patched.setattr(store, "write_json", half)
+        patched.setattr(task, "write_json", half)
         done, names = ran(dives)
     assert names == ["a"]
     assert done.counts == {"failed": 1, "ok": 2}

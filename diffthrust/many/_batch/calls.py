@@ -72,7 +72,7 @@ def fit(
         (['one', 'two'], <Status.CONVERGED: 'converged'>)
     """
     check_options(fit_one, options)
-    members = [listed(entry) for entry in _records(logs)]
+    members = _members(logs)
     models = _for_each(model, Model, "model", len(members))
     unseen = _for_each(holdout, type(None), "holdout", len(members))
     held = [listed(entry) for entry in unseen if entry is not None]
@@ -276,7 +276,7 @@ def _of_each(
 ) -> Many:  # fmt: skip
     """A call with the fit and the logs of each member."""
     check_options(call, options)
-    members = [listed(entry) for entry in _records(logs)]
+    members = _members(logs)
     given = _for_each(fits, kinds, what, len(members))
     lengths = lengths_of(log for group in members for log in group)
     return each(
@@ -284,14 +284,15 @@ def _of_each(
     )
 
 
-def _records(logs: Any) -> list[Any]:
+def _members(logs: Any) -> list[tuple[Log, ...]]:
+    """The logs of each member."""
     if isinstance(logs, Log) or not isinstance(logs, Sequence) or isinstance(logs, str):
         raise InputError(
             f"logs: expected a list with the log or logs of each member, found "
             f"{type(logs).__name__}.",
             "Write [log], or [[log1, log2], ...] where members have several.",
         )
-    return list(logs)
+    return [listed(entry) for entry in logs]
 
 
 def _for_each(one_or_all: Any, kinds: Any, what: str, members: int) -> Sequence[Any] | Many:

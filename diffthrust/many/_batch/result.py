@@ -103,13 +103,13 @@ class Many(Result):
             self.names, self.results, self.errors, self.seconds, strict=True
         ):
             row = dict(zip(_COMMON, (name, "ok", None, None, seconds), strict=True))
-            if error is not None:
-                row |= {"status": "failed", "error": str(error) or type(error).__name__}
-                if isinstance(error, InputError):
-                    row |= {"error": error.problem, "mend": error.mend}
-                rows.append(row)
+            if error is None:
+                row |= row_of(result)
+            elif isinstance(error, InputError):
+                row |= {"status": "failed", "error": error.problem, "mend": error.mend}
             else:
-                rows.append({**row, **row_of(result)})
+                row |= {"status": "failed", "error": str(error) or type(error).__name__}
+            rows.append(row)
         return pd.DataFrame(rows, columns=None if rows else list(_COMMON))
 
     @property
@@ -149,13 +149,12 @@ def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tupl
     """A unique name for each member; duplicates are numbered."""
     chosen = [str(name) for name in otherwise]
     if names is not None:
-        wanted = [str(name) for name in names]
-        if len(wanted) != len(chosen):
+        count, chosen = len(chosen), [str(name) for name in names]
+        if len(chosen) != count:
             raise InputError(
-                f"names: expected one for each of {len(chosen)} members, found {len(wanted)}.",
+                f"names: expected one for each of {count} members, found {len(chosen)}.",
                 "Give lists of equal length.",
             )
-        chosen = wanted
     taken, counts = set(chosen), Counter[str]()
     out = []
     for name in chosen:

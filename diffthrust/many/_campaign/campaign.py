@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,17 +20,9 @@ from diffthrust._support.progress import Progress, ProgressOption, progressing, 
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.validation import finite, whole_number
-from diffthrust.many._campaign.job import (
-    Job,
-    PathLike,
-    check_task,
-    find_specs,
-    fingerprint,
-    folders,
-)
-from diffthrust.many._campaign.store import ResultRow, is_whole, stored, sweep
+from diffthrust.many._campaign.job import Job, PathLike, ResultRow, check_task, found_specs
 from diffthrust.many._campaign.tables import TABLE, arrow_table, campaign_report, write_table
-from diffthrust.many._campaign.task import head, perform, run_job
+from diffthrust.many._campaign.task import head, kept_row, perform, run_job, sweep
 from diffthrust.specs._file import compile_key
 
 if TYPE_CHECKING:
@@ -183,15 +175,14 @@ def campaign(
     check_task(task, options)
     _check(executor, jobs, time_limit)
     out = Path(os.path.abspath(output))
-    names = find_specs(specs, out)
     trusted = [trust] if isinstance(trust, str | os.PathLike) else trust
     places = tuple(os.path.abspath(place) for place in trusted)
     work = [
-        Job(names[path], str(path), str(out / folder), task, options, report, time_limit, places)
-        for path, folder in folders(names).items()
+        Job(name, str(path), str(out / folder), task, options, report, time_limit, places)
+        for path, name, folder in found_specs(specs, out)
     ]
     report_progress = reporter(progress)
-    rows = {job.name: row for job in work if (row := _kept(job))}
+    rows = {job.name: row for job in work if (row := kept_row(job))}
     todo = [job for job in work if job.name not in rows]
     kept = len(rows)
     _save(out, rows)
@@ -235,18 +226,6 @@ def _run(
                 _save(out, rows)
                 saved = time.monotonic()
                 cost = saved - now
-
-
-def _kept(job: Job) -> ResultRow | None:
-    """The row of a spec that has a result of its current inputs; ``None`` otherwise."""
-    folder = stored(job)
-    if folder is None:
-        return None
-    try:
-        mark = fingerprint(job.load(), job)
-    except InputError:
-        return None
-    return {**folder["row"], **head(job, "ok")} if is_whole(job, folder, mark) else None
 
 
 def _save(out: Path, rows: Mapping[str, ResultRow]) -> None:
@@ -300,21 +279,14 @@ _CONNECT = 5.0
 """Time within which the scheduler of a cluster must answer [s]."""
 
 
-@contextmanager
-def executor_for(asked: Executor | str | None, workers: int) -> Iterator[Executor]:
+def executor_for(asked: Executor | str | None, workers: int) -> AbstractContextManager[Executor]:
     """An executor as it is, that of a Dask cluster by its address, or processes of this machine."""
     if isinstance(asked, Executor):
-        yield asked
-    elif asked is None:
-        several = [Worker(run_job, quiet=True) for _ in range(workers)]
-        key = (lambda job: compile_key(Path(job.spec))) if workers > 1 else lambda job: ""
-        with WorkerPool(several, key) as pool:
-            yield pool
-    else:
-        with _client(asked) as client:
-            # Dask takes calls with equal arguments for one and returns the earlier result (pure): a
-            # campaign that retries a failed spec must run it again.
-            yield client.get_executor(pure=False)
+        return nullcontext(asked)
+    if asked is not None:
+        return _dask(asked)
+    several = [Worker(run_job, quiet=True) for _ in range(workers)]
+    return WorkerPool(several, lambda job: compile_key(Path(job.spec)) if workers > 1 else "")
 
 
 def row_of(future: Future[ResultRow], job: Job) -> ResultRow:
@@ -336,7 +308,7 @@ def row_of(future: Future[ResultRow], job: Job) -> ResultRow:
 
 
 @contextmanager
-def _client(address: str) -> Iterator[Any]:
+def _dask(address: str) -> Iterator[Executor]:
     try:
         from distributed import Client
     except ImportError:
@@ -361,4 +333,6 @@ def _client(address: str) -> Iterator[Any]:
                 f"Start some (dask worker {address}); of a cluster that grows when it has work, "
                 "give client.get_executor() as the executor.",
             ) from None
-        yield client
+        # Dask takes calls with equal arguments for one and returns the earlier result (pure): a
+        # campaign that retries a failed spec must run it again.
+        yield client.get_executor(pure=False)

@@ -20,6 +20,7 @@ from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec
 
 PathLike = str | os.PathLike[str]
+ResultRow = dict[str, Any]
 OPTIONS: dict[str, tuple[str, ...]] = {
     "fit": (),
     "diagnose": ("candidates",),
@@ -94,21 +95,13 @@ def fingerprint(spec: Spec, job: Job) -> str:
         "spec": hashlib.sha256(spec.text.encode()).hexdigest(),
         "files": [
             # Relative to the spec: a folder that was moved with its logs need not be worked on
-            # again.
+            # again. Of a folder, such as a bag, all files.
             (os.path.relpath(file, here), _digest(file))
             for p in paths
-            for file in _files(p)
+            for file in (sorted(filter(Path.is_file, p.rglob("*"))) if p.is_dir() else [p])
         ],
     }
     return hashlib.sha256(json.dumps(causes, sort_keys=True).encode()).hexdigest()
-
-
-def _files(path: Path) -> Iterator[Path]:
-    """The file, or all files of a folder such as a bag."""
-    if path.is_dir():
-        yield from sorted(file for file in path.rglob("*") if file.is_file())
-    else:
-        yield path
 
 
 def _digest(path: Path) -> str:
@@ -122,12 +115,13 @@ def _digest(path: Path) -> str:
         ) from None
 
 
-def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path, str]:
-    """Spec files by absolute path, each with its name: its path without the common prefix.
+def found_specs(specs: PathLike | Iterable[PathLike], output: Path) -> list[tuple[Path, str, str]]:
+    """Spec files by absolute path, with their names and those of their folders of results.
 
-    Folders are searched recursively, except hidden folders and the output. A TOML file with neither
-    ``model`` nor ``logs`` is not a spec; an unreadable one counts as a spec, so that it is
-    reported.
+    The name is the path without the common prefix. Folders are searched recursively, except hidden
+    ones and the output. A TOML file with neither ``model`` nor ``logs`` is not a spec; an
+    unreadable one is, so that it is reported. Folders of results are siblings, so that none is
+    inside another, and no two differ only in case: they can be copied to any file system.
     """
     listed = [specs] if isinstance(specs, str | os.PathLike) else list(specs)
     for each in listed:
@@ -157,18 +151,10 @@ def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path,
     # A spec named twice, or through a link, is one spec.
     files = list({path.resolve(): path for path in files}.values())
     base = roots[0] if len(roots) == 1 and roots[0].is_dir() else _common(files)
-    return {path: _name(path, base) for path in files}
-
-
-def folders(specs: dict[Path, str]) -> dict[Path, str]:
-    """The name of the result folder of each spec.
-
-    Folders are siblings, so that none is inside another, and no two differ only in case: results
-    can be copied to any file system.
-    """
     taken: dict[str, Path] = {}
-    names = {}
-    for path, name in specs.items():
+    named = []
+    for path in files:
+        name = _name(path, base)
         # Without dots at the front, which would hide a result and confuse it with a temporary
         # folder.
         folder = re.sub(r"[^\w.\-]+", "_", name.replace("/", "__")).lstrip(".") or "_"
@@ -178,8 +164,8 @@ def folders(specs: dict[Path, str]) -> dict[Path, str]:
                 f"{path} and {rival}: the results of both would go to one folder, {folder!r}.",
                 "Rename one of the two.",
             )
-        names[path] = folder
-    return names
+        named.append((path, name, folder))
+    return named
 
 
 def _below(root: Path, output: Path) -> Iterator[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.files import write_whole
 from diffthrust._support.report import Line, Report, Rows, Section, Styled
 from diffthrust._support.words import number
-from diffthrust.many._campaign.store import ResultRow
+from diffthrust.many._campaign.job import ResultRow
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -39,7 +39,7 @@ def arrow_table(rows: Sequence[ResultRow]) -> pa.Table:
         kind = pa.float64() if name in _NUMBERS else pa.string()
         fixed[name] = pa.array([row.get(name) for row in rows], kind)
     numbers: dict[str, pa.Array] = {}
-    for name in _parameters(rows):
+    for name in dict.fromkeys(name for row in rows for name in row.get("numbers", {})):
         pairs: list[Any] = [row.get("numbers", {}).get(name) or (None, None) for row in rows]
         column = f"parameter.{name}" if {name, f"{name}_std_error"} & set(fixed) else name
         numbers[column] = pa.array([pair[0] for pair in pairs], pa.float64())
@@ -54,10 +54,6 @@ def write_table(path: Path, rows: Sequence[ResultRow]) -> None:
     out = BytesIO()
     pq.write_table(arrow_table(rows), out)
     write_whole(path, out.getvalue())
-
-
-def _parameters(rows: Iterable[ResultRow]) -> list[str]:
-    return list(dict.fromkeys(name for row in rows for name in row.get("numbers", {})))
 
 
 def campaign_report(rows: Sequence[ResultRow], task: str, summary: str) -> Report:
@@ -79,16 +75,8 @@ def _result_rows(rows: Sequence[ResultRow], task: str) -> Rows:
     last = {"diagnose": ("Verdict", "Added"), "sample": ("Chains",)}.get(task, ())
     cells = []
     for row in rows[:_SHOWN]:
-        verdict = [row["verdict"], row["added"]] if task == "diagnose" else [row.get("verdict")]
-        cells.append(
-            (
-                row["name"],
-                row["fit_status"],
-                number(row["train_nrmse"]),
-                number(row["holdout_nrmse"]),
-                f"{row['seconds']:.1f}",
-                *(word or "" for word in verdict[: len(last)]),
-            )
-        )
+        errors = (number(row["train_nrmse"]), number(row["holdout_nrmse"]))
+        words = [row.get(column) or "" for column in ("verdict", "added")[: len(last)]]
+        cells.append((row["name"], row["fit_status"], *errors, f"{row['seconds']:.1f}", *words))
     headings = ("Spec", "Fit", "Training NRMSE", "Unseen NRMSE", "Seconds", *last)
     return Rows.of(headings, cells, numbers=(2, 3, 4))

@@ -1,10 +1,15 @@
-"""One task of a campaign on a worker: the work, its row and its folder."""
+"""One task of a campaign on a worker: the work, its row and its folder, complete or not at all."""
 
 from __future__ import annotations
 
+import json
+import os
+import re
+import shutil
 import threading
 import time
-from collections.abc import Callable, Mapping
+import uuid
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,18 +17,18 @@ from typing import Any
 from diffthrust._support._running.pool import own_worker
 from diffthrust._support._running.process import ProcessDied, ProcessLate, Worker
 from diffthrust._support.errors import InputError
-from diffthrust._support.files import plain
+from diffthrust._support.files import plain, write_json
 from diffthrust._support.visible import visible
 from diffthrust.estimation._result import Fit
 from diffthrust.many._batch.result import estimates_of, fit_row
-from diffthrust.many._campaign.job import Job, fingerprint
-from diffthrust.many._campaign.store import ResultRow, store
+from diffthrust.many._campaign.job import Job, ResultRow, fingerprint
 from diffthrust.specs._scripts import as_input_error
 from diffthrust.specs._spec import Spec
 
 _DEATHS = 3
 """A task is given up after its process died this many times."""
-
+_STATUS, _PAGE = "status.json", "report.html"
+_RESULT = {"fit": "fit.json", "diagnose": "diagnosis.json", "sample": "posterior.json"}
 
 _Result = tuple[Mapping[str, Any], ResultRow, Callable[[Path], None]]
 """A result as plain data, as columns of the table, and what writes it as a page."""
@@ -115,13 +120,10 @@ def _fit(spec: Spec, job: Job) -> _Result:
 
 
 def _diagnose(spec: Spec, job: Job) -> _Result:
-    diagnosis = spec.diagnose(candidates=job.options.get("candidates"))
-
-    def page(path: Path) -> None:
-        diagnosis.save(path, title=f"Diagnosis: {job.name}", spec=spec.text)
-
-    verdict = {"verdict": diagnosis.verdict, "added": ", ".join(diagnosis.added)}
-    return diagnosis.to_json(), {**_columns(diagnosis.fit), **verdict}, page
+    found = spec.diagnose(candidates=job.options.get("candidates"))
+    columns = {"verdict": found.verdict, "added": ", ".join(found.added), **_columns(found.fit)}
+    title = f"Diagnosis: {job.name}"
+    return found.to_json(), columns, lambda path: found.save(path, title=title, spec=spec.text)
 
 
 def _sample(spec: Spec, job: Job) -> _Result:
@@ -152,3 +154,86 @@ _TASKS: Mapping[str, Callable[[Spec, Job], _Result]] = {
     "diagnose": _diagnose,
     "sample": _sample,
 }
+
+
+def store(
+    job: Job,
+    row: ResultRow,
+    mark: str | None = None,
+    data: Mapping[str, Any] | None = None,
+    page: Callable[[Path], None] | None = None,
+) -> None:
+    """Write the folder of a task under a temporary sibling name, then rename.
+
+    A folder of an earlier run is replaced. A kill leaves at worst a hidden folder, which the next
+    campaign removes. ``mark`` is the `fingerprint` of its inputs.
+    """
+    target = Path(job.folder)
+    fresh = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
+    # No system replaces a folder that has files in one step: the old one is moved aside, and back
+    # if the new one cannot take its place.
+    old = fresh.with_suffix(".old")
+    try:
+        fresh.mkdir(parents=True)
+        if data is not None:
+            write_json(fresh / _RESULT[job.task], data)
+        if page:
+            page(fresh / _PAGE)
+        status = {"schema": 1, "task": job.task, "fingerprint": mark, "row": row}
+        write_json(fresh / _STATUS, status)
+        if target.exists():
+            os.rename(target, old)
+        os.rename(fresh, target)
+        shutil.rmtree(old, ignore_errors=True)
+    except (OSError, ValueError) as error:  # ValueError: a name that is not valid text
+        what = error.problem if isinstance(error, InputError) else f"{target}: {error}"
+        raise InputError(
+            f"The result cannot be written: {what}",
+            "Make room, or let the folder be written to, and run the campaign again.",
+        ) from None
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+        with suppress(OSError):  # the folder may be locked meanwhile
+            if old.exists() and not target.exists():
+                os.rename(old, target)
+
+
+def kept_row(job: Job) -> ResultRow | None:
+    """The row of a task whose folder holds a complete result of its current inputs."""
+    place = Path(job.folder)
+    try:
+        status = json.loads((place / _STATUS).read_text(encoding="utf-8"))
+        task, row, mark = status["task"], status["row"], status.get("fingerprint")
+        spec, how = row["spec"], row.get("status")
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return None
+    if task != job.task:
+        raise InputError(
+            f"{job.folder}: it holds the task {task!r} of {spec}, and this campaign would put "
+            f"{job.task!r} there.",
+            "Name another output folder.",
+        )
+    # A spec that was moved leaves its result behind under the old path: only one that still exists
+    # is another spec.
+    if spec != job.spec and Path(spec).exists():
+        raise InputError(
+            f"{job.folder}: it holds the result of {spec}, and this campaign would put that of "
+            f"{job.spec} there.",
+            "Name another output folder.",
+        )
+    try:
+        current = fingerprint(job.load(), job)
+    except InputError:
+        return None
+    files = [_RESULT[job.task], *([_PAGE] if job.report else [])]
+    whole = how == "ok" and mark == current and all((place / name).is_file() for name in files)
+    return {**row, **head(job, "ok")} if whole else None
+
+
+def sweep(output: Path, jobs: Iterable[Job]) -> None:
+    """Remove half-written folders of killed workers."""
+    folders = {Path(job.folder).name for job in jobs}
+    for entry in output.iterdir() if output.is_dir() else ():
+        match = re.fullmatch(r"\.(.+)\.[0-9a-f]{32}\.(tmp|old)", entry.name)
+        if match and match[1] in folders:
+            shutil.rmtree(entry, ignore_errors=True)

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,32 +28,22 @@ if TYPE_CHECKING:
 ERROR = "_std_error"
 _TYPICAL = 0.5
 """Between-vehicle spread that counts as typical: this in a logarithm, or this share of the size."""
+_SOURCES = "Give what dft.fit or dft.many.fit returns, a table of fits, or a campaign."
 Labels = Sequence[Any] | Mapping[str, Any] | Callable[[str], Any] | None
 
 
 @dataclass(frozen=True, repr=False)
 class Entry(Brief):
-    """One fit of one vehicle.
-
-    Args:
-        name: of the fit.
-        vehicle: its vehicle.
-        time: time of the test, or ``None``.
-        model: name of the model without its effects.
-        effects: names of the effects that the fit has.
-        columns: further columns of the table.
-        estimates: value and standard error (or ``None``) of each parameter.
-        fit: the fit, or ``None`` if only a table row is known.
-    """
+    """One fit of one vehicle, at a time that may be ``None``."""
 
     name: str
     vehicle: str
     time: Any
-    model: str
+    model: str  # without its effects
     effects: tuple[str, ...]
-    columns: Mapping[str, Any]
-    estimates: Mapping[str, tuple[float, float | None]]
-    fit: Fit | None = field(default=None, repr=False)
+    columns: Mapping[str, Any]  # further ones of the table
+    estimates: Mapping[str, tuple[float, float | None]]  # values and standard errors
+    fit: Fit | None = field(default=None, repr=False)  # None where only a row of a table is known
 
     def has(self, parameter: str) -> bool:
         """Whether the fit estimated a parameter; for a table row, whether it has an error."""
@@ -107,10 +98,7 @@ def _of_fits(
     fits = list(pairs)
     for name, fit in fits:
         if not isinstance(fit, Fit):
-            raise InputError(
-                f"{name}: expected a fit, found {type(fit).__name__}.",
-                "Give what dft.fit or dft.many.fit returns, a table of fits, or a campaign.",
-            )
+            raise InputError(f"{name}: expected a fit, found {type(fit).__name__}.", _SOURCES)
     vehicles = [name for name, _ in fits]
     unique = named_members(None, vehicles)
     if vehicle is not None:
@@ -152,8 +140,7 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
     notes = []
     if "status" in frame:
         failed = frame["status"] != "ok"
-        if failed.any():
-            count = int(failed.sum())
+        if count := int(failed.sum()):
             words = "row has no result and is" if count == 1 else "rows have no result and are"
             notes.append(f"{count} {words} left out.")
         frame = frame[~failed]
@@ -176,25 +163,21 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
     entries = []
     for name, whose, when, row in zip(names, vehicles, times, rows, strict=True):
         # Tables keep the effects of a fit as one text with commas.
-        effects = tuple(effect.strip() for effect in _text(row.get("effects")).split(",") if effect)
-        columns = {key: row[key] for key in ("fit_status", "train_nrmse", "holdout_nrmse")
-                if key in row}  # fmt: skip
+        model, text = (row[c] if isinstance(row.get(c), str) else "" for c in ("model", "effects"))
+        effects = tuple(effect.strip() for effect in text.split(",") if effect)
+        columns = {c: row[c] for c in ("fit_status", "train_nrmse", "holdout_nrmse") if c in row}
+        numbers = {c: (_finite(row[c]), _finite(row[f"{c}{ERROR}"])) for c in values}
         estimates = {
-            c: (float(row[c]), _error(row[f"{c}{ERROR}"]))
-            for c in values
-            if row[c] is not None and math.isfinite(row[c])
+            c: (value, error if error and error > 0 else None)
+            for c, (value, error) in numbers.items()
+            if value is not None
         }
-        model = _text(row.get("model"))
         entries.append(Entry(name, str(whose), when, model, effects, columns, estimates))
     return entries, notes
 
 
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else ""
-
-
-def _error(value: Any) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) and value > 0 else None
+def _finite(value: Any) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def _column(frame: Any, what: str, labels: Labels, names: Sequence[str]) -> list[Any]:
@@ -228,19 +211,12 @@ def _labels(labels: Labels, names: Sequence[str], what: str) -> list[Any]:
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter's coordinate: its logarithm if it is positive by nature, else its value.
-
-    Args:
-        name: full name of the parameter.
-        unit: of its value.
-        log: the coordinate is the logarithm.
-        typical: a typical spread between vehicles, in the coordinate; sizes the prior of `pool`.
-    """
+    """A parameter's coordinate: its logarithm if it is positive by nature, else its value."""
 
     name: str
-    unit: str
+    unit: str  # of its value
     log: bool
-    typical: float
+    typical: float  # spread between vehicles, in the coordinate; sizes the prior of `pool`
 
     def coordinate(self, value: Any) -> Any:
         """The coordinate of a value; NaN if there is none."""
@@ -265,18 +241,15 @@ def axes_of(entries: Iterable[Entry]) -> dict[str, Axis]:
     """
     described: dict[str, Parameter] = {}
     sizes: dict[str, list[float]] = {}
-    parameters: dict[tuple[str, tuple[str, ...]], Mapping[str, Parameter]] = {}
+    catalogued = cache(_from_catalogue)
     for entry in entries:
-        kind = (entry.model, entry.effects)
-        if entry.fit is not None:
-            parameters[kind] = entry.fit.model.parameters
-        elif kind not in parameters:
-            parameters[kind] = _from_catalogue(*kind)
+        fit = entry.fit
+        parameters = fit.model.parameters if fit else catalogued(entry.model, entry.effects)
         for name, (value, error) in entry.estimates.items():
             if error is not None:
                 sizes.setdefault(name, []).append(abs(value))
-                if name in parameters[kind]:
-                    described.setdefault(name, parameters[kind][name])
+                if name in parameters:
+                    described.setdefault(name, parameters[name])
     return {name: _axis(name, described.get(name), np.array(v)) for name, v in sizes.items()}
 
 
@@ -298,3 +271,29 @@ def _from_catalogue(model: str, effects: tuple[str, ...]) -> Mapping[str, Parame
             made = made + catalogue()[effect]()
         return made.parameters
     return {}
+
+
+def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
+    """Times as numbers, and their unit; dates become days since the first."""
+    import pandas as pd
+
+    if all(time is None for time in times):
+        return np.full(len(times), np.nan), "unit of time"
+    if all(isinstance(time, int | float | np.number) for time in times):
+        numbers, unit = np.array(times, float), "unit of time"
+    else:
+        try:
+            # UTC: dates with and without a time zone cannot be subtracted.
+            dates = pd.to_datetime(pd.Series(list(times)), utc=True, format="ISO8601")
+        except (ValueError, TypeError) as error:
+            raise InputError(
+                f"time: expected numbers or dates, found neither ({error}).",
+                "Write dates as 2026-05-01 or 2026-05-01T12:00.",
+            ) from None
+        numbers, unit = ((dates - dates.min()) / pd.Timedelta(days=1)).to_numpy(float), "day"
+    if not np.isfinite(numbers).all():
+        raise InputError(
+            f"time: fit {int(np.argmin(np.isfinite(numbers))) + 1} has none.",
+            "Give a time for each fit, or for none.",
+        )
+    return numbers, unit

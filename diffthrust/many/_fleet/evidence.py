@@ -47,21 +47,15 @@ class VehicleEvidence:
     """Likelihood of one vehicle's logs, in units of the ruler.
 
     Near its fit the logarithm of the likelihood is ``-(z - values) @ information @ (z - values) /
-    2``; directions that the logs do not determine have zero information.
-
-    Args:
-        vehicle: its name.
-        values: maximum of the quadratic log likelihood, ``(p,)``.
-        information: ``(p, p)``, with zeros for parameters that the vehicle does not have.
-        present: which parameters its model has, ``(p,)``.
-        exact: the exact likelihood, which replaces the quadratic one, or ``None``.
+    2``; directions that the logs do not determine have zero information, as have parameters that
+    the vehicle does not have (``present``, ``(p,)``).
     """
 
     vehicle: str
-    values: np.ndarray
-    information: np.ndarray
+    values: np.ndarray  # maximum of the quadratic log likelihood, (p,)
+    information: np.ndarray  # (p, p)
     present: np.ndarray
-    exact: Exact | None = None
+    exact: Exact | None = None  # replaces the quadratic one
 
 
 class Guess(NamedTuple):
@@ -119,10 +113,12 @@ def gather_evidence(
         if np.any(np.diagonal(information)[present] <= 0):
             uncertain.append(vehicle)
     begin = first_guess(out)
-    for i, item in enumerate(out):
-        if item.vehicle in logs:
-            fits = _fits_of(fleet, item.vehicle, True)
-            out[i] = _with_exact_likelihood(item, fits, ruler, logs[item.vehicle], begin)
+    out = [
+        _with_exact_likelihood(v, _fits_of(fleet, v.vehicle, True), ruler, logs[v.vehicle], begin)
+        if v.vehicle in logs
+        else v
+        for v in out
+    ]
     notes = []
     if tabular:
         notes.append(
@@ -161,21 +157,14 @@ def _with_exact_likelihood(
         parabola.information + np.diag(precision),
         parabola.information @ parabola.values + precision * begin.mean,
     )
-    exact = expand(
-        fits[0],
-        logs,
-        [ruler.axes[i] for i in which],
-        ruler.middle[which],
-        towards[which],
-        Guess(*(numbers[which] for numbers in begin)),
-    )
+    axes, law = [ruler.axes[i] for i in which], Guess(*(numbers[which] for numbers in begin))
+    exact = _expanded(fits[0], logs, axes, ruler.middle[which], towards[which], law)
     p = len(ruler.axes)
     values, information = np.zeros(p), np.zeros((p, p))
     values[which] = exact.top[: which.size]
     information[np.ix_(which, which)] = np.linalg.inv(exact.covariance[: which.size, : which.size])
-    return VehicleEvidence(
-        parabola.vehicle, values, information, np.isin(np.arange(p), which), exact
-    )
+    present = np.isin(np.arange(p), which)
+    return VehicleEvidence(parabola.vehicle, values, information, present, exact)
 
 
 def _parabola(entry: Entry, ruler: Ruler) -> tuple[np.ndarray, np.ndarray]:
@@ -216,15 +205,13 @@ def _together(parabolas: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.nd
     grown = np.ones(values.size)
     for i in range(values.size):
         pairs = [
-            (value[i], _marginal_error(weight, i)) for value, weight in parabolas if weight[i, i]
+            (value[i], np.sqrt(np.linalg.pinv(weight, hermitian=True)[i, i]))  # its marginal error
+            for value, weight in parabolas
+            if weight[i, i]
         ]
         if pairs:
             grown[i] = dispersed(weighted_mean(*np.array(pairs).T))
     return values, information / np.outer(grown, grown)
-
-
-def _marginal_error(information: np.ndarray, i: int) -> float:
-    return float(np.sqrt(np.linalg.pinv(information, hermitian=True)[i, i]))
 
 
 @dataclass(frozen=True)
@@ -232,24 +219,15 @@ class Exact:
     """The likelihood of a vehicle's logs over the coordinates of its fit.
 
     Pooled parameters are in units of the fleet's ruler: coordinate = shift + scale * z.
-
-    Args:
-        posterior: the likelihood, times the priors of unpooled parameters.
-        pooled: columns of the pooled parameters among its coordinates, ``(q,)``.
-        unpooled: other columns: unpooled parameters, initial states, noise, ``(r,)``.
-        shift: coordinates of the pooled parameters at z = 0.
-        scale: coordinates per unit of z.
-        top: maximum of the quadratic approximation: pooled (z), then unpooled, ``(q + r,)``.
-        covariance: of the quadratic approximation, in the same order.
     """
 
-    posterior: Posterior
-    pooled: np.ndarray
-    unpooled: np.ndarray
+    posterior: Posterior  # the likelihood, times the priors of unpooled parameters
+    pooled: np.ndarray  # columns of the pooled parameters among its coordinates, (q,)
+    unpooled: np.ndarray  # other columns: unpooled parameters, initial states, noise, (r,)
     shift: np.ndarray
     scale: np.ndarray
-    top: np.ndarray
-    covariance: np.ndarray
+    top: np.ndarray  # maximum of the quadratic approximation: pooled (z), then unpooled, (q + r,)
+    covariance: np.ndarray  # of the quadratic approximation, in the same order
 
     @property
     def order(self) -> np.ndarray:
@@ -273,7 +251,7 @@ def _slope(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
     return jax.value_and_grad(likelihood, argnums=3)(shape, dim, numbers, x)
 
 
-def expand(
+def _expanded(
     fit: Fit, logs: Any, axes: Sequence[Axis], middle: np.ndarray, towards: np.ndarray, law: Guess
 ) -> Exact:
     """The likelihood of a fit's logs, expanded at the maximum of likelihood times a guessed law.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +16,10 @@ from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
-from diffthrust.many._fleet.entries import ERROR, Axis, Entry, Labels, axes_of, entries_of
+from diffthrust.many._fleet.entries import ERROR, Labels, axes_of, entries_of, times_of
 from diffthrust.many._fleet.figures import drift_figure, effects_figure, spread_figure
 from diffthrust.many._fleet.statistics import (
+    Estimates,
     drift_table,
     effects_table,
     outlier_table,
@@ -38,7 +39,7 @@ _FALSE_ALARMS = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fleet(Result):
+class Fleet(Estimates, Result):
     """All fits of a fleet; made by `fleet`.
 
     Parameters are compared in the coordinate of a fit: by their logarithm if they are positive by
@@ -48,6 +49,7 @@ class Fleet(Result):
     Args:
         entries: one for each fit, including failed fits.
         axes: the coordinate of each estimated parameter.
+        times: time of each fit, ``(n,)``: dates as days since the first; NaN if unknown.
         time_unit: unit of the times; "day" for dates.
         notes: remarks for the user.
 
@@ -62,20 +64,7 @@ class Fleet(Result):
         >>> figure = fleet.plot_drift()
     """
 
-    entries: tuple[Entry, ...] = field(repr=False)
-    axes: Mapping[str, Axis] = field(repr=False)
-    time_unit: str
     notes: tuple[str, ...]
-
-    @property
-    def vehicles(self) -> tuple[str, ...]:
-        """Names of the vehicles, in order of appearance."""
-        return tuple(dict.fromkeys(entry.vehicle for entry in self.entries))
-
-    @cached_property
-    def times(self) -> np.ndarray:
-        """Time of each fit, ``(n,)``: dates as days since the first; NaN if unknown."""
-        return times_of([entry.time for entry in self.entries])[0]
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -90,20 +79,6 @@ class Fleet(Result):
                 row |= {name: value, f"{name}{ERROR}": error}
             rows.append(row)
         return pd.DataFrame(rows)
-
-    def series(self, vehicle: str, parameter: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times, coordinates and their standard errors of one parameter over a vehicle's fits."""
-        axis, points = self.axes[parameter], []
-        for entry, time in zip(self.entries, self.times, strict=True):
-            value, error = entry.estimates.get(parameter, (np.nan, None))
-            if entry.vehicle != vehicle or not entry.usable or error is None:
-                continue
-            at = float(axis.coordinate(value))
-            # A negative estimate of a positive quantity has no logarithm.
-            if np.isfinite(at):
-                points.append((time, at, error / float(axis.slope(value))))
-        times, values, errors = np.array(points, float).reshape(-1, 3).T
-        return times, values, errors
 
     def spread(self) -> pd.DataFrame:
         """Spread of each parameter between vehicles.
@@ -307,34 +282,8 @@ def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
     unusable = [entry.name for entry in entries if not entry.usable]
     if unusable:
         notes.append(f"Not converged, and left out of all but the table: {', '.join(unusable)}.")
-    unit = times_of([entry.time for entry in entries])[1]
-    return Fleet(tuple(entries), axes_of(entries), unit, tuple(notes))
-
-
-def times_of(times: Sequence[Any]) -> tuple[np.ndarray, str]:
-    """Times as numbers, and their unit; dates become days since the first."""
-    import pandas as pd
-
-    if all(time is None for time in times):
-        return np.full(len(times), np.nan), "unit of time"
-    if all(isinstance(time, int | float | np.number) for time in times):
-        numbers, unit = np.array(times, float), "unit of time"
-    else:
-        try:
-            # UTC: dates with and without a time zone cannot be subtracted.
-            dates = pd.to_datetime(pd.Series(list(times)), utc=True, format="ISO8601")
-        except (ValueError, TypeError) as error:
-            raise InputError(
-                f"time: expected numbers or dates, found neither ({error}).",
-                "Write dates as 2026-05-01 or 2026-05-01T12:00.",
-            ) from None
-        numbers, unit = ((dates - dates.min()) / pd.Timedelta(days=1)).to_numpy(float), "day"
-    if not np.isfinite(numbers).all():
-        raise InputError(
-            f"time: fit {int(np.argmin(np.isfinite(numbers))) + 1} has none.",
-            "Give a time for each fit, or for none.",
-        )
-    return numbers, unit
+    times, unit = times_of([entry.time for entry in entries])
+    return Fleet(tuple(entries), axes_of(entries), times, unit, tuple(notes))
 
 
 def _share(what: str, value: float) -> float:

@@ -29,7 +29,7 @@ class ExactKind(NamedTuple):
 
 
 class Hierarchy(NamedTuple):
-    """The joint density of a fleet's law and its vehicles' parameters, as a target of NUTS.
+    """The joint density of a fleet's law and its pooled parameters, as a target of NUTS.
 
     The coordinates are those of the law (mean, logarithm of the standard deviations, correlations),
     then each vehicle's parameters, then further coordinates of exact likelihoods. A vehicle's
@@ -38,15 +38,9 @@ class Hierarchy(NamedTuple):
     & Sköld 2007). With quadratic likelihoods only, they are exactly independent and standard
     normal, which removes the funnel between the spread and the vehicles' parameters; an exact
     likelihood enters by its ratio to the quadratic one.
-
-    Args:
-        parameters: number of pooled parameters.
-        vehicles: number of vehicles.
-        correlated: the law has correlations.
-        kinds: the kinds of exact likelihoods.
     """
 
-    parameters: int
+    parameters: int  # how many are pooled
     vehicles: int
     correlated: bool
     kinds: tuple[ExactKind, ...]
@@ -66,8 +60,7 @@ class Hierarchy(NamedTuple):
     def density(self, data: Any, v: Any) -> Any:
         """See `diffthrust.uncertainty._sampling.nuts.Target`."""
         mean, root, prior = self._law(data, v)
-        at = self.law + self.vehicles * self.parameters
-        eta = v[self.law : at].reshape(self.vehicles, self.parameters)
+        eta, at = self._whitened(v)
         theta, fitting, _ = _vehicles(data, mean, root, eta)
         total = prior + jnp.sum(fitting) - 0.5 * jnp.sum(eta**2)
         for kind, group in zip(self.kinds, data["exact"], strict=True):
@@ -80,9 +73,7 @@ class Hierarchy(NamedTuple):
     def kept(self, data: Any, v: Any) -> Any:
         """Mean and spread of the law, the vehicles' parameters, and the law's weight."""
         mean, root, _ = self._law(data, v)
-        end = self.law + self.vehicles * self.parameters
-        eta = v[self.law : end].reshape(self.vehicles, self.parameters)
-        theta, _, weight = _vehicles(data, mean, root, eta)
+        theta, _, weight = _vehicles(data, mean, root, self._whitened(v)[0])
         covariance = root @ root.T
         spread = jnp.sqrt(jnp.diagonal(covariance))
         return {
@@ -92,6 +83,11 @@ class Hierarchy(NamedTuple):
             "theta": theta,
             "weight": weight,
         }
+
+    def _whitened(self, v: Any) -> tuple[Any, int]:
+        """The vehicles' coordinates, ``(vehicles, parameters)``, and where those behind begin."""
+        end = self.law + self.vehicles * self.parameters
+        return v[self.law : end].reshape(self.vehicles, self.parameters), end
 
     def _law(self, data: Any, v: Any) -> tuple[Any, Any, Any]:
         """Mean ``(p,)``, root of the covariance ``(p, p)``, and the log density of the prior."""

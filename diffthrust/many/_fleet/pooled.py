@@ -102,21 +102,12 @@ class Pooled(Result):
                     error = separate.errors[at] * float(axis.slope(fitted))
                 drawn = self.post.posterior[axis.name].values[..., j]
                 low, median, high = _quantiles(drawn, self.level)
-                rows.append(
-                    {
-                        "vehicle": vehicle.vehicle,
-                        "parameter": axis.name,
-                        "unit": axis.unit,
-                        "separate": fitted,
-                        "separate_std_error": error,
-                        "median": median,
-                        "sd": float(np.std(drawn)),
-                        "low": low,
-                        "high": high,
-                        "shrinkage": float(self.weight[j, i]),
-                        "likelihood": "exact" if vehicle.exact is not None else "quadratic",
-                    }
-                )
+                row = {"vehicle": vehicle.vehicle, "parameter": axis.name, "unit": axis.unit}
+                row |= {"separate": fitted, "separate_std_error": error}
+                row |= {"median": median, "sd": float(np.std(drawn)), "low": low, "high": high}
+                row |= {"shrinkage": float(self.weight[j, i])}
+                kind = "exact" if vehicle.exact is not None else "quadratic"
+                rows.append({**row, "likelihood": kind})
         return pd.DataFrame(rows)
 
     def _fitted(self, vehicle: str, parameter: str) -> float:
@@ -133,27 +124,17 @@ class Pooled(Result):
         """
         import pandas as pd
 
-        rows = []
-        for axis in self.ruler.axes:
-            low, median, high = _quantiles(
-                self.post.posterior[f"{axis.name}.mean"].values, self.level
-            )
-            spread = _quantiles(self.post.posterior[f"{axis.name}.between"].values, self.level)
+        rows, posterior = [], self.post.posterior
+        for i, axis in enumerate(self.ruler.axes):
+            low, median, high = _quantiles(posterior[f"{axis.name}.mean"].values, self.level)
+            spread = _quantiles(posterior[f"{axis.name}.between"].values, self.level)
             # The spread is that of a logarithm: times the median it has the parameter's unit.
             per = float(axis.slope(np.asarray(median)))
-            rows.append(
-                {
-                    "parameter": axis.name,
-                    "unit": axis.unit,
-                    "vehicles": sum(bool(vehicle.present[len(rows)]) for vehicle in self.evidence),
-                    "median": median,
-                    "low": low,
-                    "high": high,
-                    "between_sd": spread[1] * per,
-                    "between_low": spread[0] * per,
-                    "between_high": spread[2] * per,
-                }
-            )
+            have = sum(bool(vehicle.present[i]) for vehicle in self.evidence)
+            row = {"parameter": axis.name, "unit": axis.unit, "vehicles": have}
+            row |= {"median": median, "low": low, "high": high, "between_sd": spread[1] * per}
+            row |= {"between_low": spread[0] * per, "between_high": spread[2] * per}
+            rows.append(row)
         return pd.DataFrame(rows)
 
     def new_vehicle(self, *, seed: int = 0) -> dict[str, np.ndarray]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -76,21 +77,33 @@ def holm(p_values: np.ndarray, level: float) -> np.ndarray:
     return rejects
 
 
-class Estimates(Protocol):
-    """The attributes of a `Fleet` that tables, figures and pooling use."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates:
+    """The estimates of a fleet, one entry for each fit."""
+
+    entries: tuple[Entry, ...] = field(repr=False)
+    axes: Mapping[str, Axis] = field(repr=False)
+    times: np.ndarray = field(repr=False)
+    time_unit: str
 
     @property
-    def entries(self) -> tuple[Entry, ...]: ...
-    @property
-    def axes(self) -> Mapping[str, Axis]: ...
-    @property
-    def vehicles(self) -> tuple[str, ...]: ...
-    @property
-    def time_unit(self) -> str: ...
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of the vehicles, in order of appearance."""
+        return tuple(dict.fromkeys(entry.vehicle for entry in self.entries))
 
     def series(self, vehicle: str, parameter: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times, coordinates and their standard errors of one parameter over a vehicle's fits."""
-        ...
+        axis, points = self.axes[parameter], []
+        for entry, time in zip(self.entries, self.times, strict=True):
+            value, error = entry.estimates.get(parameter, (np.nan, None))
+            if entry.vehicle != vehicle or not entry.usable or error is None:
+                continue
+            at = float(axis.coordinate(value))
+            # A negative estimate of a positive quantity has no logarithm.
+            if np.isfinite(at):
+                points.append((time, at, error / float(axis.slope(value))))
+        times, values, errors = np.array(points, float).reshape(-1, 3).T
+        return times, values, errors
 
 
 class VehicleMeans(NamedTuple):
@@ -128,21 +141,11 @@ def spread_table(fleet: Estimates) -> pd.DataFrame:
         mean = weighted_mean(means.values, means.errors)
         values = axis.value(means.values)
         median = float(np.median(values))
-        slope = float(axis.slope(np.asarray(median)))
-        rows.append(
-            {
-                "parameter": name,
-                "unit": axis.unit,
-                "vehicles": len(means.vehicles),
-                "median": median,
-                "robust_sd": _MAD * float(np.median(np.abs(values - median))),
-                "between_sd": between(means.values, means.errors) * slope,
-                "share": max(0.0, 1.0 - mean.dof / mean.q) if mean.q > 0 else 0.0,
-                "q": mean.q,
-                "dof": mean.dof,
-                "p_value": float(chi2.sf(mean.q, mean.dof)),
-            }
-        )
+        robust = _MAD * float(np.median(np.abs(values - median)))
+        sd = between(means.values, means.errors) * float(axis.slope(np.asarray(median)))
+        share = max(0.0, 1.0 - mean.dof / mean.q) if mean.q > 0 else 0.0
+        test = (mean.q, mean.dof, float(chi2.sf(mean.q, mean.dof)))
+        rows.append((name, axis.unit, len(means.vehicles), median, robust, sd, share, *test))
     columns = ["parameter", "unit", "vehicles", "median", "robust_sd", "between_sd", "share"]
     return pd.DataFrame(rows, columns=[*columns, "q", "dof", "p_value"])
 
@@ -150,6 +153,7 @@ def spread_table(fleet: Estimates) -> pd.DataFrame:
 class Trend(NamedTuple):
     """A weighted straight line: value at the mean time, slope, its error, and the p-value."""
 
+    fits: int
     middle: float
     level: float
     slope: float
@@ -177,7 +181,8 @@ def trend(times: np.ndarray, values: np.ndarray, errors: np.ndarray) -> Trend | 
     error = dispersion * math.sqrt(covariance[0, 0])
     # Errors that were enlarged by the observed scatter are estimates with dof degrees of freedom.
     law: Any = student(dof) if dispersion > 1.0 else norm
-    return Trend(middle, level, slope, error, dispersion, 2.0 * float(law.sf(abs(slope) / error)))
+    p_value = 2.0 * float(law.sf(abs(slope) / error))
+    return Trend(values.size, middle, level, slope, error, dispersion, p_value)
 
 
 def drift_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
@@ -190,20 +195,11 @@ def drift_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
             line = trend(*fleet.series(vehicle, name))
             if line is None:
                 continue
-            per = float(axis.slope(axis.value(line.level)))
-            rows.append(
-                {
-                    "vehicle": vehicle,
-                    "parameter": name,
-                    "unit": f"{axis.unit or '1'} per {fleet.time_unit}",
-                    "fits": int(fleet.series(vehicle, name)[1].size),
-                    "slope": line.slope * per,
-                    "slope_std_error": line.error * per,
-                    "relative": line.slope * per / abs(float(axis.value(line.level))),
-                    "dispersion": line.dispersion,
-                    "p_value": line.p_value,
-                }
-            )
+            level = axis.value(line.level)
+            per = float(axis.slope(level))
+            slope, unit = line.slope * per, f"{axis.unit or '1'} per {fleet.time_unit}"
+            size = (line.fits, slope, line.error * per, slope / abs(float(level)))
+            rows.append((vehicle, name, unit, *size, line.dispersion, line.p_value))
     columns = ["vehicle", "parameter", "unit", "fits", "slope", "slope_std_error", "relative"]
     table = pd.DataFrame(rows, columns=[*columns, "dispersion", "p_value"])
     table["drifts"] = holm(table["p_value"].to_numpy(float), false_alarms)
@@ -218,8 +214,8 @@ def effects_table(fleet: Estimates) -> pd.DataFrame:
     rows = {}
     for vehicle in fleet.vehicles:
         fits = [entry for entry in fleet.entries if entry.vehicle == vehicle]
-        shares = {e: sum(e in entry.effects for entry in fits) / len(fits) for e in names}
-        rows[vehicle] = {"fits": len(fits), **shares}
+        shares = (sum(e in entry.effects for entry in fits) / len(fits) for e in names)
+        rows[vehicle] = [len(fits), *shares]
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["fits", *names])
     return table.rename_axis("vehicle")
 
@@ -241,18 +237,10 @@ def outlier_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
             sd = between(values, errors)
             peers = weighted_mean(values, np.hypot(errors, sd))
             away = float(np.sqrt(means.errors[i] ** 2 + sd**2 + peers.error**2))
-            distance = (means.values[i] - peers.value) / away
-            rows.append(
-                {
-                    "vehicle": vehicle,
-                    "parameter": name,
-                    "unit": axis.unit,
-                    "value": float(axis.value(means.values[i])),
-                    "others": float(axis.value(peers.value)),
-                    "distance": float(distance),
-                    "p_value": 2.0 * float(student.sf(abs(distance), peers.dof)),
-                }
-            )
+            distance = float((means.values[i] - peers.value) / away)
+            values_at = [float(axis.value(x)) for x in (means.values[i], peers.value)]
+            p_value = 2.0 * float(student.sf(abs(distance), peers.dof))
+            rows.append((vehicle, name, axis.unit, *values_at, distance, p_value))
     columns = ["vehicle", "parameter", "unit", "value", "others", "distance", "p_value"]
     table = pd.DataFrame(rows, columns=columns)
     table["outlier"] = holm(table["p_value"].to_numpy(float), false_alarms)

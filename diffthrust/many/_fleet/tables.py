@@ -46,7 +46,7 @@ def pooled_report(population: Any, vehicles: Any, level: float, remarks: Sequenc
 
 def _population_rows(population: Any) -> Rows:
     rows = []
-    for row in _rows(population):
+    for row in population.itertuples():
         median, low, high = _interval(row.median, row.low, row.high)
         spread = f"{number(row.between_low, 2)} to {number(row.between_high, 2)}"
         law = (row.parameter, row.unit, median, f"{low} to {high}", number(row.between_sd, 2))
@@ -57,7 +57,7 @@ def _population_rows(population: Any) -> Rows:
 
 def _vehicle_rows(vehicles: Any) -> Rows:
     rows = []
-    for row in _rows(vehicles):
+    for row in vehicles.itertuples():
         error = row.separate_std_error if np.isfinite(row.separate_std_error) else None
         median, sd = with_error(row.median, row.sd)
         _, low, high = _interval(row.median, row.low, row.high)
@@ -72,11 +72,6 @@ def _vehicle_rows(vehicles: Any) -> Rows:
     return Rows.of(headings, rows, numbers=(2, 3, 4, 5, 7))
 
 
-def _rows(table: Any) -> list[Any]:
-    """The rows of a table as tuples with the columns' names."""
-    return list(table.itertuples())
-
-
 def _interval(median: float, low: float, high: float) -> tuple[str, str, str]:
     # Half the half-width of a 95 % interval: about the standard error, which sets the digits.
     error = 0.25 * (high - low)
@@ -84,21 +79,12 @@ def _interval(median: float, low: float, high: float) -> tuple[str, str, str]:
 
 
 def _spread_rows(spread: Any) -> Rows:
-    rows = (
-        (
-            row.parameter,
-            row.unit,
-            str(row.vehicles),
-            with_error(row.median, row.robust_sd or None)[0],
-            number(row.robust_sd, 2),
-            number(row.between_sd, 2),
-            percent(row.share),
-            number(row.q, 3),
-            str(row.dof),
-            probability(row.p_value),
-        )
-        for row in _rows(spread)
-    )
+    rows = []
+    for row in spread.itertuples():
+        median = with_error(row.median, row.robust_sd or None)[0]
+        sizes = (number(row.robust_sd, 2), number(row.between_sd, 2), percent(row.share))
+        test = (number(row.q, 3), str(row.dof), probability(row.p_value))
+        rows.append((row.parameter, row.unit, str(row.vehicles), median, *sizes, *test))
     headings = (
         *("Parameter", "Unit", "Vehicles", "Median", "Robust sd"),
         *("Between sd", "Beyond errors", "Q", "Dof", "Alike?"),
@@ -107,31 +93,27 @@ def _spread_rows(spread: Any) -> Rows:
 
 
 def _outliers(outliers: Any) -> Iterator[str]:
-    rows = _rows(outliers)
-    far = [row for row in rows if row.outlier]
-    for row in far:
+    for row in outliers[outliers["outlier"]].itertuples():
         yield (
             f"Outlier: {row.vehicle}, {row.parameter} {number(row.value, 3)} {row.unit}, the "
             f"others {number(row.others, 3)} ({number(abs(row.distance), 2)} standard deviations "
             "away)."
         )
-    if rows and not far:
+    if len(outliers) and not outliers["outlier"].any():
         yield "No vehicle is an outlier (5 % chance of a false alarm over all)."
 
 
 def _drift(drift: Any, time_unit: str) -> Iterator[str]:
     if drift is None:
         return
-    rows = _rows(drift)
-    moving = [row for row in rows if row.drifts]
-    for row in moving:
+    for row in drift[drift["drifts"]].itertuples():
         slope, error = with_error(100 * row.relative, 100 * abs(
             row.relative * row.slope_std_error / row.slope))  # fmt: skip
         yield (
             f"Drift: {row.vehicle}, {row.parameter} by {slope} +- {error} % per {time_unit} "
             f"({row.fits} fits, {probability(row.p_value)})."
         )
-    if rows and not moving:
+    if len(drift) and not drift["drifts"].any():
         yield "Nothing drifts (5 % chance of a false alarm over all)."
 
 
