@@ -10,21 +10,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Space:
-    """Constraints of a sequence.
+    """Constraints of a sequence."""
 
-    Args:
-        time: sample instants [s], ``(T,)``, evenly spaced.
-        limits: lowest and highest value of each moved input.
-        rates: largest change per second, for some of them.
-        rest_duration: length of the rest at the start and at the end [s].
-        seed: of the random sequences.
-    """
-
-    time: np.ndarray
-    limits: Mapping[str, tuple[float, float]]
-    rates: Mapping[str, float]
-    rest_duration: float
-    seed: int
+    time: np.ndarray  # sample instants [s], (T,), evenly spaced
+    limits: Mapping[str, tuple[float, float]]  # of each moved input
+    rates: Mapping[str, float]  # largest change per second, for some of them
+    rest_duration: float  # at the start and at the end [s]
+    seed: int  # of the random sequences
 
     @property
     def step(self) -> float:
@@ -44,21 +36,13 @@ class Space:
 
 @dataclass(frozen=True)
 class Design:
-    """One sequence: kind, speed, size, and inputs that take part.
-
-    Args:
-        kind: a key of `KINDS`.
-        moved: the inputs that follow the sequence, each with its sign.
-        share: share of the range from rest to the limits, above 0 and at most 1.
-        hold: time per level [s]; for chirps and multisines half the shortest period.
-        bias: level of the other inputs, as a share of the range from rest to the upper limit.
-    """
+    """One sequence: kind (a key of `KINDS`), speed, size, and inputs that take part."""
 
     kind: str
-    moved: Mapping[str, int] = field(hash=False)
-    share: float
-    hold: float
-    bias: float = 0.0
+    moved: Mapping[str, int] = field(hash=False)  # the inputs that follow it, with their signs
+    share: float  # of the range from rest to the limits, above 0 and at most 1
+    hold: float  # time per level [s]; of chirps and multisines half the shortest period
+    bias: float = 0.0  # level of the other inputs, as a share from rest to the upper limit
 
     def levels(self, name: str, space: Space) -> tuple[float, float]:
         """Lowest and highest value of an input (equal if it is held)."""
@@ -91,14 +75,11 @@ def sequence(design: Design, space: Space) -> dict[str, np.ndarray]:
         rest_value, (bottom, top) = space.resting(name), design.levels(name, space)
         sign = design.moved.get(name, 1)
         if design.kind == "pulses":  # out of rest, to either side
-            values = (
-                rest_value
-                + np.where(sign * shape > 0, top - rest_value, rest_value - bottom) * sign * shape
-            )
-        elif sign > 0:
-            values = bottom + (top - bottom) * 0.5 * (1.0 + shape)
+            size = np.where(sign * shape > 0, top - rest_value, rest_value - bottom)
+            values = rest_value + size * sign * shape
         else:
-            values = top - (top - bottom) * 0.5 * (1.0 + shape)
+            begin, end = (bottom, top) if sign > 0 else (top, bottom)
+            values = begin + (end - begin) * 0.5 * (1.0 + shape)
         values = np.clip(np.where(on, values, rest_value), low, high)
         out[name] = _within_rate(values, space.rates.get(name, np.inf), space.step, rest_value)
     return out

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
+Series = Mapping[str, np.ndarray]
 _BAND = 2.0
 """Half width of the noise bands, in standard deviations."""
 
@@ -22,8 +23,8 @@ _BAND = 2.0
 def experiment_figure(
     sentence: str,
     time: np.ndarray,
-    inputs: Mapping[str, np.ndarray],
-    predictions: Mapping[str, Mapping[str, np.ndarray]],
+    inputs: Series,
+    predictions: Mapping[str, Series],
     noise: Mapping[str, float],
     units: Mapping[str, str],
 ) -> Figure:
@@ -62,9 +63,7 @@ def experiment_figure(
 
 
 def _detail(
-    time: np.ndarray,
-    predictions: Mapping[str, Mapping[str, np.ndarray]],
-    noise: Mapping[str, float],
+    time: np.ndarray, predictions: Mapping[str, Series], noise: Mapping[str, float]
 ) -> tuple[float, float]:
     """A stretch of a fifteenth of the test, where the differences are largest to the noise."""
     truth, *imitations = predictions.values()
@@ -78,27 +77,19 @@ def _detail(
     return float(time[begin]), float(time[min(begin + width, time.size - 1)])
 
 
-def _predictions(
-    panel: Axes, time: np.ndarray, series: Mapping[str, np.ndarray], width: float
-) -> None:
+def _predictions(panel: Axes, time: np.ndarray, series: Series, width: float) -> None:
     for i, (name, values) in enumerate(series.items()):
         colour = _COLOURS[i % len(_COLOURS)]
-        panel.fill_between(
-            time, values - width, values + width, color=colour, alpha=0.18, linewidth=0
-        )
-        label = f"if {name} holds" if i == 0 else f"imitated by {name}"
-        panel.plot(
-            time, values, color=colour, linewidth=1.2, label=label, ls="-" if i == 0 else "--"
-        )
+        low, high = values - width, values + width
+        panel.fill_between(time, low, high, color=colour, alpha=0.18, linewidth=0)
+        label, dashes = (f"imitated by {name}", "--") if i else (f"if {name} holds", "-")
+        panel.plot(time, values, color=colour, linewidth=1.2, label=label, ls=dashes)
 
 
-def _differences(
-    panel: Axes, time: np.ndarray, series: Mapping[str, np.ndarray], width: float
-) -> None:
+def _differences(panel: Axes, time: np.ndarray, series: Series, width: float) -> None:
     truth, *imitations = series.values()
-    panel.axhspan(
-        -width, width, color="0.85", linewidth=0, label=f"noise (±{_BAND:g} standard deviations)"
-    )
+    label = f"noise (±{_BAND:g} standard deviations)"
+    panel.axhspan(-width, width, color="0.85", linewidth=0, label=label)
     panel.axhline(0.0, color="0.4", linewidth=0.8)
     for i, imitation in enumerate(imitations, 1):
         colour = _COLOURS[i % len(_COLOURS)]

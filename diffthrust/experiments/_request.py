@@ -12,37 +12,31 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite, whole_number
-from diffthrust.estimation._arguments import by_input, listed
+from diffthrust.estimation._arguments import by_input
+from diffthrust.estimation._arrange import build
 from diffthrust.estimation._result import Fit
-from diffthrust.experiments._confront import Conditions, Rival, models_of, names_of, rival_of
+from diffthrust.estimation._solver import solve
+from diffthrust.estimation._status import examine
 from diffthrust.experiments._designs import Design, Space, sequence
+from diffthrust.experiments._separation import Conditions, Rival
 from diffthrust.logs._log import Log
-from diffthrust.logs._written import ShownUnits, Written
+from diffthrust.logs._written import Written
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._record import bind
 from diffthrust.simulation._step_size import choose_substeps
 
 
 @dataclass(frozen=True)
 class Request:
-    """A checked request.
-
-    Args:
-        rivals: the models with prior knowledge of their parameters.
-        names: their names.
-        space: constraints of a sequence.
-        conditions: grid and noise.
-        held: values of the inputs that stay constant.
-        units: of all inputs and channels.
-        written: how the fits' logs, or else the logs, wrote them.
-    """
+    """A checked request."""
 
     rivals: tuple[Rival, ...]
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the rivals
     space: Space
     conditions: Conditions
-    held: Mapping[str, float]
-    units: Mapping[str, str]
-    written: Mapping[str, Written]
+    held: Mapping[str, float]  # values of the inputs that stay constant
+    units: Mapping[str, str]  # of all inputs and channels
+    written: Mapping[str, Written]  # how the fits' logs, or else the logs, wrote them
 
     def inputs(self, designs: Sequence[Design]) -> dict[str, np.ndarray]:
         """All input series under some designs, ``(D, T)`` each."""
@@ -52,45 +46,71 @@ class Request:
         return {**moved, **{name: np.full(shape, value) for name, value in self.held.items()}}
 
 
-def requested(
-    rivals: Sequence[Model | Fit],
-    *,
-    duration: float,
-    step: float,
-    limits: Mapping[str, tuple[float, float]] | None,
-    logs: Log | Sequence[Log] | None,
-    noise: Mapping[str, float] | None,
-    held: Mapping[str, float] | None,
-    rate_limits: Mapping[str, float] | None,
-    rest_duration: float,
-    correlation_time: float | None,
-    seed: int,
-) -> Request:
-    """Check the arguments of `suggest_experiment`."""
-    runs = listed(logs) if logs is not None else ()
-    models = models_of(rivals)
-    _check_numbers(duration, step, rest_duration, correlation_time, seed)
-    moved, constant = _inputs(models, limits, held, runs)
-    rates = _rates(rate_limits, moved)
-    sigma = _noise(rivals, models, noise)
-    units = _units(models, runs)
-    time = np.round(np.arange(round(duration / step) + 1) * step, 9)
-    space = Space(time, moved, rates, rest_duration, seed)
-    unsigned = frozenset(name for log in runs for name in log.unsigned if name in sigma)
-    conditions = Conditions(
-        time=time,
-        noise=sigma,
-        unsigned=unsigned,
-        substeps=_substeps(models, space, constant, sigma),
-        correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
+def models_of(rivals: Any) -> tuple[Model, ...]:
+    """The models among models and fits."""
+    if not isinstance(rivals, Sequence) or len(rivals) < 2:
+        count = f"{len(rivals)}" if isinstance(rivals, Sequence) else repr(rivals)
+        raise InputError(
+            f"rivals: expected two models or fits at least, found {count}.",
+            "Give a list such as [lag, delay].",
+        )
+    for rival in rivals:
+        if not isinstance(rival, Model | Fit):
+            raise InputError(
+                f"rivals: expected models or fits, found {rival!r}.",
+                "Give instances, such as dft.Thruster() or the result of dft.fit.",
+            )
+    return tuple(rival.model if isinstance(rival, Fit) else rival for rival in rivals)
+
+
+def names_of(models: Sequence[Model]) -> tuple[str, ...]:
+    """Names of the models; duplicates are numbered."""
+    names = [str(model) for model in models]
+    return tuple(
+        f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
     )
-    ready = tuple(rival_of(rival, model, runs) for rival, model in zip(rivals, models, strict=True))
-    fitted = [rival.written for rival in rivals if isinstance(rival, Fit)]
-    written = ShownUnits([*fitted, *(log.written for log in runs)]).written
-    return Request(ready, names_of(models), space, conditions, constant, units, written)
 
 
-def _check_numbers(
+def rival_of(source: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
+    """A model with prior knowledge from its fit, the logs, or its priors."""
+    free = tuple(name for name, p in model.parameters.items() if not p.fixed)
+    if isinstance(source, Fit):
+        return Rival(model, free, _precision(model, free, source.free, source.covariance))
+    if logs and free:
+        problem = build(model, bind(model, logs))
+        z = problem.start()
+        local = examine(problem, z, solve(problem, z, budget=1).quadratic)
+        return Rival(model, free, _precision(model, free, problem.free, local.covariance))
+    stds = {n: p.std for n in free if (p := model.parameters[n].prior) is not None}
+    variances = np.diag([std**2 for std in stds.values()])
+    return Rival(model, free, _precision(model, free, list(stds), variances))
+
+
+def _precision(
+    model: Model, free: Sequence[str], names: Sequence[str], covariance: np.ndarray
+) -> np.ndarray:
+    """Inverse covariance in the optimiser's coordinates; zero without knowledge."""
+    out = np.zeros((len(free), len(free)))
+    spread = np.sqrt(np.diagonal(covariance)) if len(names) else np.zeros(0)
+    kept = [i for i, name in enumerate(names) if name in free and 0 < spread[i] < math.inf]
+    if not kept:
+        return out
+    described, size = [model.parameters[names[i]] for i in kept], spread[kept]
+    # d(value)/d(coordinate)
+    slopes = [p.value if p.transform == "log" else p.scale for p in described]
+    # the inverse is taken of the correlation: units of 1e3 between parameters would fall below
+    # rcond
+    correlation = covariance[np.ix_(kept, kept)] / np.outer(size, size)
+    weight = np.array(slopes) / size
+    # directions that the logs do not determine get no weight: the rival may move along them freely
+    inverse = np.linalg.pinv(correlation, rcond=1e-13, hermitian=True)
+    where = [list(free).index(names[i]) for i in kept]
+    out[np.ix_(where, where)] = inverse * np.outer(weight, weight)
+    return out
+
+
+def check_numbers(
     duration: Any, step: Any, rest_duration: Any, correlation_time: Any, seed: Any
 ) -> None:
     seconds = "a positive number of seconds"
@@ -115,7 +135,7 @@ def _number(value: Any) -> bool:
     return real and math.isfinite(value)
 
 
-def _inputs(
+def moved_and_held(
     models: Sequence[Model], limits: Any, held: Any, logs: Sequence[Log]
 ) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
     """Limits of moved inputs, and values of held inputs."""
@@ -145,7 +165,7 @@ def _inputs(
     for name in [*needed, *(n for n in available if n in recorded and n not in needed)]:
         if name in named or name not in recorded:
             continue
-        unit = _units(models, ())[name]
+        unit = units_of(models, ())[name]
         series = np.concatenate([lg.values(name, unit) for lg in logs if name in lg.inputs])
         if name in moving and name in needed and not limits:
             limits[name] = (float(series.min()), float(series.max()))
@@ -204,19 +224,18 @@ def checked_limits(name: str, pair: Any) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def _rates(wanted: Any, moved: Mapping[str, Any]) -> dict[str, float]:
+def checked_rates(wanted: Any, moved: Mapping[str, Any]) -> dict[str, float]:
+    """Largest changes per second of moved inputs."""
     rates = dict(wanted or {})
     _check_names("rate_limits", rates, list(moved), "this input is not moved")
     mend = "Leave it out where the input may jump."
-    return {
-        name: finite(
-            "rate_limits", rate, lambda x: x > 0, f"a positive change per second for '{name}'", mend
-        )
-        for name, rate in rates.items()
-    }
+    for name, rate in rates.items():
+        expected = f"a positive change per second for '{name}'"
+        rates[name] = finite("rate_limits", rate, lambda x: x > 0, expected, mend)
+    return rates
 
 
-def _noise(rivals: Sequence[Any], models: Sequence[Model], wanted: Any) -> dict[str, float]:
+def noise_levels(rivals: Sequence[Any], models: Sequence[Model], wanted: Any) -> dict[str, float]:
     """Noise of the channels: the smallest of the fits, since misfit increases the estimate."""
     shared = [n for n in models[0].outputs if all(n in model.outputs for model in models)]
     if wanted is not None:
@@ -239,7 +258,8 @@ def _noise(rivals: Sequence[Any], models: Sequence[Model], wanted: Any) -> dict[
     return {name: noise[name] for name in shared if name in noise}
 
 
-def _units(models: Sequence[Model], logs: Sequence[Log]) -> dict[str, str]:
+def units_of(models: Sequence[Model], logs: Sequence[Log]) -> dict[str, str]:
+    """Units of all inputs and channels; those that only effects need are known from logs."""
     needs = {name: "" for model in models for name in _needs(model)}
     recorded = {name: log.units[name] for log in logs for name in needs if name in log.inputs}
     units = {**needs, **recorded}
@@ -248,11 +268,8 @@ def _units(models: Sequence[Model], logs: Sequence[Log]) -> dict[str, str]:
     return units
 
 
-def _substeps(
-    models: Sequence[Model],
-    space: Space,
-    held: Mapping[str, float],
-    noise: Mapping[str, float],
+def enough_substeps(
+    models: Sequence[Model], space: Space, held: Mapping[str, float], noise: Mapping[str, float]
 ) -> int:
     """Integrator steps per sample needed by the hardest sequence, full reversals."""
     names = tuple(space.limits)

@@ -108,22 +108,17 @@ class Experiment(Result):
         """Plot the inputs, the predictions of the rivals with noise, and the difference."""
         from diffthrust.experiments._figures import experiment_figure
 
-        shown_units, units = ShownUnits((self.written,)), self.units
+        shown, units = ShownUnits((self.written,)), self.units
 
-        def shown(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-            return {name: shown_units.values(name, x, units[name]) for name, x in series.items()}
+        def series(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return {name: shown.values(name, x, units[name]) for name, x in values.items()}
 
         order = [self.truth, *(name for name in self.rivals if name != self.truth)]
+        predictions = {name: series(self.predictions[name]) for name in order}
+        noise = {n: shown.size(n, level, units[n]).value for n, level in self.noise.items()}
+        units_shown = {name: shown.unit(name, unit) for name, unit in units.items()}
         return experiment_figure(
-            self.sentence,
-            self.time,
-            shown(self.inputs),
-            {name: shown(self.predictions[name]) for name in order},
-            {
-                name: shown_units.size(name, level, units[name]).value
-                for name, level in self.noise.items()
-            },
-            {name: shown_units.unit(name, unit) for name, unit in units.items()},
+            self.sentence, self.time, series(self.inputs), predictions, noise, units_shown
         )
 
     def to_csv(self, path: str | Path) -> None:

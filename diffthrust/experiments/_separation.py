@@ -14,21 +14,23 @@ all runs start equal, and jumps at a full turn would create false minima.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from diffthrust.experiments._confront import (
-    CHUNK,
-    Conditions,
-    InputSeries,
-    Rival,
-    against,
-    outputs_of,
-)
+from diffthrust._support._running.programs import program
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._trajectory import Grid, Key, trajectory
 
+InputSeries = Mapping[str, Float[np.ndarray, "designs time"]]
+CHUNK = 16
+"""Designs per batch, whatever their number: one compilation serves all."""
 _SCREEN, _THOROUGH = 12, 30
 """Most steps of an imitation, in the search for designs and to verify one."""
 _SETTLED = 1e-3
@@ -37,16 +39,151 @@ _SCATTER = 0.5
 """Largest spread of further starts in a parameter's coordinate."""
 
 
-class Imitation(NamedTuple):
-    """The best imitation of a truth under each design.
+@dataclass(frozen=True)
+class Rival:
+    """A model that may be true, at its estimated values."""
 
-    Args:
-        separation: remaining difference; NaN if a simulation failed.
-        outputs: of the imitator at its best.
-    """
+    model: Model
+    free: tuple[str, ...]  # the parameters that it may move to imitate another
+    precision: np.ndarray = field(repr=False)
+    """Prior knowledge: inverse covariance in the optimiser's coordinates, ``(k, k)``, or zero."""
 
-    separation: Float[np.ndarray, " designs"]
+    @property
+    def start(self) -> np.ndarray:
+        """Coordinates of the estimated values, ``(k,)``."""
+        named = self.model.parameters
+        return np.array([float(named[n].to_coordinate(named[n].value)) for n in self.free])
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits of the coordinates."""
+        pairs = [self.model.parameters[n].coordinate_limits() for n in self.free]
+        low, high = np.array(pairs, float).reshape(-1, 2).T
+        return low, high
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions common to all designs."""
+
+    time: np.ndarray  # sample instants [s], (T,)
+    noise: Mapping[str, float]  # standard deviation of each measured channel
+    unsigned: frozenset[str]  # channels whose sensor reports the absolute value
+    substeps: int  # integrator steps per sample
+    correlation: float  # of the noise from one sample to the next
+
+
+class _Layout(NamedTuple):
+    """The static part, which fixes the compiled code."""
+
+    key: Key
+    grid: Grid
+    free: tuple[str, ...]
+    transforms: tuple[str, ...]
+    channels: tuple[str, ...]
+    unsigned: frozenset[str]
+
+
+class Confronted(NamedTuple):
+    """A model compared with targets; r are the whitened differences, J their derivatives."""
+
     outputs: Float[np.ndarray, "designs channels time"]
+    cost: Float[np.ndarray, " designs"]  # r' r; infinite where a simulation failed
+    slope: Float[np.ndarray, "designs free"]  # J' r
+    gram: Float[np.ndarray, "designs free free"]  # J' J
+
+
+def against(
+    rival: Rival,
+    conditions: Conditions,
+    inputs: InputSeries,
+    z: Float[np.ndarray, "designs free"],
+    target: Float[np.ndarray, "designs channels time"],
+) -> Confronted:
+    """Simulate a rival under every design, by coordinates for each, and compare it to targets."""
+    named = rival.model.parameters
+    hold = tuple((name, "zero") for name in sorted(inputs))
+    layout = _Layout(
+        Key(rival.model.bind({})),
+        Grid(hold, conditions.substeps),
+        rival.free,
+        tuple(named[n].transform for n in rival.free),
+        tuple(conditions.noise),
+        conditions.unsigned,
+    )
+    arrays = {
+        "values": {n: np.asarray(p.value, float) for n, p in named.items()},
+        "scales": np.array([named[n].scale for n in rival.free]),
+        "time": conditions.time,
+        "sigma": np.array(list(conditions.noise.values())),
+        "correlation": np.asarray(conditions.correlation, float),
+    }
+    count, passes = z.shape[0], []
+    for begin in range(0, count, CHUNK):
+        # the last chunk is filled up with its last design
+        rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
+        series = {name: values[rows] for name, values in inputs.items()}
+        chunk = _chunk(layout, arrays, series, z[rows], target[rows])
+        passes.append([np.array(array)[: count - begin] for array in chunk])
+    outputs, cost, slope, gram = (np.concatenate(chunks) for chunks in zip(*passes, strict=True))
+    fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
+    return Confronted(outputs, np.where(fine, cost, np.inf), slope, gram)
+
+
+@program(1)
+def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tuple[Any, ...]:
+    def confront(design: Any) -> tuple[Any, ...]:
+        series, point, goal = design
+        steps = jnp.eye(point.shape[0])
+
+        def fn(p: Any) -> Any:
+            return _outputs(layout, arrays, series, p)
+
+        if layout.free:
+            y, slopes = jax.vmap(lambda v: jax.jvp(fn, (point,), (v,)), out_axes=(None, 0))(steps)
+        else:
+            y = fn(point)
+            slopes = jnp.zeros((0, *y.shape))
+        residual = _white(arrays, goal - y).reshape(-1)
+        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), residual.size)
+        return y, residual @ residual, rows @ residual, rows @ rows.T
+
+    # one after the other: vmap over whole trajectories leaves the processor's cache (256 of them
+    # took 397 ms, mapped 144)
+    return jax.lax.map(confront, (inputs, z, target))
+
+
+def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
+    values = dict(arrays["values"])
+    for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
+        values[name] = jnp.exp(z[i]) if transform == "log" else z[i] * arrays["scales"][i]
+    model = layout.key.model.bind(values)
+    modelled, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
+    rows = [jnp.abs(modelled[n]) if n in layout.unsigned else modelled[n] for n in layout.channels]
+    return jnp.stack(rows)
+
+
+def _white(arrays: Any, series: Any) -> Any:
+    """Whiten series ``(C, T)`` with first-order noise, to unit variance."""
+    phi = arrays["correlation"]
+    later = (series[:, 1:] - phi * series[:, :-1]) / jnp.sqrt(1.0 - phi**2)
+    return jnp.concatenate([series[:, :1], later], axis=1) / arrays["sigma"][:, None]
+
+
+def outputs_of(
+    rival: Rival, conditions: Conditions, inputs: InputSeries
+) -> Float[np.ndarray, "designs channels time"]:
+    """Predictions of a rival with its estimated parameters."""
+    count = next(iter(inputs.values())).shape[0]
+    blank = np.zeros((count, len(conditions.noise), conditions.time.size))
+    return against(rival, conditions, inputs, np.tile(rival.start, (count, 1)), blank).outputs
+
+
+class Imitation(NamedTuple):
+    """The best imitation of a truth under each design."""
+
+    separation: Float[np.ndarray, " designs"]  # remaining difference; NaN if a simulation failed
+    outputs: Float[np.ndarray, "designs channels time"]  # of the imitator at its best
 
 
 def imitated(
@@ -120,11 +257,8 @@ def pairs_of(rivals: Sequence[Rival]) -> list[tuple[int, int]]:
 
 
 def _extends(larger: Rival, smaller: Rival) -> bool:
-    larger_model, smaller_model = larger.model, smaller.model
-    inside = {e.structure for e in smaller_model.effects} < {
-        e.structure for e in larger_model.effects
-    }
-    return inside and type(larger_model) is type(smaller_model)
+    more, fewer = ({e.structure for e in rival.model.effects} for rival in (larger, smaller))
+    return fewer < more and type(larger.model) is type(smaller.model)
 
 
 def separations(

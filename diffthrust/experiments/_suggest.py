@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from diffthrust._support.progress import ProgressOption, progressing, reporter
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.words import number
+from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._result import Fit
-from diffthrust.experiments._confront import outputs_of
+from diffthrust.experiments import _request as asked
 from diffthrust.experiments._designs import KINDS, Design, Space, design_key, grid
-from diffthrust.experiments._request import Request, requested
+from diffthrust.experiments._request import Request
 from diffthrust.experiments._result import Experiment, Trial
-from diffthrust.experiments._separation import Imitation, imitated_from_afar, pairs_of, separations
+from diffthrust.experiments._separation import (
+    Conditions,
+    Imitation,
+    imitated_from_afar,
+    outputs_of,
+    pairs_of,
+    separations,
+)
 from diffthrust.logs._log import Log
-from diffthrust.logs._written import ShownUnits, Written
+from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 
 _DECISIVE = 9.0
@@ -91,27 +100,43 @@ def suggest_experiment(
         >>> test.decisive, test.time.shape
         (True, (61,))
     """
-    request = requested(
-        rivals,
-        duration=duration,
-        step=step,
-        limits=limits,
-        logs=logs,
-        noise=noise,
-        held=held,
-        rate_limits=rate_limits,
-        rest_duration=rest,
-        correlation_time=correlation_time,
-        seed=seed,
+    runs = listed(logs) if logs is not None else ()
+    models = asked.models_of(rivals)
+    asked.check_numbers(duration, step, rest, correlation_time, seed)
+    moved, constant = asked.moved_and_held(models, limits, held, runs)
+    rates = asked.checked_rates(rate_limits, moved)
+    sigma = asked.noise_levels(rivals, models, noise)
+    time = np.round(np.arange(round(duration / step) + 1) * step, 9)
+    space = Space(time, moved, rates, rest, seed)
+    conditions = Conditions(
+        time=time,
+        noise=sigma,
+        unsigned=frozenset(name for log in runs for name in log.unsigned if name in sigma),
+        substeps=asked.enough_substeps(models, space, constant, sigma),
+        correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
     )
-    space, report = request.space, reporter(progress)
+    fitted = [rival.written for rival in rivals if isinstance(rival, Fit)]
+    request = Request(
+        tuple(asked.rival_of(r, model, runs) for r, model in zip(rivals, models, strict=True)),
+        asked.names_of(models),
+        space,
+        conditions,
+        constant,
+        asked.units_of(models, runs),
+        ShownUnits([*fitted, *(log.written for log in runs)]).written,
+    )
+    return _search(request, reporter(progress))
+
+
+def _search(request: Request, report: Progress) -> Experiment:
+    """The best design of the families, refined, and verified against the best imitation."""
     tried: dict[tuple[object, ...], tuple[float, Design]] = {}
     report("trying commands", 0.0)
-    _try(grid(space), request, tried)
+    _try(grid(request.space), request, tried)
     for k, factor in enumerate(_ROUNDS):
         report("refining the best", 0.4 + 0.3 * k / len(_ROUNDS))
         around = [
-            design.changed(faster, larger, space)
+            design.changed(faster, larger, request.space)
             for _, design in _best(tried)[:_LEADERS]
             for faster, larger in ((factor, 1), (1 / factor, 1), (1, factor), (1, 1 / factor))
         ]
@@ -185,7 +210,7 @@ def _result(
         name: dict(zip(conditions.noise, rows, strict=True))
         for name, rows in zip(names, verified.outputs, strict=True)
     }
-    words = in_words(ranked[0][1], space, request.units, request.written)
+    words = in_words(ranked[0][1], request)
     test = Experiment(
         sentence="",
         time=conditions.time,
@@ -209,8 +234,7 @@ def _trial(separation: float, design: Design, request: Request) -> Trial:
     space = request.space
     ranges = {name: design.levels(name, space) for name in space.limits}
     parameters = {**ranges, "share": design.share, "hold": design.hold}
-    words = in_words(design, space, request.units, request.written)
-    return Trial(design.kind, parameters, separation, words)
+    return Trial(design.kind, parameters, separation, in_words(design, request))
 
 
 def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
@@ -232,16 +256,9 @@ def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
     return f"{words}: {channel} differs{between} by up to {size}; {ratio}."
 
 
-def in_words(
-    design: Design, space: Space, units: Mapping[str, str], written: Mapping[str, Written]
-) -> str:
-    """A design in words, in the units in which the inputs were written.
-
-    Example:
-        >>> in_words(design, space, {"command": "V"}, {})
-        'Staircase of command between -2 V and 2 V, each level held 1.5 s'
-    """
-    shown = ShownUnits((written,))
+def in_words(design: Design, request: Request) -> str:
+    """A design in words, such as "Staircase of command between -2 V and 2 V", as logs write it."""
+    space, units, shown = request.space, request.units, ShownUnits((request.written,))
     levels = {
         n: [
             f"{_number(float(level))} {shown.unit(n, units[n])}".rstrip()
@@ -249,21 +266,15 @@ def in_words(
         ]
         for n in space.limits
     }
-    joined = " and of ".join(f"{n} {_range(design, *levels[n])}" for n in design.moved)
+    between = {"step up": "from {0} to {1}", "step down": "from {1} to {0}"}
+    span = between.get(design.kind, "between {0} and {1}")
+    joined = " and of ".join(f"{n} {span.format(*levels[n])}" for n in design.moved)
     if len(set(design.moved.values())) > 1:
         joined += " in opposite senses"
     text = f"{KINDS[design.kind].words} of {joined}{_tempo(design, space)}"
     held = [n for n in space.limits if n not in design.moved]
     values = [f"{n} at {levels[n][0]}" for n in held]
     return f"{text}, with {' and '.join(values)}" if values else text
-
-
-def _range(design: Design, low: str, high: str) -> str:
-    if design.kind == "step down":
-        low, high = high, low
-    if design.kind in ("step up", "step down"):
-        return f"from {low} to {high}"
-    return f"between {low} and {high}"
 
 
 def _tempo(design: Design, space: Space) -> str:
