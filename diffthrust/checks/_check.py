@@ -176,6 +176,7 @@ def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> 
 def _rows(
     name: str, path: Path, update: bool, trust: Sequence[str]
 ) -> tuple[list[CheckRow], bool, str]:
+    """The rows of a fit, whether its block was rewritten, and what changed since it was stored."""
     spec = load_spec(path, trust=trust)
     expected = spec.file.expected
     if expected is None and not update:
@@ -183,15 +184,14 @@ def _rows(
         return [CheckRow(name, "no [expected] block", None, None, None, False, mend)], False, ""
     fit = spec.fit()
     marks = marks_of(spec, fit)
-    if update:
-        text = updated(spec.text, path, expected, fit, marks)
-        if text != spec.text:
-            _write_over(path, spec.text, text)
-            expected = load_spec(path, trust=trust).file.expected
-            assert expected is not None
-            return list(compared(name, expected, fit)), True, ""
+    text = updated(spec.text, path, expected, fit, marks) if update else spec.text
+    if text != spec.text:
+        _write_over(path, spec.text, text)
+        expected = load_spec(path, trust=trust).file.expected
     assert expected is not None
     rows = list(compared(name, expected, fit))
+    if text != spec.text:
+        return rows, True, ""
     if not rows:
         mend = "Remove the empty [expected] block and run diffthrust check --update."
         rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]

@@ -41,34 +41,19 @@ _RELATIVE = 1e-4
 
 @dataclass(frozen=True)
 class CheckRow:
-    """One quantity of one fit: expected and actual value.
-
-    Args:
-        fit: name of the fit.
-        quantity: ``status``, ``train_nrmse``, ``holdout_nrmse``, a parameter, or what went wrong.
-        expected: number or word; ``None`` if none is written.
-        found: number or word; ``None`` if there is none.
-        tolerance: largest difference allowed; ``None`` for words.
-        ok: the two agree.
-        mend: what to do if they do not.
-        std_error: expected standard error of a parameter, or that of the new fit if none is
-            written; ``None`` if there is none.
-        unit: of all these numbers.
-        per: number of ``shown_unit`` per ``unit``.
-        shown_unit: display unit, as in the log; ``unit`` if empty.
-    """
+    """One quantity of one fit: expected and actual value, ``None`` where there is none."""
 
     fit: str
-    quantity: str
+    quantity: str  # status, train_nrmse, holdout_nrmse, a parameter, or what went wrong
     expected: float | str | None
     found: float | str | None
-    tolerance: float | None
+    tolerance: float | None  # largest difference allowed; None for words
     ok: bool
     mend: str = ""
-    std_error: float | None = None
-    unit: str = ""
-    per: float = 1.0
-    shown_unit: str = ""
+    std_error: float | None = None  # of a parameter as expected, else that of the new fit
+    unit: str = ""  # of all these numbers
+    per: float = 1.0  # number of shown_unit per unit
+    shown_unit: str = ""  # as in the log; unit if empty
 
     @property
     def change(self) -> float | None:
@@ -109,17 +94,11 @@ class CheckRow:
 
 @dataclass(frozen=True)
 class Marks:
-    """Fingerprints of a stored fit, to report what has changed since.
+    """Fingerprints of a stored fit, to report what has changed since."""
 
-    Args:
-        library: versions, such as "diffthrust 0.1.0, jax 0.10.2, numpy 2.4.6".
-        spec: hash of the spec without [expected].
-        data: hash of each log file, by its path relative to the spec.
-    """
-
-    library: str
-    spec: str
-    data: dict[str, str]
+    library: str  # versions, such as "diffthrust 0.1.0, jax 0.10.2, numpy 2.4.6"
+    spec: str  # hash of the spec without [expected]
+    data: dict[str, str]  # hash of each log file, by its path relative to the spec
 
     def since(self, expected: ExpectedPart, agrees: bool) -> str:
         """A sentence on what changed since a block was written; "" where results agree on its data.
@@ -129,9 +108,9 @@ class Marks:
         """
         stored, data = expected.data, self.data
         files = [file for file in {**stored, **data} if stored.get(file) != data.get(file)]
+        if agrees and not (stored and files):
+            return ""
         if agrees:
-            if not (stored and files):
-                return ""
             return (
                 f"The data ({', '.join(files)}) changed since it was stored; the results stay "
                 "within their tolerances. Restore the data, or accept them: diffthrust check "
@@ -142,25 +121,21 @@ class Marks:
                 "Its [expected] block does not name the data, spec and library that it belongs to: "
                 "diffthrust check --update adds them."
             )
-        changed = {
-            "data": f"the data ({', '.join(files)})" if files else "",
-            "spec": "the spec" if expected.spec != self.spec else "",
-            "library": f"the library (it was {expected.library}; now {self.library})"
-            if expected.library != self.library
-            else "",
+        library = f"the library (it was {expected.library}; now {self.library})"
+        compared = {
+            "data": (f"the data ({', '.join(files)})", bool(files)),
+            "spec": ("the spec", expected.spec != self.spec),
+            "library": (library, expected.library != self.library),
         }
-        same = [name for name, words in changed.items() if not words]
-        if len(same) == len(changed):
+        changed = [words for words, differs in compared.values() if differs]
+        same = [name for name, (_, differs) in compared.items() if not differs]
+        if not changed:
             return (
                 "Data, spec and versions are as stored: the code of diffthrust or the machine has "
                 "moved it."
             )
         unchanged = f"; {joined(same)} {'is' if len(same) == 1 else 'are'} the same" if same else ""
-        return f"Since it was stored {joined(filter(None, changed.values()))} changed{unchanged}."
-
-    def of(self, expected: ExpectedPart) -> bool:
-        """Whether a block has the same data and spec, whatever the library."""
-        return bool(expected.library) and (expected.spec, expected.data) == (self.spec, self.data)
+        return f"Since it was stored {joined(changed)} changed{unchanged}."
 
 
 def marks_of(spec: Spec, fit: Fit) -> Marks:
@@ -192,12 +167,8 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
     if expected.status is not None:
         status = fit.status.value
         yield CheckRow(name, "status", expected.status, status, None, status == expected.status)
-    numbers = {f"parameters.{key}": number for key, number in expected.parameters.items()}
-    for key in _ERRORS:
-        if (number := getattr(expected, key)) is not None:
-            numbers[key] = number
     now = found_numbers(fit)
-    for key, number in numbers.items():
+    for key, number in _numbers_of(expected).items():
         quantity = key.removeprefix("parameters.")
         if key not in now:
             names = [k.removeprefix("parameters.") for k in now]
@@ -250,17 +221,20 @@ def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit, mark
     that still agree are kept, and so are tolerances; missing standard errors are added. Hashes of
     data and spec are updated if changed.
     """
-    kept = expected or ExpectedPart()
-    old = {f"parameters.{key}": number for key, number in kept.parameters.items()}
-    old |= {key: getattr(kept, key) for key in _ERRORS}
-    wanted = {
-        key: _renewed(old.get(key), number_now) for key, number_now in found_numbers(fit).items()
-    }
-    held = {key: number for key, number in old.items() if number is not None}
-    same = expected is not None and kept.status == fit.status.value and held == wanted
-    if same and marks.of(kept):
-        return text
+    old = _numbers_of(expected) if expected else {}
+    wanted = {key: _renewed(old.get(key), now) for key, now in found_numbers(fit).items()}
+    if expected and expected.status == fit.status.value and old == wanted:
+        stored = (expected.spec, expected.data)  # whatever the library
+        if expected.library and stored == (marks.spec, marks.data):
+            return text
     return with_expected(text, file, fit.status.value, wanted, marks)
+
+
+def _numbers_of(expected: ExpectedPart) -> dict[str, ExpectedNumber]:
+    """The numbers of a block, those of parameters as "parameters.NAME"."""
+    numbers = {f"parameters.{key}": number for key, number in expected.parameters.items()}
+    errors = {key: getattr(expected, key) for key in _ERRORS}
+    return numbers | {key: number for key, number in errors.items() if number is not None}
 
 
 def with_expected(

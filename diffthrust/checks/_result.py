@@ -14,26 +14,17 @@ from diffthrust.checks._tables import by_size, counts, moved_rows, remarks
 
 @dataclass(frozen=True, repr=False)
 class FitRun(Brief):
-    """A rerun of one fit.
+    """A rerun of one fit."""
 
-    Args:
-        fit: its name: the path of its folder, relative to the folder of all fits.
-        file: its spec file.
-        rows: one for each quantity.
-        updated: its [expected] block was rewritten.
-        seconds: duration.
-        warnings: warnings of the fit.
-        since: for a failure, which of data, spec and library changed since it was stored; where
-            all agrees, data that changed all the same.
-    """
-
-    fit: str
-    file: Path
-    rows: tuple[CheckRow, ...]
-    updated: bool = False
+    fit: str  # its name: the path of its folder, relative to the folder of all fits
+    file: Path  # its spec
+    rows: tuple[CheckRow, ...]  # one for each quantity
+    updated: bool = False  # its [expected] block was rewritten
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
     since: str = ""
+    """For a failure, which of data, spec and library changed since it was stored; where all
+    agrees, data that changed all the same."""
 
     @property
     def ok(self) -> bool:
@@ -42,14 +33,8 @@ class FitRun(Brief):
 
     def to_json(self) -> dict[str, Any]:
         """The run without its rows as plain data."""
-        return {
-            "fit": self.fit,
-            "file": str(self.file),
-            "ok": self.ok,
-            "updated": self.updated,
-            "seconds": self.seconds,
-            "since": self.since,
-        }
+        kept = {name: getattr(self, name) for name in ("ok", "updated", "seconds", "since")}
+        return {"fit": self.fit, "file": str(self.file), **kept}
 
 
 def not_run(fit: str, problem: str, mend: str) -> CheckRow:

@@ -17,23 +17,14 @@ def moved_rows(rows: Iterable[CheckRow], *, by_fit: bool) -> Rows:
     """A row for each quantity; one block for each fit if ``by_fit``."""
     blocks: dict[str, list[tuple[str, ...]]] = {}
     for row in rows:
-        blocks.setdefault(row.fit if by_fit else "", []).append(
-            (
-                row.fit,
-                row.quantity,
-                _cell(row.expected, row),
-                "see below" if _wordy(row) else _cell(row.found, row),
-                row.unit,
-                by_how_much(row),
-                "" if row.tolerance is None else f"{row.tolerance:.2g}",
-                Styled(row.verdict, "good" if row.ok else "bad"),
-            )
-        )
-    return Rows(
-        ("Fit", "Quantity", "Expected", "Found", "Unit", "Moved by", "Tolerance", ""),
-        tuple(tuple(block) for block in blocks.values()),
-        numbers=(2, 3, 5, 6),
-    )
+        found = "see below" if _wordy(row) else _cell(row.found, row)
+        tolerance = "" if row.tolerance is None else f"{row.tolerance:.2g}"
+        verdict = Styled(row.verdict, "good" if row.ok else "bad")
+        numbers = (_cell(row.expected, row), found, row.unit, by_how_much(row), tolerance)
+        block = blocks.setdefault(row.fit if by_fit else "", [])
+        block.append((row.fit, row.quantity, *numbers, verdict))
+    headings = ("Fit", "Quantity", "Expected", "Found", "Unit", "Moved by", "Tolerance", "")
+    return Rows(headings, tuple(map(tuple, blocks.values())), numbers=(2, 3, 5, 6))
 
 
 def by_size(rows: Iterable[CheckRow]) -> list[CheckRow]:
