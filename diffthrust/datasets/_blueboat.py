@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-from diffthrust.datasets._fetch import located
-from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.datasets._fetch import loaded
+from diffthrust.datasets._record import DataFile, DataSet, Runs
 from diffthrust.logs._columns import Column
 from diffthrust.logs._read import read_log
 
 _RUNS = (216, 218, 220, 221, 222, 223, 224, 225, 226, 228, 230, 232)
-_UNSEEN = ("run_228", "run_230", "run_232")
+_TRAIN, _UNSEEN = ([f"run_{run}" for run in runs] for runs in (_RUNS[:9], _RUNS[9:]))
 _COMMIT = "fd6d9f37ae138a96b7f99f836894aee28e0684a8"
 
 BLUEBOAT = DataSet(
@@ -67,23 +68,16 @@ def blueboat(names: str | Sequence[str] | None = None) -> Runs:
         ...     print(type(error).__name__)
         InputError
     """
-    names_known = tuple(f"run_{run}" for run in _RUNS)
-    chosen = wanted(BLUEBOAT, names_known, names)
-    paths = located(BLUEBOAT, [f"{name}.csv" for name in chosen])
-    logs = {
-        name: read_log(
-            paths[f"{name}.csv"],
-            time=Column("original_timestamp", unit="ms"),
-            inputs={side: Column(side, unit="N") for side in ("left_force", "right_force")},
-            measured={
-                "surge": Column("surge", unit="m/s"),
-                "sway": Column("sway", unit="m/s"),
-                # The sign is left as published: correcting it here would hide the defect that
-                # `soundness` must find.
-                "yaw_rate": Column("yaw_rate", unit="rad/s"),
-            },
-        )
-        for name in chosen
-    }
-    train = tuple(name for name in names_known if name not in _UNSEEN)
-    return runs(BLUEBOAT, logs, train, _UNSEEN)
+    read = partial(
+        read_log,
+        time=Column("original_timestamp", unit="ms"),
+        inputs={side: Column(side, unit="N") for side in ("left_force", "right_force")},
+        measured={
+            "surge": Column("surge", unit="m/s"),
+            "sway": Column("sway", unit="m/s"),
+            # The sign is left as published: correcting it here would hide the defect that
+            # `soundness` must find.
+            "yaw_rate": Column("yaw_rate", unit="rad/s"),
+        },
+    )
+    return loaded(BLUEBOAT, names, read, _TRAIN, _UNSEEN)

@@ -46,9 +46,8 @@ def fetch(name: str) -> Path:
     """
     sets = {about.name: about for about in list()}
     if name not in sets:
-        near = nearest(str(name), sets)
         raise InputError(
-            f"expected the name of a data set, found {name!r}{'; ' + near if near else ''}.",
+            f"expected the name of a data set, found {name!r}{nearest(str(name), sets, '; ')}.",
             f"Choose one of {listing(sets)}.",
         )
     return next(iter(located(sets[name]).values())).parent

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-from diffthrust.datasets._fetch import located
-from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.datasets._fetch import loaded
+from diffthrust.datasets._record import DataFile, DataSet, Runs
 from diffthrust.logs._columns import Column
 from diffthrust.logs._read import read_log
 
@@ -67,18 +68,13 @@ def emps(names: str | Sequence[str] | None = None) -> Runs:
         ...     print(type(error).__name__)
         InputError
     """
-    chosen = wanted(EMPS, tuple(_SUMS), names)
-    paths = located(EMPS, [f"{name}.csv" for name in chosen])
-    logs = {
-        name: read_log(
-            paths[f"{name}.csv"],
-            time="time_exp",
-            inputs={"force": Column("u_in", unit="N", scale=35.15, hold="linear")},
-            measured={
-                "position": Column("q_meas", unit="m", scale=0.125),
-                "velocity": Column("v_est", unit="m/s", scale=0.125),
-            },
-        )
-        for name in chosen
-    }
-    return runs(EMPS, logs, (_TRAIN,), (_UNSEEN,))
+    read = partial(
+        read_log,
+        time="time_exp",
+        inputs={"force": Column("u_in", unit="N", scale=35.15, hold="linear")},
+        measured={
+            "position": Column("q_meas", unit="m", scale=0.125),
+            "velocity": Column("v_est", unit="m/s", scale=0.125),
+        },
+    )
+    return loaded(EMPS, names, read, (_TRAIN,), (_UNSEEN,))

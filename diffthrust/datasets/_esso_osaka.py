@@ -3,60 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-from diffthrust.datasets._fetch import located
-from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.datasets._fetch import loaded
+from diffthrust.datasets._record import DataFile, DataSet, Runs
 from diffthrust.logs._columns import Column
 from diffthrust.logs._read import read_log
 
 # The files have not changed in their repository; each is pinned to a commit that holds it.
 _PINS = {
-    "af348ce5db533f0c45cf3999cd5a8f4f17c873cd": {
-        "berthing": ("berthing_12-Nov-2020_11_07_23", "berthing_12-Nov-2020_11_14_47"),
-        "random": ("random_06-Aug-2020_16_24_25_4",),
-        "turning": (
-            "turn_14-Oct-2020_14_39_54",
-            "turn_14-Oct-2020_14_56_07",
-            "turn_14-Sep-2020_13_51_45",
-            "turn_14-Sep-2020_14_16_04",
-            "turn_14-Sep-2020_15_58_08",
-            "turn_cut_14-Sep-2020_15_58_08",
-            "turn_cut_14-Sep-2020_16_09_02",
-        ),
-        "zigzag": (
-            "zigzag_31-Jul-2020_13_29_19",
-            "zigzag_31-Jul-2020_13_50_28",
-            "zigzag_31-Jul-2020_14_03_39",
-        ),
-    },
-    "28435ac114f287fc72d10f49690793f0dae8a7ad": {
-        "berthing": ("berthing_12-Nov-2020_11_21_46",),
-        "random": (
-            "random_06-Aug-2020_16_24_25_1",
-            "random_06-Aug-2020_16_24_25_5",
-            "random_06-Aug-2020_16_24_25_6",
-        ),
-        "turning": (
-            "turn_14-Oct-2020_14_08_51",
-            "turn_14-Oct-2020_14_17_39",
-            "turn_14-Oct-2020_14_29_49",
-            "turn_14-Oct-2020_15_21_57",
-            "turn_14-Sep-2020_13_39_32",
-            "turn_14-Sep-2020_15_47_33",
-        ),
-        "zigzag": (
-            "zigzag_31-Jul-2020_13_04_24",
-            "zigzag_31-Jul-2020_13_14_21",
-            "zigzag_31-Jul-2020_13_22_52",
-            "zigzag_31-Jul-2020_13_57_45",
-        ),
-    },
+    "af348ce5db533f0c45cf3999cd5a8f4f17c873cd": """
+        berthing_12-Nov-2020_11_07_23 berthing_12-Nov-2020_11_14_47 random_06-Aug-2020_16_24_25_4
+        turn_14-Oct-2020_14_39_54 turn_14-Oct-2020_14_56_07 turn_14-Sep-2020_13_51_45
+        turn_14-Sep-2020_14_16_04 turn_14-Sep-2020_15_58_08 turn_cut_14-Sep-2020_15_58_08
+        turn_cut_14-Sep-2020_16_09_02 zigzag_31-Jul-2020_13_29_19 zigzag_31-Jul-2020_13_50_28
+        zigzag_31-Jul-2020_14_03_39
+    """,
+    "28435ac114f287fc72d10f49690793f0dae8a7ad": """
+        berthing_12-Nov-2020_11_21_46 random_06-Aug-2020_16_24_25_1 random_06-Aug-2020_16_24_25_5
+        random_06-Aug-2020_16_24_25_6 turn_14-Oct-2020_14_08_51 turn_14-Oct-2020_14_17_39
+        turn_14-Oct-2020_14_29_49 turn_14-Oct-2020_15_21_57 turn_14-Sep-2020_13_39_32
+        turn_14-Sep-2020_15_47_33 zigzag_31-Jul-2020_13_04_24 zigzag_31-Jul-2020_13_14_21
+        zigzag_31-Jul-2020_13_22_52 zigzag_31-Jul-2020_13_57_45
+    """,
 }
+_FOLDERS = {"berthing": "berthing", "random": "random", "turn": "turning", "zigzag": "zigzag"}
 _FILES = {
-    name: DataFile(f"{name}.csv", f"data/{folder}/{name}.csv", commit)
-    for commit, folders in _PINS.items()
-    for folder, names in folders.items()
-    for name in names
+    name: DataFile(f"{name}.csv", f"data/{_FOLDERS[name.partition('_')[0]]}/{name}.csv", commit)
+    for commit, names in _PINS.items()
+    for name in names.split()
 }
 _NAMES = tuple(sorted(_FILES))
 
@@ -124,28 +99,23 @@ def esso_osaka(names: str | Sequence[str] | None = None, *, stop: float | None =
         ...     print(type(error).__name__)
         InputError
     """
-    chosen = wanted(ESSO_OSAKA, _NAMES, names)
-    paths = located(ESSO_OSAKA, [f"{name}.csv" for name in chosen])
-    logs = {
-        name: read_log(
-            paths[f"{name}.csv"],
-            time=Column("t [s]", unit="s"),
-            inputs={
-                "propeller_speed": Column("n_prop [rps]", unit="rps"),
-                "rudder_angle": Column("delta_rudder [rad]", unit="rad", scale=-1),
-                "wind_speed": Column("wind_velo_true [m/s]", unit="m/s"),
-                "wind_direction": Column("wind_dir_true [rad]", unit="rad"),
-                # An input here: the wind acts by its angle to the ship, and the measured heading is
-                # good to a degree.
-                "heading": Column("psi_hat [rad]", unit="rad"),
-            },
-            measured={
-                "surge": Column("u_velo [m/s]", unit="m/s"),
-                "sway": Column("vm_velo [m/s]", unit="m/s"),
-                "yaw_rate": Column("r_angvelo [rad/s]", unit="rad/s"),
-            },
-            stop=stop,
-        )
-        for name in chosen
-    }
-    return runs(ESSO_OSAKA, logs, _TRAIN, _UNSEEN)
+    read = partial(
+        read_log,
+        time=Column("t [s]", unit="s"),
+        inputs={
+            "propeller_speed": Column("n_prop [rps]", unit="rps"),
+            "rudder_angle": Column("delta_rudder [rad]", unit="rad", scale=-1),
+            "wind_speed": Column("wind_velo_true [m/s]", unit="m/s"),
+            "wind_direction": Column("wind_dir_true [rad]", unit="rad"),
+            # An input here: the wind acts by its angle to the ship, and the measured heading is
+            # good to a degree.
+            "heading": Column("psi_hat [rad]", unit="rad"),
+        },
+        measured={
+            "surge": Column("u_velo [m/s]", unit="m/s"),
+            "sway": Column("vm_velo [m/s]", unit="m/s"),
+            "yaw_rate": Column("r_angvelo [rad/s]", unit="rad/s"),
+        },
+        stop=stop,
+    )
+    return loaded(ESSO_OSAKA, names, read, _TRAIN, _UNSEEN)

@@ -14,31 +14,67 @@ import json
 import logging
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
+from types import MappingProxyType
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_json
-from diffthrust._support.names import nearest
-from diffthrust.datasets._record import DataFile, DataSet
+from diffthrust._support.names import listing, nearest
+from diffthrust.datasets._record import DataFile, DataSet, Runs
+from diffthrust.logs._log import Log
 
 FOLDER = "DIFFTHRUST_DATA"
 _SUMS = "sha256.json"
+
+
+def loaded(
+    about: DataSet,
+    names: str | Sequence[str] | None,
+    read: Callable[[Path], Log],
+    train: Sequence[str],
+    unseen: Sequence[str],
+) -> Runs:
+    """The requested logs of a set, from its files NAME.csv, and those of its usual split."""
+    chosen = wanted(about, [file.name.removesuffix(".csv") for file in about.files], names)
+    paths = located(about, [f"{name}.csv" for name in chosen])
+    logs = {name: read(paths[f"{name}.csv"]) for name in chosen}
+    return Runs(
+        logs=MappingProxyType(logs),
+        train=tuple(logs[name] for name in train if name in logs),
+        unseen=tuple(logs[name] for name in unseen if name in logs),
+        about=about,
+    )
+
+
+def wanted(
+    about: DataSet, available: Sequence[str], names: str | Sequence[str] | None
+) -> tuple[str, ...]:
+    """The requested names, in the set's order; patterns such as ``"zigzag*"`` are allowed."""
+    patterns = ("*",) if names is None else (names,) if isinstance(names, str) else tuple(names)
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in available):
+            raise InputError(
+                f"data set {about.name!r}: expected names of logs, found {pattern!r}"
+                f"{nearest(str(pattern), available, '; ')}.",
+                f"Choose among {listing(available)}, or leave the names out for all.",
+            )
+    return tuple(n for n in available if any(fnmatchcase(n, pattern) for pattern in patterns))
 
 
 def located(about: DataSet, names: Iterable[str] | None = None) -> dict[str, Path]:
     """The path of each file of a data set, or of those named; downloads missing ones."""
     files = {file.name: file for file in about.files}
     chosen = list(files) if names is None else list(names)
-    root = os.environ.get(FOLDER)
-    if root:
-        return {name: _local(about, Path(root).expanduser(), name) for name in chosen}
+    folder = place(about)
+    if os.environ.get(FOLDER):
+        return {name: _local(about, folder / name) for name in chosen}
     if not about.address:
         raise InputError(
             f"data set {about.name!r}: {about.local_only}.",
             f"Set {FOLDER} to the folder that holds {about.name}/{chosen[0]}.",
         )
-    folder = _cache_folder() / about.name
     return {name: _cached(about, files[name], folder) for name in chosen}
 
 
@@ -58,17 +94,17 @@ def _cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("diffthrust", appauthor=False)) / "datasets"
 
 
-def _local(about: DataSet, root: Path, name: str) -> Path:
-    path = root / about.name / name
+def _local(about: DataSet, path: Path) -> Path:
     if path.is_file():
         return path
-    if not root.is_dir():
+    folder = path.parent
+    if not folder.parent.is_dir():
         reason = "there is no such folder"
-    elif not path.parent.is_dir():
+    elif not folder.is_dir():
         reason = f"it has no folder {about.name!r}"
     else:
-        near = nearest(name, (file.name for file in path.parent.iterdir()))
-        reason = f"there is no such file{'; ' + near if near else ''}"
+        near = nearest(path.name, (file.name for file in folder.iterdir()), "; ")
+        reason = f"there is no such file{near}"
     raise InputError(
         f"data set {about.name!r}: expected the file {path}, which {FOLDER} leads to; {reason}.",
         f"Put the file there, or unset {FOLDER} to have it downloaded."
@@ -105,15 +141,14 @@ def _download(
     logging.getLogger("pooch").setLevel(logging.WARNING)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", suffix=".part", dir=folder)
-        os.close(handle)
+        inside = tempfile.TemporaryDirectory(prefix=".", dir=folder)
     except OSError as error:
         raise InputError(
             f"{folder}: the folder cannot be written to ({error.strerror or error}).",
             "Set DIFFTHRUST_CACHE to a folder that you may write to.",
         ) from None
-    partial = Path(name)
-    try:
+    with inside:
+        partial = Path(inside.name, file.name)
         try:
             # Not as a stream: that would leave the connection open when it breaks.
             pooch.HTTPDownloader(timeout=60, stream=False)(address, str(partial), None)
@@ -127,22 +162,17 @@ def _download(
             ) from None
         digest = _sha256(partial)
         if expected is not None and digest != expected:
+            mend = "Do not trust it before you know why it changed"
+            meant = f"if it is meant to be another, remove its line from {folder / _SUMS}"
             raise InputError(
                 f"data set {about.name!r}: {address} is no longer the same file: expected the "
                 f"sha256 {expected}, found {digest}.",
-                f"Do not trust it before you know why it changed; if it is meant to be another, "
-                f"remove its line from {folder / _SUMS}."
-                if file.sha256 is None
-                else "Do not trust it before you know why it changed.",
+                f"{mend}." if file.sha256 else f"{mend}; {meant}.",
             )
         if file.sha256 is None and file.name not in recorded:
             # Read again: another process may have recorded checksums meanwhile.
             write_json(folder / _SUMS, {**_sums(folder), file.name: digest})
-        # mkstemp makes files that only their owner may read; caches are often shared.
-        partial.chmod(0o644)
         os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from diffthrust.datasets._fetch import located
-from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.datasets._fetch import loaded
+from diffthrust.datasets._record import DataFile, DataSet, Runs
 from diffthrust.logs._columns import Column
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
@@ -81,16 +81,13 @@ def ngs_thruster(names: str | Sequence[str] | None = None) -> Runs:
         ...     print(type(error).__name__)
         InputError
     """
-    chosen = wanted(NGS_THRUSTER, (*_CLOSED, *_OPEN), names)
-    paths = located(NGS_THRUSTER, [f"{name}.csv" for name in chosen])
-    logs = {name: _read(paths[f"{name}.csv"], name) for name in chosen}
-    return runs(NGS_THRUSTER, logs, _TRAIN, _UNSEEN)
+    return loaded(NGS_THRUSTER, names, _read, _TRAIN, _UNSEEN)
 
 
-def _read(path: Path, name: str) -> Log:
+def _read(path: Path) -> Log:
     thrust = Column("thrust_N", unit="N")
-    if name in _OPEN:
-        sign = -1.0 if "minus" in name else 1.0
+    if path.stem in _OPEN:
+        sign = -1.0 if "minus" in path.stem else 1.0
         speed = Column("tach_rad_s", unit="rad/s", scale=sign, hold="linear")
         return read_log(path, time="time_s", inputs={"speed": speed}, measured={"thrust": thrust})
     return read_log(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
-from types import MappingProxyType
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
@@ -113,39 +111,8 @@ class Runs:
         """
         if name in self.logs:
             return self.logs[name]
-        near = nearest(str(name), self.logs)
         raise InputError(
             f"data set {self.about.name!r}: expected the name of a log, found {name!r}"
-            f"{'; ' + near if near else ''}.",
+            f"{nearest(str(name), self.logs, '; ')}.",
             f"Choose one of {listing(self.logs)}.",
         )
-
-
-def runs(
-    about: DataSet, logs: Mapping[str, Log], train: tuple[str, ...], unseen: tuple[str, ...]
-) -> Runs:
-    """Sort logs into the usual split; logs not requested are left out."""
-    return Runs(
-        logs=MappingProxyType(dict(logs)),
-        train=tuple(logs[name] for name in train if name in logs),
-        unseen=tuple(logs[name] for name in unseen if name in logs),
-        about=about,
-    )
-
-
-def wanted(
-    about: DataSet, available: tuple[str, ...], names: str | Sequence[str] | None
-) -> tuple[str, ...]:
-    """The requested names, in the set's order; patterns such as ``"zigzag*"`` are allowed."""
-    if names is None:
-        return available
-    patterns = (names,) if isinstance(names, str) else tuple(names)
-    for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in available):
-            near = nearest(str(pattern), available)
-            raise InputError(
-                f"data set {about.name!r}: expected names of logs, found {pattern!r}"
-                f"{'; ' + near if near else ''}.",
-                f"Choose among {listing(available)}, or leave the names out for all.",
-            )
-    return tuple(n for n in available if any(fnmatchcase(n, pattern) for pattern in patterns))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
-from diffthrust.datasets._fetch import located
-from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.datasets._fetch import located, wanted
+from diffthrust.datasets._record import DataFile, DataSet, Runs
 from diffthrust.logs._log import Log
 
 _FILE = "T200-Public-Performance-Data-10-20V-September-2019.xlsx"
@@ -96,7 +97,7 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
     logs = {name: _log(sheets, _SHEETS[name], name) for name in chosen}
     if held is not None:
         logs = {name: _staircase(log, held) for name, log in logs.items()}
-    return runs(T200, logs, (), ())
+    return Runs(MappingProxyType(logs), train=(), unseen=(), about=T200)
 
 
 def _staircase(table: Log, held: float) -> Log:
