@@ -75,11 +75,7 @@ def black_box(
     count = int(finite("black_box, periods", periods, lambda x: x >= 1, "1 or more"))
     thruster = isinstance(model, Model)
     low, high = checked_limits("black_box", limits)
-    slow, fast = (
-        _of_thruster(checked_thruster("black_box", model), max(-low, high))
-        if thruster
-        else _of_poles(model)
-    )
+    slow, fast = _of_thruster(model, max(-low, high)) if thruster else _of_poles(model)
     begin, end = 1.0 / (_SLOWER * slow), _FASTER / fast  # [rad/s]
     longest = math.pi / end if signal == "multisine" else 2.8 / end
     step = longest / 8.0 if step is None else step
@@ -104,6 +100,7 @@ def black_box(
 
 def _of_thruster(model: Model, largest: float) -> tuple[float, float]:
     """Slowest and fastest time constant, from steps to half of the largest command and to all."""
+    checked_thruster("black_box", model)
     times = [settling_time(model, thruster_outputs(model), {"command": share * largest})
              for share in (0.5, 1.0)]  # fmt: skip
     return max(times) / _TO_A_HUNDREDTH, min(times) / _TO_A_HUNDREDTH

@@ -1,4 +1,4 @@
-"""Checks of a plan's limits and settling times, and of the excitation of recorded logs."""
+"""Limits of a plan, and how long a model takes to settle."""
 
 from __future__ import annotations
 
@@ -17,10 +17,6 @@ _LEFT = 0.01
 _SAMPLES = 2000
 MAX_REST = 1e4
 """Seconds beyond which a model counts as one that never settles."""
-_PARTS = 8
-"""Parts of the band, evenly spaced in the logarithm of frequency."""
-_ENOUGH = 0.1
-"""Share of the planned power in a part; a tenth is a third of the amplitude."""
 
 
 def checked_limits(who: str, limits: Any, what: str = "command") -> tuple[float, float]:
@@ -96,34 +92,3 @@ def settled(time: np.ndarray, values: np.ndarray) -> float:
     allowed = _LEFT * max(float(np.max(np.abs(values - values[0]))), 1e-12)
     beyond = np.flatnonzero(change > allowed)
     return float(time[beyond[-1] + 1]) if beyond.size and beyond[-1] + 1 < time.size else 0.0
-
-
-def excited(
-    log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
-) -> tuple[float, float] | None:
-    """The widest part of a band [Hz] in which a log's input has enough of the planned power.
-
-    ``None`` where no part is excited.
-    """
-    edges = np.geomspace(*band, _PARTS + 1)
-    wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
-    good = [*(recorded >= _ENOUGH * wanted), False]
-    best, start = (0, 0), 0
-    for k, here in enumerate(good):
-        if not here:
-            best, start = max(best, (start, k), key=lambda part: part[1] - part[0]), k + 1
-    return (float(edges[best[0]]), float(edges[best[1]])) if best[1] > best[0] else None
-
-
-def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:
-    """Mean square of a channel between frequencies; zero where the samples do not reach."""
-    values, steps = log.values(channel, unit), np.diff(log.time)
-    step = float(np.median(steps))
-    # The transform needs even steps: the input is held between samples, as the plan means it.
-    even = np.arange(log.time[0], log.time[-1] + 0.5 * step, step)
-    held = values[np.clip(np.searchsorted(log.time, even + 1e-9, side="right") - 1, 0, None)]
-    lines = np.abs(np.fft.rfft(held - held.mean())) ** 2 / held.size**2
-    total = np.concatenate([[0.0], np.cumsum(lines)])
-    frequency = np.fft.rfftfreq(held.size, step)
-    ends = np.searchsorted(frequency, edges * (1.0 + 1e-9))
-    return np.diff(total[ends])

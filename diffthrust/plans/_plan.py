@@ -17,10 +17,13 @@ from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Brief, Result
 from diffthrust.logs._log import Log
 from diffthrust.papers._steady import true_stretches
-from diffthrust.plans._checks import excited
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
+_PARTS = 8
+"""Parts of the band, evenly spaced in the logarithm of frequency."""
+_ENOUGH = 0.1
+"""Share of the planned power in a part; a tenth is a third of the amplitude."""
 
 
 class Level(NamedTuple):
@@ -159,9 +162,8 @@ class Plan(Brief):
             header = ["time [s]", *(f"{n} [{run.units.get(n, '')}]" for n in run.inputs)]
             rows = np.column_stack([run.time, *run.inputs.values()])
             lines = [",".join(header), *(",".join(f"{x:.10g}" for x in row) for row in rows)]
-            path = target / f"{name}.csv"
-            write_whole(path, ("\n".join(lines) + "\n").encode())
-            written.append(path)
+            written.append(target / f"{name}.csv")
+            write_whole(written[-1], ("\n".join(lines) + "\n").encode())
         return written
 
     def check(self, logs: Log | Sequence[Log]) -> PlanCheck:
@@ -194,14 +196,14 @@ class Plan(Brief):
     def _findings(self, logs: Sequence[Log]) -> Iterator[Finding]:
         # Each recorded stretch may serve one planned level only, so that a level that is planned
         # twice must be run twice.
-        groups: dict[tuple[tuple[str, float], ...], list[_Held]] = {}
+        stays: dict[tuple[tuple[str, float], ...], Iterator[_Held]] = {}
         for name, run in self.runs.items():
             levels = _levels(name, run, self.settle)
             for level in levels:
                 key = tuple(sorted(level.inputs.items()))
-                if key not in groups:
-                    groups[key] = self._held(level, logs)
-                yield self._level(level, groups[key].pop(0) if groups[key] else None, logs)
+                if key not in stays:
+                    stays[key] = iter(self._held(level, logs))
+                yield self._level(level, next(stays[key], None), logs)
             if not levels:
                 for channel, values in run.inputs.items():
                     unit = run.units.get(channel, "")
@@ -232,18 +234,18 @@ class Plan(Brief):
 
     def _level(self, level: Level, held: _Held | None, logs: Sequence[Log]) -> Finding:
         units = next(iter(self.runs.values())).units
-        words = ", ".join(
-            f"{n} = {x:.4g} {units.get(n, '')}".rstrip() for n, x in level.inputs.items()
-        )
+        planned = (f"{n} = {x:.4g} {units.get(n, '')}".rstrip() for n, x in level.inputs.items())
+        good = False
         if held is None or held.lasted == 0.0:
-            return Finding(level.run, words, _not_run(level, units, logs), False)
-        if held.lasted < self.settle:
-            short = f"held for {held.lasted:.3g} s; it takes {self.settle:.3g} s to settle"
-            return Finding(level.run, words, short, False)
-        if held.absent:
-            return Finding(level.run, words, f"{listing(held.absent)} not measured", False)
-        rested = f"held for {held.lasted:.3g} s, at rest for {held.lasted - self.settle:.3g} s"
-        return Finding(level.run, words, rested, True)
+            outcome = _not_run(level, units, logs)
+        elif held.lasted < self.settle:
+            outcome = f"held for {held.lasted:.3g} s; it takes {self.settle:.3g} s to settle"
+        elif held.absent:
+            outcome = f"{listing(held.absent)} not measured"
+        else:
+            rested, good = held.lasted - self.settle, True
+            outcome = f"held for {held.lasted:.3g} s, at rest for {rested:.3g} s"
+        return Finding(level.run, ", ".join(planned), outcome, good)
 
 
 class _Held(NamedTuple):
@@ -266,42 +268,66 @@ def _not_run(level: Level, units: Mapping[str, str], logs: Sequence[Log]) -> str
 
 def _levels(name: str, run: Log, settle: float) -> list[Level]:
     moved = np.any([np.diff(values) != 0 for values in run.inputs.values()], axis=0)
-    edges = [0, *(np.flatnonzero(moved) + 1), len(run) - 1]
+    edges, t = [0, *(np.flatnonzero(moved) + 1), len(run) - 1], run.time
     return [
-        Level(
-            name,
-            float(run.time[a]),
-            float(run.time[b]),
-            {n: float(v[a]) for n, v in run.inputs.items()},
-        )
+        Level(name, float(t[a]), float(t[b]), {n: float(v[a]) for n, v in run.inputs.items()})
         for a, b in pairwise(edges)
-        if run.time[b] - run.time[a] >= settle
+        if t[b] - t[a] >= settle
     ]
 
 
 def _moved(name: str, channel: str, wanted: np.ndarray, unit: str, logs: Sequence[Log]) -> Finding:
     low, high = float(wanted.min()), float(wanted.max())
     words = f"{channel} from {low:.3g} to {high:.3g} {unit}".rstrip()
-    reached = [
-        (float(v.min()), float(v.max())) for v in (log.values(channel, unit) for log in logs)
-    ]
+    recorded = (log.values(channel, unit) for log in logs)
+    reached = [(float(v.min()), float(v.max())) for v in recorded]
     span = [min(b, high) - max(a, low) for a, b in reached]
     if not span or max(span) <= 0:
         return Finding(name, words, "not run", False)
     a, b = reached[int(np.argmax(span))]
-    return Finding(
-        name, words, f"from {a:.3g} to {b:.3g} {unit}".rstrip(), max(span) >= 0.9 * (high - low)
-    )
+    widest, enough = f"from {a:.3g} to {b:.3g} {unit}".rstrip(), max(span) >= 0.9 * (high - low)
+    return Finding(name, words, widest, enough)
 
 
 def _excites(
     name: str, channel: str, unit: str, run: Log, logs: Sequence[Log], band: tuple[float, float]
 ) -> Finding:
     words = f"{channel}, {band[0]:.3g} to {band[1]:.3g} Hz"
-    parts = [p for log in logs if (p := excited(log, run, channel, unit, band)) is not None]
+    parts = [p for log in logs if (p := _excited(log, run, channel, unit, band)) is not None]
     if not parts:
         return Finding(name, words, "not excited", False)
     low, high = max(parts, key=lambda part: part[1] / part[0])
     # A part in a thousand: the ends are computed by powers of a ratio and may be off by rounding.
     covers = low <= 1.001 * band[0] and high >= 0.999 * band[1]
     return Finding(name, words, f"excited from {low:.3g} to {high:.3g} Hz", covers)
+
+
+def _excited(
+    log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
+) -> tuple[float, float] | None:
+    """The widest part of a band [Hz] in which a log's input has enough of the planned power.
+
+    ``None`` where no part is excited.
+    """
+    edges = np.geomspace(*band, _PARTS + 1)
+    wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
+    good = [*(recorded >= _ENOUGH * wanted), False]
+    best, start = (0, 0), 0
+    for k, here in enumerate(good):
+        if not here:
+            best, start = max(best, (start, k), key=lambda part: part[1] - part[0]), k + 1
+    return (float(edges[best[0]]), float(edges[best[1]])) if best[1] > best[0] else None
+
+
+def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:
+    """Mean square of a channel between frequencies; zero where the samples do not reach."""
+    values, steps = log.values(channel, unit), np.diff(log.time)
+    step = float(np.median(steps))
+    # The transform needs even steps: the input is held between samples, as the plan means it.
+    even = np.arange(log.time[0], log.time[-1] + 0.5 * step, step)
+    held = values[np.clip(np.searchsorted(log.time, even + 1e-9, side="right") - 1, 0, None)]
+    lines = np.abs(np.fft.rfft(held - held.mean())) ** 2 / held.size**2
+    total = np.concatenate([[0.0], np.cumsum(lines)])
+    frequency = np.fft.rfftfreq(held.size, step)
+    ends = np.searchsorted(frequency, edges * (1.0 + 1e-9))
+    return np.diff(total[ends])

@@ -58,10 +58,8 @@ def static_test(
         18
     """
     checked_thruster("static_test", model)
-    low, high = checked_limits("static_test", limits)
-    finite("static_test, hold", hold, lambda x: x > 0, "seconds, above zero")
-    count = int(finite("static_test, levels", levels, lambda x: x >= 2, "2 or more"))
-    return _held("static_test", _SOURCE, model, _steps(low, high, count), hold, step, settle)
+    ends, count = _sides("static_test", limits, levels, 2, hold)
+    return _held("static_test", _SOURCE, model, _steps(ends, count), hold, step, settle)
 
 
 def dynamic_test(
@@ -143,13 +141,11 @@ def steady_map(
         18
     """
     checked_thruster("steady_map", model)
-    low, high = checked_limits("steady_map", limits)
-    finite("steady_map, hold", hold, lambda x: x > 0, "seconds, above zero")
-    count = int(finite("steady_map, levels", levels, lambda x: x >= 2, "2 or more"))
+    ends, count = _sides("steady_map", limits, levels, 2, hold)
     # Even steps of thrust, not of voltage: thrust grows with the square of the voltage, so even
     # voltages would crowd the points where it is small.
     heights: list[float] = []
-    for end in _ends(low, high):
+    for end in ends:
         thrust = np.linspace(0.0, _thrust_at(model, abs(end)), count + 1)[1:]
         heights += [*(np.sign(end) * aras_map(model, thrust).own), 0.0]
     plan = _held("steady_map", "Aras et al. 2013, section 2.2", model, heights, hold, step, settle)
@@ -213,14 +209,12 @@ def speed_steps(
             f"speed_steps: expected a loop of a thruster's speed, found {loop!r}.",
             "Give a dft.control.Loop without a vehicle, such as dft.papers.aras.speed_loop().",
         )
-    low, high = checked_limits("speed_steps", limits, "speed")
-    finite("speed_steps, hold", hold, lambda x: x > 0, "seconds, above zero")
-    count = int(finite("speed_steps, levels", levels, lambda x: x >= 1, "1 or more"))
+    ends, count = _sides("speed_steps", limits, levels, 1, hold, "speed")
     # The smallest step is the slowest because of quadratic drag, the largest may saturate the
     # motor.
-    times = [_rests(loop, x) for end in _ends(low, high) for x in {end / count, end}]
+    times = [_rests(loop, x) for end in ends for x in {end / count, end}]
     settle = max(times) if settle is None else settle
-    time, wanted = staircase(_steps(low, high, count), settle + hold, step)
+    time, wanted = staircase(_steps(ends, count), settle + hold, step)
     return Plan(
         name="speed_steps",
         source="Aras et al. 2013, section 3.1",
@@ -254,14 +248,19 @@ def _rests(loop: Loop, speed: float) -> float:
     return settling
 
 
-def _ends(low: float, high: float) -> list[float]:
-    """The limits on either side of zero, as far as they allow it."""
-    return [end for end in (max(high, 0.0), min(low, 0.0)) if end]
+def _sides(
+    who: str, limits: Any, levels: Any, least: int, hold: Any, what: str = "command"
+) -> tuple[list[float], int]:
+    """The limits on either side of zero, as far as they allow it, and the number of levels."""
+    low, high = checked_limits(who, limits, what)
+    finite(f"{who}, hold", hold, lambda x: x > 0, "seconds, above zero")
+    count = finite(f"{who}, levels", levels, lambda x: x >= least, f"{least} or more")
+    return [end for end in (max(high, 0.0), min(low, 0.0)) if end], int(count)
 
 
-def _steps(low: float, high: float, count: int) -> list[float]:
+def _steps(ends: Sequence[float], count: int) -> list[float]:
     """Even steps up to the limit on each side of zero, followed by zero."""
-    return [x for end in _ends(low, high) for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
+    return [x for end in ends for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
 
 
 def _held(
@@ -278,13 +277,8 @@ def _held(
     if settle is None:
         smallest = min(abs(x) for x in heights if x)
         settle = settling_time(model, thruster_outputs(model), {"command": smallest})
-    return Plan(
-        name=name,
-        source=source,
-        runs={name: planned_run(model, *staircase(heights, settle + hold, step))},
-        settle=settle,
-        measure=_OUTPUTS,
-    )
+    runs = {name: planned_run(model, *staircase(heights, settle + hold, step))}
+    return Plan(name, source, runs, settle, _OUTPUTS)
 
 
 def thruster_outputs(model: Model) -> list[str]:
