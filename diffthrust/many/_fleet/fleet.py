@@ -20,10 +20,11 @@ from diffthrust.many._fleet.entries import ERROR, Labels, axes_of, entries_of, t
 from diffthrust.many._fleet.figures import drift_figure, effects_figure, spread_figure
 from diffthrust.many._fleet.statistics import (
     Estimates,
-    drift_table,
-    effects_table,
-    outlier_table,
-    spread_table,
+    between,
+    holm,
+    trend,
+    vehicle_means,
+    weighted_mean,
 )
 from diffthrust.many._fleet.tables import fleet_report
 
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 _FALSE_ALARMS = 0.05
 """Probability that a fleet in which nothing drifts, or no vehicle differs, raises any alarm."""
+_MAD = 1.4826
+"""Standard deviations in a median absolute deviation of a Gaussian."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,7 +93,24 @@ class Fleet(Estimates, Result):
             spread beyond those errors, I^2 (Higgins & Thompson 2002); Cochran's ``q`` with its
             ``dof`` and ``p_value`` for vehicles that differ only by those errors.
         """
-        return spread_table(self)
+        import pandas as pd
+        from scipy.stats import chi2
+
+        rows = []
+        for name, axis in self.axes.items():
+            means = vehicle_means(self, name)
+            if len(means.vehicles) < 2:
+                continue
+            mean = weighted_mean(means.values, means.errors)
+            values = axis.value(means.values)
+            median = float(np.median(values))
+            robust = _MAD * float(np.median(np.abs(values - median)))
+            sd = between(means.values, means.errors) * float(axis.slope(np.asarray(median)))
+            share = max(0.0, 1.0 - mean.dof / mean.q) if mean.q > 0 else 0.0
+            test = (mean.q, mean.dof, float(chi2.sf(mean.q, mean.dof)))
+            rows.append((name, axis.unit, len(means.vehicles), median, robust, sd, share, *test))
+        columns = ["parameter", "unit", "vehicles", "median", "robust_sd", "between_sd", "share"]
+        return pd.DataFrame(rows, columns=[*columns, "q", "dof", "p_value"])
 
     def drift(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
         """How parameters change over time within a vehicle.
@@ -112,12 +132,29 @@ class Fleet(Estimates, Result):
             >>> drift = fleet.drift(false_alarms=0.05)
             >>> figure = fleet.plot_drift()
         """
+        import pandas as pd
+
         if np.isnan(self.times).any():
             raise InputError(
                 "The fits have no times, which a drift needs.",
                 "Give dft.many.fleet(..., time=[...]), or a table with a column 'time'.",
             )
-        return drift_table(self, _share("false_alarms", false_alarms))
+        _share("false_alarms", false_alarms)
+        rows = []
+        for vehicle in self.vehicles:
+            for name, axis in self.axes.items():
+                line = trend(*self.series(vehicle, name))
+                if line is None:
+                    continue
+                level = axis.value(line.level)
+                per = float(axis.slope(level))
+                slope, unit = line.slope * per, f"{axis.unit or '1'} per {self.time_unit}"
+                size = (line.fits, slope, line.error * per, slope / abs(float(level)))
+                rows.append((vehicle, name, unit, *size, line.dispersion, line.p_value))
+        columns = ["vehicle", "parameter", "unit", "fits", "slope", "slope_std_error", "relative"]
+        table = pd.DataFrame(rows, columns=[*columns, "dispersion", "p_value"])
+        table["drifts"] = holm(table["p_value"].to_numpy(float), false_alarms)
+        return table
 
     def effects(self) -> pd.DataFrame:
         """Effects found on each vehicle.
@@ -134,7 +171,16 @@ class Fleet(Estimates, Result):
             auv1        2
             auv2        2
         """
-        return effects_table(self)
+        import pandas as pd
+
+        names = list(dict.fromkeys(e for entry in self.entries for e in entry.effects))
+        rows = {}
+        for vehicle in self.vehicles:
+            fits = [entry for entry in self.entries if entry.vehicle == vehicle]
+            shares = (sum(e in entry.effects for entry in fits) / len(fits) for e in names)
+            rows[vehicle] = [len(fits), *shares]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=["fits", *names])
+        return table.rename_axis("vehicle")
 
     def outliers(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
         """Vehicles that differ from all others.
@@ -155,7 +201,30 @@ class Fleet(Estimates, Result):
             >>> fleet.outliers(false_alarms=0.05).shape[0]
             0
         """
-        return outlier_table(self, _share("false_alarms", false_alarms))
+        import pandas as pd
+        from scipy.stats import t as student
+
+        _share("false_alarms", false_alarms)
+        rows = []
+        for name, axis in self.axes.items():
+            means = vehicle_means(self, name)
+            for i, vehicle in enumerate(means.vehicles):
+                # Student's t of the test has two degrees of freedom fewer than vehicles: with three
+                # vehicles, one, whose tails let nothing be significant.
+                if len(means.vehicles) < 4:
+                    break
+                values, errors = np.delete(means.values, i), np.delete(means.errors, i)
+                sd = between(values, errors)
+                peers = weighted_mean(values, np.hypot(errors, sd))
+                away = float(np.sqrt(means.errors[i] ** 2 + sd**2 + peers.error**2))
+                distance = float((means.values[i] - peers.value) / away)
+                values_at = [float(axis.value(x)) for x in (means.values[i], peers.value)]
+                p_value = 2.0 * float(student.sf(abs(distance), peers.dof))
+                rows.append((vehicle, name, axis.unit, *values_at, distance, p_value))
+        columns = ["vehicle", "parameter", "unit", "value", "others", "distance", "p_value"]
+        table = pd.DataFrame(rows, columns=columns)
+        table["outlier"] = holm(table["p_value"].to_numpy(float), false_alarms)
+        return table.sort_values("p_value", ignore_index=True)
 
     @progressing
     def pool(

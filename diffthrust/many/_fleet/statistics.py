@@ -1,21 +1,15 @@
-"""Statistics of a fleet's estimates: spread between vehicles, drift within them, outliers."""
+"""Statistics of a fleet's estimates: weighted means, spread beyond errors, lines, and tests."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from diffthrust.many._fleet.entries import Axis, Entry
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-_MAD = 1.4826
-"""Standard deviations in a median absolute deviation of a Gaussian."""
 
 
 class Mean(NamedTuple):
@@ -128,28 +122,6 @@ def vehicle_means(fleet: Estimates, parameter: str) -> VehicleMeans:
     return VehicleMeans(tuple(names), np.array(values, float), np.array(errors, float))
 
 
-def spread_table(fleet: Estimates) -> pd.DataFrame:
-    """See `Fleet.spread`."""
-    import pandas as pd
-    from scipy.stats import chi2
-
-    rows = []
-    for name, axis in fleet.axes.items():
-        means = vehicle_means(fleet, name)
-        if len(means.vehicles) < 2:
-            continue
-        mean = weighted_mean(means.values, means.errors)
-        values = axis.value(means.values)
-        median = float(np.median(values))
-        robust = _MAD * float(np.median(np.abs(values - median)))
-        sd = between(means.values, means.errors) * float(axis.slope(np.asarray(median)))
-        share = max(0.0, 1.0 - mean.dof / mean.q) if mean.q > 0 else 0.0
-        test = (mean.q, mean.dof, float(chi2.sf(mean.q, mean.dof)))
-        rows.append((name, axis.unit, len(means.vehicles), median, robust, sd, share, *test))
-    columns = ["parameter", "unit", "vehicles", "median", "robust_sd", "between_sd", "share"]
-    return pd.DataFrame(rows, columns=[*columns, "q", "dof", "p_value"])
-
-
 class Trend(NamedTuple):
     """A weighted straight line: value at the mean time, slope, its error, and the p-value."""
 
@@ -183,65 +155,3 @@ def trend(times: np.ndarray, values: np.ndarray, errors: np.ndarray) -> Trend | 
     law: Any = student(dof) if dispersion > 1.0 else norm
     p_value = 2.0 * float(law.sf(abs(slope) / error))
     return Trend(values.size, middle, level, slope, error, dispersion, p_value)
-
-
-def drift_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
-    """See `Fleet.drift`."""
-    import pandas as pd
-
-    rows = []
-    for vehicle in fleet.vehicles:
-        for name, axis in fleet.axes.items():
-            line = trend(*fleet.series(vehicle, name))
-            if line is None:
-                continue
-            level = axis.value(line.level)
-            per = float(axis.slope(level))
-            slope, unit = line.slope * per, f"{axis.unit or '1'} per {fleet.time_unit}"
-            size = (line.fits, slope, line.error * per, slope / abs(float(level)))
-            rows.append((vehicle, name, unit, *size, line.dispersion, line.p_value))
-    columns = ["vehicle", "parameter", "unit", "fits", "slope", "slope_std_error", "relative"]
-    table = pd.DataFrame(rows, columns=[*columns, "dispersion", "p_value"])
-    table["drifts"] = holm(table["p_value"].to_numpy(float), false_alarms)
-    return table
-
-
-def effects_table(fleet: Estimates) -> pd.DataFrame:
-    """See `Fleet.effects`."""
-    import pandas as pd
-
-    names = list(dict.fromkeys(e for entry in fleet.entries for e in entry.effects))
-    rows = {}
-    for vehicle in fleet.vehicles:
-        fits = [entry for entry in fleet.entries if entry.vehicle == vehicle]
-        shares = (sum(e in entry.effects for entry in fits) / len(fits) for e in names)
-        rows[vehicle] = [len(fits), *shares]
-    table = pd.DataFrame.from_dict(rows, orient="index", columns=["fits", *names])
-    return table.rename_axis("vehicle")
-
-
-def outlier_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
-    """See `Fleet.outliers`."""
-    import pandas as pd
-    from scipy.stats import t as student
-
-    rows = []
-    for name, axis in fleet.axes.items():
-        means = vehicle_means(fleet, name)
-        for i, vehicle in enumerate(means.vehicles):
-            # Student's t of the test has two degrees of freedom fewer than vehicles: with three
-            # vehicles, one, whose tails let nothing be significant.
-            if len(means.vehicles) < 4:
-                break
-            values, errors = np.delete(means.values, i), np.delete(means.errors, i)
-            sd = between(values, errors)
-            peers = weighted_mean(values, np.hypot(errors, sd))
-            away = float(np.sqrt(means.errors[i] ** 2 + sd**2 + peers.error**2))
-            distance = float((means.values[i] - peers.value) / away)
-            values_at = [float(axis.value(x)) for x in (means.values[i], peers.value)]
-            p_value = 2.0 * float(student.sf(abs(distance), peers.dof))
-            rows.append((vehicle, name, axis.unit, *values_at, distance, p_value))
-    columns = ["vehicle", "parameter", "unit", "value", "others", "distance", "p_value"]
-    table = pd.DataFrame(rows, columns=columns)
-    table["outlier"] = holm(table["p_value"].to_numpy(float), false_alarms)
-    return table.sort_values("p_value", ignore_index=True)
