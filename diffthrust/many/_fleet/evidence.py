@@ -94,9 +94,10 @@ def gather_evidence(
             f"logs: there is no vehicle '{unknown[0]}' in the fleet ({', '.join(fleet.vehicles)}).",
             "Name the logs by vehicle.",
         )
-    out, tabular, uncertain = [], False, []
+    out, fits_of, tabular, uncertain = [], {}, False, []
     for vehicle in fleet.vehicles:
-        fits = _fits_of(fleet, vehicle, vehicle in logs)
+        # For an exact likelihood fits need not have converged.
+        fits = [e for e in fleet.entries if e.vehicle == vehicle and (e.usable or vehicle in logs)]
         present = np.array([any(e.has(a.name) for e in fits) for a in ruler.axes], bool)
         if vehicle in logs and not present.any():
             raise InputError(
@@ -105,6 +106,7 @@ def gather_evidence(
             )
         if not present.any():
             continue
+        fits_of[vehicle] = fits
         values, information = _together([_parabola(entry, ruler) for entry in fits])
         out.append(VehicleEvidence(vehicle, values, information, present))
         if vehicle in logs:
@@ -114,7 +116,7 @@ def gather_evidence(
             uncertain.append(vehicle)
     begin = first_guess(out)
     out = [
-        _with_exact_likelihood(v, _fits_of(fleet, v.vehicle, True), ruler, logs[v.vehicle], begin)
+        _with_exact_likelihood(v, fits_of[v.vehicle], ruler, logs[v.vehicle], begin)
         if v.vehicle in logs
         else v
         for v in out
@@ -132,11 +134,6 @@ def gather_evidence(
             "Give logs={...} to use the information that the logs do have on them."
         )
     return out, notes
-
-
-def _fits_of(fleet: Estimates, vehicle: str, exact: bool) -> list[Entry]:
-    """The fits of a vehicle; for an exact likelihood they need not have converged."""
-    return [e for e in fleet.entries if e.vehicle == vehicle and (e.usable or exact)]
 
 
 def _with_exact_likelihood(
@@ -256,8 +253,8 @@ def _expanded(
 ) -> Exact:
     """The likelihood of a fit's logs, expanded at the maximum of likelihood times a guessed law.
 
-    An expansion at the fit itself would be of little use: with poor logs, a parameter may have run
-    to zero there. ``middle`` are the coordinates at z = 0, ``towards`` is where the search starts.
+    Not at the fit itself, where with poor logs a parameter may have run to zero. ``middle`` are the
+    coordinates at z = 0, ``towards`` is where the search starts.
     """
     names = [axis.name for axis in axes]
     # `posterior_of` refuses a fit that is not identifiable, whose posterior is improper. The law of
@@ -280,21 +277,21 @@ def _expanded(
     posterior = replace(posterior, low=low, high=high)
     per = np.array([1.0 if axis.log else 1.0 / p.scale
                     for axis, p in zip(axes, described, strict=True)])  # fmt: skip
-    typical = np.array([axis.typical for axis in axes])
-    size = np.concatenate([per * typical, np.ones(unpooled.size)])
+    scale = per * np.array([axis.typical for axis in axes])
     begin = np.concatenate([towards, posterior.centre[unpooled]])
-    bare = Exact(posterior, pooled, unpooled, per * middle, per * typical, begin, np.diag(size))
-    return _with_parabola(bare, size, law)
+    bare = Exact(posterior, pooled, unpooled, per * middle, scale, begin, np.empty(0))
+    return _with_parabola(bare, law)
 
 
-def _with_parabola(bare: Exact, size: np.ndarray, law: Guess) -> Exact:
+def _with_parabola(bare: Exact, law: Guess) -> Exact:
     """Expand at the maximum of likelihood times law."""
     from scipy.optimize import minimize  # slow to import
 
     order, posterior, numbers = bare.order, bare.posterior, bare.numbers
-    unpooled = np.zeros(bare.unpooled.size)
+    count = bare.unpooled.size
+    size = np.append(bare.scale, np.ones(count))
     shift, mean, precision = (
-        np.append(pooled, unpooled) for pooled in (bare.shift, law.mean, 1.0 / law.spread**2)
+        np.append(pooled, np.zeros(count)) for pooled in (bare.shift, law.mean, 1.0 / law.spread**2)
     )
 
     def coordinates(y: np.ndarray) -> np.ndarray:

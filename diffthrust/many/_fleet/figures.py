@@ -37,14 +37,13 @@ _MARKS = "osD^v"
 def spread_figure(fleet: Estimates, outliers: Any) -> Figure:
     """Each vehicle's 95 % interval; behind it the mean of the fleet and its spread."""
     far = set(outliers[outliers["outlier"]][["vehicle", "parameter"]].itertuples(index=False))
-    shared = [
-        axis for name, axis in fleet.axes.items() if len(vehicle_means(fleet, name).vehicles) > 1
-    ]
+    means = {name: vehicle_means(fleet, name) for name in fleet.axes}
+    shared = [axis for name, axis in fleet.axes.items() if len(means[name].vehicles) > 1]
     if not shared:
         raise InputError("No parameter has estimates of two vehicles.", "There is no spread.")
     figure, panels = _panels(shared, 0.9 + 0.24 * len(fleet.vehicles))
     for axes, axis in zip(panels, shared, strict=True):
-        each = vehicle_means(fleet, axis.name)
+        each = means[axis.name]
         place = {name: i for i, name in enumerate(fleet.vehicles)}
         sd = between(each.values, each.errors)
         mean = weighted_mean(each.values, np.hypot(each.errors, sd)).value
@@ -79,8 +78,7 @@ def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
             times, values, errors = fleet.series(vehicle, axis.name)
             order = np.argsort(times)
             times, values, errors = times[order], values[order], errors[order]
-            moves = vehicle in here
-            half = _SIGMAS * errors
+            moves, half = vehicle in here, _SIGMAS * errors
             axes.errorbar(
                 times,
                 axis.value(values),
@@ -169,8 +167,8 @@ def pooled_figure(
 def _panels(parameters: list[Axis], height: float) -> tuple[Figure, list[Axes]]:
     from matplotlib.figure import Figure
 
-    across = max(1, min(_ACROSS, len(parameters)))
-    down = max(1, -(-len(parameters) // across))
+    across = min(_ACROSS, len(parameters))
+    down = -(-len(parameters) // across)
     size = (1.2 + 3.6 * across, 0.6 + height * down)
     figure = Figure(figsize=size, layout="constrained")
     return figure, [figure.add_subplot(down, across, i + 1) for i in range(len(parameters))]

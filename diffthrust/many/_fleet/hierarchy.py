@@ -119,11 +119,8 @@ def _correlation(p: int, y: Any) -> tuple[Any, Any]:
 
 
 def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]:
-    """Parameters of each vehicle, their marginal log density, and the law's weight.
-
-    Written with the root of the law's covariance, not its inverse: a standard deviation may go to
-    zero.
-    """
+    """Parameters of each vehicle, their marginal log density, and the law's weight."""
+    # The root of the law's covariance, not its inverse: a standard deviation may go to zero.
     eye = jnp.eye(mean.shape[0])
 
     def condition(value: Any, information: Any, eta: Any) -> Any:
@@ -165,11 +162,9 @@ def arrange(
     """Build the density of a fleet, and its arrays."""
     groups: dict[tuple[DensityShape, int, int], list[Any]] = {}
     for row, vehicle in enumerate(evidence):
-        if vehicle.exact is not None:
-            e = vehicle.exact
-            groups.setdefault((e.posterior.shape, e.pooled.size, e.unpooled.size), []).append(
-                _numbers(row, vehicle, e)
-            )
+        if e := vehicle.exact:
+            key = (e.posterior.shape, e.pooled.size, e.unpooled.size)
+            groups.setdefault(key, []).append(_numbers(row, vehicle, e))
     kinds = tuple(ExactKind(*key, len(group)) for key, group in groups.items())
     begin = first_guess(evidence)
     data = {
@@ -184,10 +179,8 @@ def arrange(
 
 
 def _numbers(row: int, vehicle: VehicleEvidence, e: Exact) -> dict[str, Any]:
-    """The arrays of an exact likelihood.
-
-    Unpooled coordinates are whitened conditionally on the pooled ones, by the quadratic likelihood.
-    """
+    """The arrays of an exact likelihood."""
+    # Unpooled coordinates are whitened conditionally on the pooled ones.
     q = e.pooled.size
     inverse = np.linalg.inv(e.covariance[:q, :q])
     slope = e.covariance[q:, :q] @ inverse

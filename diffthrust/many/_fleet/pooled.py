@@ -150,15 +150,14 @@ class Pooled(Result):
             >>> pooled.new_vehicle(seed=0)["ct"].ndim
             1
         """
-        posterior = self.post.posterior
-        p = len(self.ruler.axes)
+        posterior, axes, p = self.post.posterior, self.ruler.axes, len(self.ruler.axes)
         means, spreads = (
-            np.stack([posterior[f"{a.name}.{what}"].values.ravel() for a in self.ruler.axes], -1)
+            np.stack([posterior[f"{axis.name}.{what}"].values.ravel() for axis in axes], -1)
             for what in ("mean", "between")
         )
         correlation = np.broadcast_to(np.eye(p), (len(means), p, p)).copy()
-        for i, row in enumerate(self.ruler.axes):
-            for j, column in enumerate(self.ruler.axes[:i]):
+        for i, row in enumerate(axes):
+            for j, column in enumerate(axes[:i]):
                 name = f"correlation.{column.name}.{row.name}"
                 if name in posterior:
                     correlation[:, i, j] = correlation[:, j, i] = posterior[name].values.ravel()
@@ -168,7 +167,7 @@ class Pooled(Result):
         moved = spreads * np.einsum("nij,nj->ni", root, standard)
         return {
             axis.name: axis.value(axis.coordinate(means[:, i]) + moved[:, i])
-            for i, axis in enumerate(self.ruler.axes)
+            for i, axis in enumerate(axes)
         }
 
     def predict_new(self, *, seed: int = 0) -> dict[str, Normal]:
@@ -192,9 +191,8 @@ class Pooled(Result):
     @showing
     def plot(self) -> Figure:
         """Plot each vehicle's separate and pooled estimates with intervals."""
-        return pooled_figure(
-            self.fleet, self.ruler.axes, self.post.posterior, self.table, self.level
-        )
+        axes, draws = self.ruler.axes, self.post.posterior
+        return pooled_figure(self.fleet, axes, draws, self.table, self.level)
 
     def _line(self) -> str:
         return f"{len(self.evidence)} vehicles, {self.convergence.status.value}"
@@ -243,12 +241,12 @@ def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], 
         for name in fleet.axes
     }
     names = list(counts) if wanted is None else [wanted] if isinstance(wanted, str) else [*wanted]
-    for name in names:
-        if name not in counts:
-            raise InputError(
-                f"parameters: no fit of the fleet estimated '{name}'; there are {listing(counts)}.",
-                "Correct the name.",
-            )
+    if unknown := [name for name in names if name not in counts]:
+        raise InputError(
+            f"parameters: no fit of the fleet estimated '{unknown[0]}'; there are "
+            f"{listing(counts)}.",
+            "Correct the name.",
+        )
     # Without a list the parameters that too few vehicles have are noted and left out; one that the
     # user names is an error.
     few = [name for name in names if counts[name] < _FEWEST]
@@ -270,10 +268,8 @@ def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], 
                 "each vehicle.",
                 f"Fit without it, or leave {prior[0]} out of the parameters: the fleet is a prior.",
             )
-    notes = (
-        [f"{listing(few)}: not pooled, for fewer than {_FEWEST} vehicles have it."] if few else []
-    )
-    return kept, notes
+    note = f"{listing(few)}: not pooled, for fewer than {_FEWEST} vehicles have it."
+    return kept, [note] if few else []
 
 
 def _ruler(fleet: Estimates, names: Sequence[str]) -> Ruler:
