@@ -6,6 +6,7 @@ import os
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -16,7 +17,7 @@ from diffthrust._support.files import ending, write_whole
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.validation import whole_number
 from diffthrust._support.visible import in_line
-from diffthrust.checks._expected import CheckRow, compared, marks_of, updated
+from diffthrust.checks._expected import compared, marks_of, updated
 from diffthrust.checks._result import Checked, FitRun, not_run
 from diffthrust.simulation._step_size import CoarseStepWarning
 from diffthrust.specs._file import NAME, compile_key
@@ -152,36 +153,33 @@ def _in_process(task: Task) -> FitRun:
     except ProcessDied as how:
         problem = f"the process that ran it died ({how})."
         mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
-        return FitRun(task.fit, task.file, (not_run(task.fit, problem, mend),))
+        return not_run(task.fit, task.file, problem, mend)
 
 
 def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> FitRun:
     """Rerun a stored fit, and compare it with its [expected] block or update the block."""
-    begin, new, since = time.perf_counter(), False, ""
+    begin = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         # "always": Python otherwise issues a warning once per line of code, so that the second fit
         # of a process would have none.
         warnings.simplefilter("always", CoarseStepWarning)
         try:
-            rows, new, since = _rows(fit, file, update, trust)
+            run = _compared(fit, file, update, trust)
         except Exception as error:  # a defect, too, must not hide the outcome of other fits
             if os.environ.get("DIFFTHRUST_DEBUG") and not isinstance(error, InputError):
                 raise
             told = as_input_error(error, f"diffthrust fit {file}")
-            rows = [not_run(fit, told.problem, told.mend)]
+            run = not_run(fit, file, told.problem, told.mend)
     coarse = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
-    return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse, since)
+    return replace(run, seconds=time.perf_counter() - begin, warnings=coarse)
 
 
-def _rows(
-    name: str, path: Path, update: bool, trust: Sequence[str]
-) -> tuple[list[CheckRow], bool, str]:
-    """The rows of a fit, whether its block was rewritten, and what changed since it was stored."""
+def _compared(name: str, path: Path, update: bool, trust: Sequence[str]) -> FitRun:
     spec = load_spec(path, trust=trust)
     expected = spec.file.expected
     if expected is None and not update:
         mend = "Look at it with diffthrust fit, then write the block: diffthrust check --update."
-        return [CheckRow(name, "no [expected] block", None, None, None, False, mend)], False, ""
+        return not_run(name, path, None, mend, "no [expected] block")
     fit = spec.fit()
     marks = marks_of(spec, fit)
     text = updated(spec.text, path, expected, fit, marks) if update else spec.text
@@ -189,13 +187,14 @@ def _rows(
         _write_over(path, spec.text, text)
         expected = load_spec(path, trust=trust).file.expected
     assert expected is not None
-    rows = list(compared(name, expected, fit))
+    rows = tuple(compared(name, expected, fit))
     if text != spec.text:
-        return rows, True, ""
+        return FitRun(name, path, rows, updated=True)
     if not rows:
         mend = "Remove the empty [expected] block and run diffthrust check --update."
-        rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]
-    return rows, False, marks.since(expected, all(row.ok for row in rows))
+        run = not_run(name, path, None, mend, "empty [expected] block")
+        return replace(run, since=marks.since(expected, False))
+    return FitRun(name, path, rows, since=marks.since(expected, all(row.ok for row in rows)))
 
 
 def _write_over(path: Path, original: str, replacement: str) -> None:

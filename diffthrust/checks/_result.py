@@ -37,9 +37,11 @@ class FitRun(Brief):
         return {"fit": self.fit, "file": str(self.file), **kept}
 
 
-def not_run(fit: str, problem: str, mend: str) -> CheckRow:
-    """The failed row of a fit that could not be run, with the reason."""
-    return CheckRow(fit, "cannot be run", None, problem, None, False, mend)
+def not_run(
+    fit: str, file: Path, problem: str | None, mend: str, what: str = "cannot be run"
+) -> FitRun:
+    """A fit that could not be run or compared, with the reason: one failed row."""
+    return FitRun(fit, file, (CheckRow(fit, what, None, problem, None, False, mend),))
 
 
 @dataclass(frozen=True, repr=False)
