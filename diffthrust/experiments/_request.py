@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,12 +55,11 @@ def models_of(rivals: Any) -> tuple[Model, ...]:
             f"rivals: expected two models or fits at least, found {count}.",
             "Give a list such as [lag, delay].",
         )
-    for rival in rivals:
-        if not isinstance(rival, Model | Fit):
-            raise InputError(
-                f"rivals: expected models or fits, found {rival!r}.",
-                "Give instances, such as dft.Thruster() or the result of dft.fit.",
-            )
+    if strange := [rival for rival in rivals if not isinstance(rival, Model | Fit)]:
+        raise InputError(
+            f"rivals: expected models or fits, found {strange[0]!r}.",
+            "Give instances, such as dft.Thruster() or the result of dft.fit.",
+        )
     return tuple(rival.model if isinstance(rival, Fit) else rival for rival in rivals)
 
 
@@ -157,9 +157,8 @@ def moved_and_held(
     needed = _unique(
         name
         for model in models
-        for name in [*(() if any(s in named for s in model.states) else model.inputs),
-                     *_needs(model)]
-    )  # fmt: skip
+        for name in [*(() if {*model.states} & {*named} else model.inputs), *_needs(model)]
+    )
     moving = {name for model in models for name in model.inputs}
     recorded = {name for log in logs for name in log.inputs}
     for name in [*needed, *(n for n in available if n in recorded and n not in needed)]:
@@ -179,8 +178,7 @@ def moved_and_held(
             "nor a constant value, nor logs.",
             f"Give limits={{{pairs}}} to move it, or held={{'{missing[0]}': value}}.",
         )
-    for name, pair in limits.items():
-        limits[name] = checked_limits(name, pair)
+    limits = {name: checked_limits(name, pair) for name, pair in limits.items()}
     for name, value in held.items():
         finite("held", value, lambda x: True, f"a number for '{name}'", "Give one.")
     if not limits:
@@ -211,17 +209,14 @@ def _check_names(what: str, names: Iterable[str], available: Sequence[str], why:
 
 def checked_limits(name: str, pair: Any) -> tuple[float, float]:
     """Lowest and highest value of an input."""
-    try:
+    with suppress(TypeError, ValueError):
         low, high = pair
-        fine = _number(low) and _number(high) and low < high
-    except (TypeError, ValueError):
-        fine = False
-    if not fine:
-        raise InputError(
-            f"limits: expected a lower and a higher number for '{name}', found {pair!r}.",
-            f"Write limits={{'{name}': (low, high)}}.",
-        )
-    return float(pair[0]), float(pair[1])
+        if _number(low) and _number(high) and low < high:
+            return float(low), float(high)
+    raise InputError(
+        f"limits: expected a lower and a higher number for '{name}', found {pair!r}.",
+        f"Write limits={{'{name}': (low, high)}}.",
+    )
 
 
 def checked_rates(wanted: Any, moved: Mapping[str, Any]) -> dict[str, float]:

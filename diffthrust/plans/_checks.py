@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -21,16 +22,14 @@ MAX_REST = 1e4
 
 def checked_limits(who: str, limits: Any, what: str = "command") -> tuple[float, float]:
     """Lowest and highest value, or an `InputError`."""
-    try:
+    with suppress(TypeError, ValueError):
         low, high = (float(x) for x in limits)
-    except (TypeError, ValueError):
-        low, high = np.nan, np.nan
-    if not (np.isfinite(low) and np.isfinite(high) and low < high):
-        raise InputError(
-            f"{who}, limits: expected a lowest and a highest {what}, found {limits!r}.",
-            "Write limits=(0, 5), the lower one first.",
-        )
-    return low, high
+        if np.isfinite(low) and np.isfinite(high) and low < high:
+            return low, high
+    raise InputError(
+        f"{who}, limits: expected a lowest and a highest {what}, found {limits!r}.",
+        "Write limits=(0, 5), the lower one first.",
+    )
 
 
 def settling_time(

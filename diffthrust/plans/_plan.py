@@ -305,18 +305,14 @@ def _excites(
 def _excited(
     log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """The widest part of a band [Hz] in which a log's input has enough of the planned power.
-
-    ``None`` where no part is excited.
-    """
+    """The widest part of a band [Hz] in which a log's input has enough of the planned power."""
     edges = np.geomspace(*band, _PARTS + 1)
     wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
-    good = [*(recorded >= _ENOUGH * wanted), False]
-    best, start = (0, 0), 0
-    for k, here in enumerate(good):
-        if not here:
-            best, start = max(best, (start, k), key=lambda part: part[1] - part[0]), k + 1
-    return (float(edges[best[0]]), float(edges[best[1]])) if best[1] > best[0] else None
+    parts = list(true_stretches(recorded >= _ENOUGH * wanted))
+    if not parts:
+        return None
+    first, last = max(parts, key=lambda part: part[1] - part[0])
+    return float(edges[first]), float(edges[last + 1])
 
 
 def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:

@@ -53,9 +53,9 @@ def check_task(task: str, options: Mapping[str, Any]) -> None:
         raise InputError(
             f"task: expected one of {listing(OPTIONS)}, found {task!r}.", "Correct the task."
         )
+    allowed = OPTIONS[task]
     for name in options:
-        if name not in OPTIONS[task]:
-            allowed = OPTIONS[task]
+        if name not in allowed:
             raise InputError(
                 f"options: the task {task!r} knows no {name!r}{nearest(name, allowed, '; ')}.",
                 f"It takes {listing(allowed)}." if allowed else f"Leave {name} out.",
@@ -124,12 +124,11 @@ def found_specs(specs: PathLike | Iterable[PathLike], output: Path) -> list[tupl
     inside another, and no two differ only in case: they can be copied to any file system.
     """
     listed = [specs] if isinstance(specs, str | os.PathLike) else list(specs)
-    for each in listed:
-        if not isinstance(each, str | os.PathLike):
-            raise InputError(
-                f"specs: expected folders and files, found {each!r}.",
-                "Give a folder with spec files, or their paths.",
-            )
+    if strange := [each for each in listed if not isinstance(each, str | os.PathLike)]:
+        raise InputError(
+            f"specs: expected folders and files, found {strange[0]!r}.",
+            "Give a folder with spec files, or their paths.",
+        )
     roots = [Path(os.path.abspath(path)) for path in listed]
     files: list[Path] = []
     for root in roots:
