@@ -99,15 +99,9 @@ class Campaign(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The outcome as plain data, as written by ``diffthrust campaign --json``."""
-        return {
-            "schema": 1,
-            "task": self.task,
-            "table": str(self.path),
-            "counts": self.counts,
-            "kept": self.kept,
-            "seconds": self.seconds,
-            "rows": [dict(row) for row in self.rows],
-        }
+        numbers = {"counts": self.counts, "kept": self.kept, "seconds": self.seconds}
+        rows = [dict(row) for row in self.rows]
+        return {"schema": 1, "task": self.task, "table": str(self.path), **numbers, "rows": rows}
 
 
 @progressing
@@ -181,16 +175,13 @@ def campaign(
         Job(name, str(path), str(out / folder), task, options, report, time_limit, places)
         for path, name, folder in found_specs(specs, out)
     ]
-    report_progress = reporter(progress)
     rows = {job.name: row for job in work if (row := kept_row(job))}
     todo = [job for job in work if job.name not in rows]
     kept = len(rows)
     _save(out, rows)
     if todo:
-        report_progress(_progress_text(rows, kept, len(work), 0.0), kept / len(work))
         try:
-            count = min(jobs or processors(), len(todo))
-            _run(executor, count, todo, rows, out, report_progress)
+            _run(executor, jobs, todo, rows, out, reporter(progress))
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
                 f"{len(rows)} of {len(work)} specs are done and kept in {out}; running the same "
@@ -204,18 +195,15 @@ def campaign(
 
 
 def _run(
-    executor: Executor | str | None,
-    jobs: int,
-    todo: list[Job],
-    rows: dict[str, ResultRow],
-    out: Path,
-    report_progress: Progress,
-) -> None:
+    executor: Executor | str | None, jobs: int | None, todo: list[Job],
+    rows: dict[str, ResultRow], out: Path, report_progress: Progress,
+) -> None:  # fmt: skip
     """Do the remaining work, and write the table from time to time."""
     kept, total = len(rows), len(rows) + len(todo)
+    report_progress(_progress_text(rows, kept, total, 0.0), kept / total)
+    jobs = min(jobs or processors(), len(todo))
     with executor_for(executor, jobs) as chosen, closing(as_done(chosen, perform, todo)) as each:
-        started = saved = time.monotonic()
-        cost = 0.0
+        started, saved, cost = time.monotonic(), time.monotonic(), 0.0
         for i, future in each:
             rows[todo[i].name] = row_of(future, todo[i])
             now = time.monotonic()
@@ -249,11 +237,9 @@ def _progress_text(rows: Mapping[str, ResultRow], kept: int, total: int, seconds
         parts.append(f"{bad} failed")
     new, remaining = len(rows) - kept, total - len(rows)
     if new and remaining:
-        seconds_left = seconds / new * remaining
-        unit, size = (
-            ("s", 1) if seconds_left < 90 else ("min", 60) if seconds_left < 5400 else ("h", 3600)
-        )
-        parts.append(f"about {seconds_left / size:.0f} {unit} left")
+        wait = seconds / new * remaining
+        unit, size = ("s", 1) if wait < 90 else ("min", 60) if wait < 5400 else ("h", 3600)
+        parts.append(f"about {wait / size:.0f} {unit} left")
     return ", ".join(parts)
 
 
@@ -264,12 +250,12 @@ def _check(executor: Any, jobs: Any, time_limit: Any) -> None:
             f"found {type(executor).__name__}.",
             "A Dask client gives one with client.get_executor().",
         )
-    if jobs is not None and executor is not None:
-        raise InputError(
-            "jobs: the executor determines its number of workers.",
-            "Leave out jobs or the executor.",
-        )
     if jobs is not None:
+        if executor is not None:
+            raise InputError(
+                "jobs: the executor determines its number of workers.",
+                "Leave out jobs or the executor.",
+            )
         whole_number("jobs", jobs)
     if time_limit is not None:
         finite("time_limit", time_limit, lambda seconds: seconds > 0, "seconds above zero")
