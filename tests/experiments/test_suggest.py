@@ -22,6 +22,7 @@ from diffthrust.experiments._designs import (  # private: every family within ev
 
 LIMITS = {"command": (-5.0, 5.0)}
 NOISE = {"speed": 0.5}
+SHORT = {"limits": LIMITS, "duration": 10.0, "step": 0.05, "noise": NOISE}
 
 
 class Delay(dft.Effect):
@@ -56,6 +57,9 @@ class Dry(dft.Effect):
 
     def __call__(self, value, s):
         return value - self.level * jnp.tanh(s.speed / 0.5)
+
+
+RIVALS = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
 
 
 class Inflow(dft.Effect):
@@ -105,8 +109,7 @@ def fits(logs):
 
 @pytest.fixture(scope="module")
 def friction():
-    rivals = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
-    return dft.suggest_experiment(rivals, limits=LIMITS, duration=40.0, step=0.05, noise=NOISE)
+    return dft.suggest_experiment(RIVALS, **SHORT | {"duration": 40.0})
 
 
 def slow_ramp(test):
@@ -147,9 +150,7 @@ def test_friction_in_proportion_to_speed_is_told_from_constant_friction(friction
 
 def test_the_same_rival_twice_cannot_be_told_apart():
     model = dft.Thruster() + Viscous()
-    test = dft.suggest_experiment(
-        [model, model], limits=LIMITS, duration=10.0, step=0.05, noise=NOISE
-    )
+    test = dft.suggest_experiment([model, model], **SHORT)
     assert test.separation == 0.0
     assert not test.decisive
     assert test.sentence.startswith("No test within the limits tells 'thruster + viscous (1)' and")
@@ -160,27 +161,25 @@ def test_the_same_rival_twice_cannot_be_told_apart():
 def test_rivals_that_imitate_each_other_cannot_be_told_apart():
     """Alpha and beta are free: the imitator moves them to those of the truth."""
     rivals = [dft.Thruster(), dft.Thruster(alpha=0.03, beta=36.0)]
-    test = dft.suggest_experiment(rivals, limits=LIMITS, duration=10.0, step=0.05, noise=NOISE)
+    test = dft.suggest_experiment(rivals, **SHORT)
     assert test.separation < 0.01
     assert not test.decisive
     held = [rival.fix("alpha", "beta", "ct") for rival in rivals]
-    apart = dft.suggest_experiment(held, limits=LIMITS, duration=10.0, step=0.05, noise=NOISE)
+    apart = dft.suggest_experiment(held, **SHORT)
     assert apart.separation > 100
 
 
 def test_a_model_and_its_extension_are_judged_with_the_extension_as_the_truth():
     rivals = [dft.Thruster(), dft.Thruster() + Viscous()]
-    test = dft.suggest_experiment(rivals, limits=LIMITS, duration=10.0, step=0.05, noise=NOISE)
+    test = dft.suggest_experiment(rivals, **SHORT)
     assert list(test.separations) == [("thruster + viscous", "thruster")]
     assert test.decisive
 
 
 @pytest.mark.thorough
 def test_correlated_noise_counts_a_lasting_difference_for_less(friction):
-    rivals = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
-    test = dft.suggest_experiment(
-        rivals, limits=LIMITS, duration=40.0, step=0.05, noise=NOISE, correlation_time=1.0
-    )
+    change = {"duration": 40.0, "correlation_time": 1.0}
+    test = dft.suggest_experiment(RIVALS, **SHORT | change)
     assert 0 < test.separation < 0.5 * friction.separation
 
 
@@ -230,12 +229,10 @@ def test_the_reference_simulator_keeps_the_promise_too(fits, logs):
 @pytest.mark.slow
 def test_what_is_known_of_the_imitator_is_held_against_it(logs):
     """A prior on the parameters leaves less room to imitate; logs do the same."""
-    rivals = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
-    given = {"limits": LIMITS, "duration": 10.0, "step": 0.05, "noise": NOISE}
-    free = dft.suggest_experiment(rivals, **given)
+    free = dft.suggest_experiment(RIVALS, **SHORT)
     prior = {"prior": dft.Normal(0.037, 0.0005)}
-    known = dft.suggest_experiment([m.replace(alpha=prior) for m in rivals], **given)
-    logged = dft.suggest_experiment(rivals, logs=logs, **given)
+    known = dft.suggest_experiment([m.replace(alpha=prior) for m in RIVALS], **SHORT)
+    logged = dft.suggest_experiment(RIVALS, logs=logs, **SHORT)
     assert known.separation > 1.02 * free.separation
     assert logged.separation > 1.02 * free.separation
 
@@ -281,19 +278,8 @@ def test_every_kind_uses_its_range(kind):
 
 @pytest.mark.thorough
 def test_the_suggestion_is_the_same_each_time_and_keeps_the_rate_limit():
-    rivals = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
-
-    def suggest():
-        return dft.suggest_experiment(
-            rivals,
-            limits={"command": (-3, 5)},
-            duration=10.0,
-            step=0.05,
-            noise=NOISE,
-            rate_limits={"command": 2.0},
-        )
-
-    one, two = suggest(), suggest()
+    change = {"limits": {"command": (-3, 5)}, "rate_limits": {"command": 2.0}}
+    one, two = (dft.suggest_experiment(RIVALS, **SHORT | change) for _ in range(2))
     assert one.sentence == two.sentence
     assert one.ranking == two.ranking
     np.testing.assert_array_equal(one.inputs["command"], two.inputs["command"])
@@ -397,8 +383,6 @@ def test_the_figure_shows_inputs_predictions_and_differences(friction):
 
 # -- errors ----------------------------------------------------------------------------------------
 
-RIVALS = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
-
 
 @pytest.mark.parametrize(
     ("change", "message"),
@@ -428,14 +412,7 @@ RIVALS = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
     ],
 )
 def test_errors_name_what_is_missing(change, message):
-    given = {
-        "rivals": RIVALS,
-        "limits": LIMITS,
-        "duration": 10.0,
-        "step": 0.05,
-        "noise": NOISE,
-        **change,
-    }
+    given = {"rivals": RIVALS, **SHORT, **change}
     rivals = given.pop("rivals")
     with pytest.raises(dft.InputError, match=f"(?s){message}"):
         dft.suggest_experiment(rivals, **given)

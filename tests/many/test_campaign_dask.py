@@ -37,6 +37,10 @@ def results(output: Path) -> dict[str, bytes]:
     return {p.parent.name: p.read_bytes() for p in output.glob("*/diagnosis.json")}
 
 
+def diagnosed(specs: Path, output: Path, **kwargs) -> dft.many.Campaign:
+    return dft.many.campaign(specs, task="diagnose", candidates=CANDIDATES, output=output, **kwargs)
+
+
 def untimed(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop(columns=["seconds"])
 
@@ -47,13 +51,7 @@ def serial(tmp_path_factory) -> dft.many.Campaign:
     root = tmp_path_factory.mktemp("serial")
     for seed in range(COUNT):
         thruster_spec(root / "specs" / f"{seed:03d}", seed)
-    done = dft.many.campaign(
-        root / "specs",
-        task="diagnose",
-        candidates=CANDIDATES,
-        output=root / "out",
-        executor=InPlace(),
-    )
+    done = diagnosed(root / "specs", root / "out", executor=InPlace())
     print(f"serial: {done.summary}")
     return done
 
@@ -74,14 +72,7 @@ def test_a_campaign_on_dask_of_which_a_worker_is_killed(serial, workers, tmp_pat
                 killed.append(client.run(os.getpid).popitem()[1])
                 os.kill(killed[0], signal.SIGKILL)
 
-        done = dft.many.campaign(
-            specs,
-            task="diagnose",
-            candidates=CANDIDATES,
-            output=tmp_path / "out",
-            executor=address,
-            progress=kill,
-        )
+        done = diagnosed(specs, tmp_path / "out", executor=address, progress=kill)
         assert killed
         assert killed[0] not in client.run(os.getpid).values()
     print(f"{workers} workers, one killed: {done.summary}")
@@ -94,13 +85,7 @@ def test_a_campaign_on_dask_of_which_a_worker_is_killed(serial, workers, tmp_pat
     assert not list(done.output.glob(".*"))
 
     before = {path: path.stat().st_mtime_ns for path in done.output.glob("*/*")}
-    again = dft.many.campaign(
-        specs,
-        task="diagnose",
-        candidates=CANDIDATES,
-        output=done.output,
-        executor=Nothing(),
-    )
+    again = diagnosed(specs, done.output, executor=Nothing())
     assert again.kept == COUNT
     assert before == {path: path.stat().st_mtime_ns for path in done.output.glob("*/*")}
     assert again.table.equals(done.table)
