@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import re
-from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from junitparser import Error, Failure, JUnitXml, TestCase, TestSuite
 
 from diffthrust._support.files import ending, write_whole
 from diffthrust.checks._tables import by_size, sentence
+from diffthrust.estimation._origin import versions
 
 if TYPE_CHECKING:
     from diffthrust.checks._result import Checked, FitRun
@@ -40,8 +40,10 @@ def write_junit(path: Path, checked: Checked, directory: Path) -> None:
 def _suites(checked: Checked, directory: Path) -> JUnitXml:
     suite = TestSuite(_plain(f"diffthrust check {directory}"))
     suite.timestamp = datetime.now(UTC).isoformat(timespec="seconds")
-    for name, value in _versions():
-        suite.add_property(name, value)
+    for name in ("diffthrust", "jax"):
+        suite.add_property(name, versions()[name])
+    suite.add_property("python", platform.python_version())
+    suite.add_property("platform", platform.platform())
     suite.add_testcases([_case(run, directory.resolve().name) for run in checked.runs])
     suites = JUnitXml("diffthrust check")
     suites.append(suite)
@@ -67,17 +69,6 @@ def _case(run: FitRun, group: str) -> TestCase:
     if run.warnings:
         case.system_err = _plain("\n".join(run.warnings))
     return case
-
-
-def _versions() -> Iterable[tuple[str, str]]:
-    import jax
-
-    from diffthrust import __version__
-
-    yield "diffthrust", __version__
-    yield "jax", jax.__version__
-    yield "python", platform.python_version()
-    yield "platform", platform.platform()
 
 
 def _plain(text: str) -> str:
