@@ -104,7 +104,7 @@ class Many(Result):
         ):
             row = dict(zip(_COMMON, (name, "ok", None, None, seconds), strict=True))
             if error is None:
-                row |= row_of(result)
+                row |= {name: cell for name, (cell, _) in columns_of(result).items()}
             elif isinstance(error, InputError):
                 row |= {"status": "failed", "error": error.problem, "mend": error.mend}
             else:
@@ -117,7 +117,7 @@ class Many(Result):
         """The units of the columns of `table`: those of the model, not of the logs."""
         units = {"seconds": "s"}
         for result in self:
-            units |= column_units(result)
+            units |= {name: unit for name, (_, unit) in columns_of(result).items() if unit}
         return units
 
     def _line(self) -> str:
@@ -167,29 +167,18 @@ def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tupl
     return tuple(out)
 
 
-def row_of(result: Any) -> dict[str, Any]:
-    """The columns of a fit or a comparison; empty for other results."""
+def columns_of(result: Any) -> dict[str, tuple[Any, str]]:
+    """The columns of a fit or a comparison, and their units; empty for other results."""
     if isinstance(result, Fit):
-        numbers = estimates_of(result)
-        values = {name: value for name, (value, _) in numbers.items()}
-        spread = {f"{name}_std_error": error for name, (_, error) in numbers.items()}
-        return {**fit_row(result), **values, **spread}
+        estimates = result.parameters.items()
+        columns = {name: (cell, "") for name, cell in fit_row(result).items()}
+        columns |= {name: (e.value, e.unit) for name, e in estimates}
+        return columns | {f"{name}_std_error": (e.std_error, e.unit) for name, e in estimates}
     if isinstance(result, Comparison):
         errors = result.errors
-        by_channel = {f"{name}_rmse": error.rmse for name, error in errors.channels.items()}
-        return {"model": result.model.name, "nrmse": errors.nrmse, **by_channel}
+        columns = {"model": (result.model.name, ""), "nrmse": (errors.nrmse, "")}
+        return columns | {f"{n}_rmse": (e.rmse, e.unit) for n, e in errors.channels.items()}
     return {}
-
-
-def column_units(result: Any) -> dict[str, str]:
-    """The units of the columns of `row_of`, where they have one."""
-    units = {}
-    if isinstance(result, Fit):
-        for name, e in result.parameters.items():
-            units |= {name: e.unit, f"{name}_std_error": e.unit}
-    if isinstance(result, Comparison):
-        units = {f"{name}_rmse": error.unit for name, error in result.errors.channels.items()}
-    return {name: unit for name, unit in units.items() if unit}
 
 
 def fit_row(fit: Fit) -> dict[str, Any]:
