@@ -4,9 +4,9 @@ from ._plan import Finding as Finding
 from ._plan import Level as Level
 from ._plan import Plan as Plan
 from ._plan import PlanCheck as PlanCheck
-from ._sensor import depth_calibration as depth_calibration
 from ._thruster import dynamic_test as dynamic_test
 from ._thruster import speed_steps as speed_steps
 from ._thruster import static_test as static_test
 from ._thruster import steady_map as steady_map
-from ._vessel import sequential as sequential
+from ._vehicle import depth_calibration as depth_calibration
+from ._vehicle import sequential as sequential
