@@ -115,8 +115,7 @@ def _local(about: DataSet, path: Path) -> Path:
 
 def _cached(about: DataSet, file: DataFile, folder: Path) -> Path:
     path = folder / file.name
-    recorded = _sums(folder)
-    expected = file.sha256 or recorded.get(file.name)
+    expected = file.sha256 or _sums(folder).get(file.name)
     if path.is_file():
         digest = _sha256(path)
         if digest == expected:
@@ -127,12 +126,10 @@ def _cached(about: DataSet, file: DataFile, folder: Path) -> Path:
                 f"the sha256 {expected}, found {digest}.",
                 "Delete the file, and it is downloaded again.",
             )
-    return _download(about, file, path, expected, recorded)
+    return _download(about, file, path, expected)
 
 
-def _download(
-    about: DataSet, file: DataFile, path: Path, expected: str | None, recorded: dict[str, str]
-) -> Path:
+def _download(about: DataSet, file: DataFile, path: Path, expected: str | None) -> Path:
     """Download under a temporary name, verify, record the checksum, and rename last."""
     import pooch  # imported late: takes a fifth of a second
 
@@ -161,7 +158,10 @@ def _download(
                 f"{about.name}/{file.name}.",
             ) from None
         digest = _sha256(partial)
-        if expected is not None and digest != expected:
+        if expected is None:
+            # Read again: another process may have recorded checksums meanwhile.
+            write_json(folder / _SUMS, {**_sums(folder), file.name: digest})
+        elif digest != expected:
             mend = "Do not trust it before you know why it changed"
             meant = f"if it is meant to be another, remove its line from {folder / _SUMS}"
             raise InputError(
@@ -169,9 +169,6 @@ def _download(
                 f"sha256 {expected}, found {digest}.",
                 f"{mend}." if file.sha256 else f"{mend}; {meant}.",
             )
-        if file.sha256 is None and file.name not in recorded:
-            # Read again: another process may have recorded checksums meanwhile.
-            write_json(folder / _SUMS, {**_sums(folder), file.name: digest})
         os.replace(partial, path)
     return path
 

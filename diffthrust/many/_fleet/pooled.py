@@ -236,10 +236,7 @@ def pool_vehicles(
 
 def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], list[str]]:
     """The parameters to pool, and a note on parameters that too few vehicles have."""
-    counts = {
-        name: sum(fleet.series(vehicle, name)[1].size > 0 for vehicle in fleet.vehicles)
-        for name in fleet.axes
-    }
+    counts = {name: len(vehicle_means(fleet, name).vehicles) for name in fleet.axes}
     names = list(counts) if wanted is None else [wanted] if isinstance(wanted, str) else [*wanted]
     if unknown := [name for name in names if name not in counts]:
         raise InputError(
