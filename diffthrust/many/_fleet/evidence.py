@@ -154,8 +154,9 @@ def _with_exact_likelihood(
         parabola.information + np.diag(precision),
         parabola.information @ parabola.values + precision * begin.mean,
     )
-    axes, law = [ruler.axes[i] for i in which], Guess(*(numbers[which] for numbers in begin))
-    exact = _expanded(fits[0], logs, axes, ruler.middle[which], towards[which], law)
+    part = Ruler(tuple(ruler.axes[i] for i in which), ruler.middle[which])
+    law = Guess(*(numbers[which] for numbers in begin))
+    exact = _expanded(fits[0], logs, part, towards[which], law)
     p = len(ruler.axes)
     values, information = np.zeros(p), np.zeros((p, p))
     values[which] = exact.top[: which.size]
@@ -248,15 +249,13 @@ def _slope(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
     return jax.value_and_grad(likelihood, argnums=3)(shape, dim, numbers, x)
 
 
-def _expanded(
-    fit: Fit, logs: Any, axes: Sequence[Axis], middle: np.ndarray, towards: np.ndarray, law: Guess
-) -> Exact:
+def _expanded(fit: Fit, logs: Any, ruler: Ruler, towards: np.ndarray, law: Guess) -> Exact:
     """The likelihood of a fit's logs, expanded at the maximum of likelihood times a guessed law.
 
-    Not at the fit itself, where with poor logs a parameter may have run to zero. ``middle`` are the
-    coordinates at z = 0, ``towards`` is where the search starts.
+    Not at the fit itself, where with poor logs a parameter may have run to zero; the search starts
+    at ``towards``.
     """
-    names = [axis.name for axis in axes]
+    names = [axis.name for axis in ruler.axes]
     # `posterior_of` refuses a fit that is not identifiable, whose posterior is improper. The law of
     # the fleet makes it proper, hence the status.
     near = {n: fit.parameters[n].value for n in names}
@@ -268,18 +267,18 @@ def _expanded(
     unpooled = np.setdiff1d(np.arange(posterior.dim), pooled)
     described = [posterior.problem.named[name] for name in names]
     low, high = posterior.low.copy(), posterior.high.copy()
-    for column, axis, p in zip(pooled, axes, described, strict=True):
+    for column, axis, p in zip(pooled, ruler.axes, described, strict=True):
         # The bounds of a fit are decades around its guess, which is here the estimate itself: an
         # estimate that ran to zero would have no way back.
         if axis.log:
             with np.errstate(divide="ignore"):
                 low[column], high[column] = np.log(p.limits)
     posterior = replace(posterior, low=low, high=high)
-    per = np.array([1.0 if axis.log else 1.0 / p.scale
-                    for axis, p in zip(axes, described, strict=True)])  # fmt: skip
-    scale = per * np.array([axis.typical for axis in axes])
+    pairs = zip(ruler.axes, described, strict=True)
+    per = np.array([1.0 if axis.log else 1.0 / p.scale for axis, p in pairs])
     begin = np.concatenate([towards, posterior.centre[unpooled]])
-    bare = Exact(posterior, pooled, unpooled, per * middle, scale, begin, np.empty(0))
+    shift, scale = per * ruler.middle, per * ruler.typical
+    bare = Exact(posterior, pooled, unpooled, shift, scale, begin, np.empty(0))
     return _with_parabola(bare, law)
 
 

@@ -282,14 +282,10 @@ class Fleet(Estimates, Result):
         """
         from diffthrust.many._fleet.pooled import pool_vehicles  # slow to import
 
+        sampling = {"draws": draws, "warmup": warmup, "chains": chains, "seed": seed}
+        share, report = _share("level", level), reporter(progress)
         return pool_vehicles(
-            self,
-            parameters,
-            dict(logs or {}),
-            correlated,
-            _share("level", level),
-            {"draws": draws, "warmup": warmup, "chains": chains, "seed": seed},
-            reporter(progress),
+            self, parameters, dict(logs or {}), correlated, share, sampling, report
         )
 
     @showing

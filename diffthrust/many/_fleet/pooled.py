@@ -23,6 +23,7 @@ from diffthrust.many._fleet.tables import pooled_report
 from diffthrust.models._base.parameter import Normal
 from diffthrust.uncertainty._sampling import nuts
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
+from diffthrust.uncertainty._sampling.nuts import Walked
 from diffthrust.uncertainty._sampling.sample import check_sampling
 
 if TYPE_CHECKING:
@@ -229,7 +230,7 @@ def pool_vehicles(
     target, data = arrange(evidence, correlated)
     walked = nuts.sample_target(target, data, target.dim, progress=progress, **sampling)
     progress("done", 1.0)
-    post = _posterior(ruler, evidence, walked.kept, walked.stats, correlated, sampling["seed"])
+    post = _posterior(ruler, evidence, walked, correlated, sampling["seed"])
     weight = np.mean(walked.kept["weight"], axis=(0, 1))
     return Pooled(fleet, ruler, tuple(evidence), post, weight, level, (*notes, *more))
 
@@ -279,19 +280,14 @@ def _ruler(fleet: Estimates, names: Sequence[str]) -> Ruler:
 
 
 def _posterior(
-    ruler: Ruler,
-    evidence: Sequence[VehicleEvidence],
-    kept: Mapping[str, np.ndarray],
-    stats: Mapping[str, np.ndarray],
-    correlated: bool,
-    seed: int,
+    ruler: Ruler, evidence: Sequence[VehicleEvidence], walked: Walked, correlated: bool, seed: int
 ) -> Any:
     """The draws as ArviZ data: ``alpha`` by vehicle, ``alpha.mean`` and ``alpha.between``."""
     import xarray as xr
 
     from diffthrust.uncertainty._sampling.arviz import arviz
 
-    draw, series = ("chain", "draw"), {}
+    draw, series, kept = ("chain", "draw"), {}, walked.kept
     vehicles = [vehicle.vehicle for vehicle in evidence]
     theta, mean = ruler.values(kept["theta"]), ruler.values(kept["mean"])
     for i, axis in enumerate(ruler.axes):
@@ -309,5 +305,5 @@ def _posterior(
     return arviz().InferenceData(
         attrs=attrs,
         posterior=xr.Dataset(series, {**coords, "vehicle": vehicles}, attrs),
-        sample_stats=xr.Dataset({k: (draw, v) for k, v in stats.items()}, coords),
+        sample_stats=xr.Dataset({k: (draw, v) for k, v in walked.stats.items()}, coords),
     )
