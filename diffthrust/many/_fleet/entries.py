@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ ERROR = "_std_error"
 _TYPICAL = 0.5
 """Between-vehicle spread that counts as typical: this in a logarithm, or this share of the size."""
 _SOURCES = "Give what dft.fit or dft.many.fit returns, a table of fits, or a campaign."
+Columns = Mapping[str, Sequence[Any]]
 Labels = Sequence[Any] | Mapping[str, Any] | Callable[[str], Any] | None
 
 
@@ -37,13 +38,13 @@ class Entry(Brief):
     """One fit of one vehicle, at a time that may be ``None``."""
 
     name: str
-    vehicle: str
-    time: Any
     model: str  # without its effects
     effects: tuple[str, ...]
     columns: Mapping[str, Any]  # further ones of the table
     estimates: Mapping[str, tuple[float, float | None]]  # values and standard errors
     fit: Fit | None = field(default=None, repr=False)  # None where only a row of a table is known
+    vehicle: str = ""
+    time: Any = None
 
     def has(self, parameter: str) -> bool:
         """Whether the fit estimated a parameter; for a table row, whether it has an error."""
@@ -61,9 +62,9 @@ class Entry(Brief):
 def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
     """The entries, and notes on fits that were left out."""
     if isinstance(source, Many | Mapping | Sequence) and not isinstance(source, str):
-        made, notes = _of_fits(source, vehicle, time)
+        made, notes, columns = _of_fits(source, vehicle)
     else:
-        made, notes = _of_table(_frame(source), vehicle, time)
+        made, notes, columns = _of_table(_frame(source))
     if not made:
         raise InputError("Expected the fits of a fleet, found none.", " ".join(notes))
     models = sorted({entry.model for entry in made})
@@ -72,44 +73,42 @@ def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry],
             f"A fleet has one model, with effects or without; these are fits of {models}.",
             "Make a fleet of the fits of each.",
         )
-    return made, notes
+    names = named_members(None, [entry.name for entry in made])
+    vehicles = _labels("vehicle", vehicle, names, columns) or [n.split("/")[0] for n in names]
+    times = _labels("time", time, names, columns) or [None] * len(names)
+    labels = zip(made, names, vehicles, times, strict=True)
+    return [replace(e, name=n, vehicle=str(v), time=t) for e, n, v, t in labels], notes
 
 
 def _of_fits(
-    source: Many | Mapping[str, Any] | Sequence[Any], vehicle: Labels, time: Labels
-) -> tuple[list[Entry], list[str]]:
+    source: Many | Mapping[str, Any] | Sequence[Any], vehicle: Labels
+) -> tuple[list[Entry], list[str], Columns]:
+    """Entries without labels, notes, and the vehicles that the names tell."""
     notes: list[str] = []
-    pairs: Iterable[tuple[str, Any]]
+    fits: list[tuple[str, Any]]
     if isinstance(source, Many):
         if failed := source.failed:
             notes.append(f"Failed, and left out: {', '.join(failed)}.")
-        names = [name for name in source.names if name not in failed]
-        pairs = zip(names, source, strict=True)
+        fits = [
+            pair for pair in zip(source.names, source.results, strict=True) if pair[0] not in failed
+        ]
     elif isinstance(source, Mapping):
         several = {n: f if isinstance(f, list | tuple) else [f] for n, f in source.items()}
-        pairs = ((str(name), fit) for name, fits in several.items() for fit in fits)
+        fits = [(str(name), fit) for name, group in several.items() for fit in group]
     elif vehicle is None:
         raise InputError(
             "vehicle: expected the vehicle of each fit in the list, found none.",
             "Give vehicle=[...], or {'auv1': [fit, ...], ...} instead of the list.",
         )
     else:
-        pairs = ((f"fit {i}", fit) for i, fit in enumerate(source, 1))
-    fits = list(pairs)
+        fits = [(f"fit {i}", fit) for i, fit in enumerate(source, 1)]
+    made = []
     for name, fit in fits:
         if not isinstance(fit, Fit):
             raise InputError(f"{name}: expected a fit, found {type(fit).__name__}.", _SOURCES)
-    vehicles = [name for name, _ in fits]
-    unique = named_members(None, vehicles)
-    if vehicle is not None:
-        vehicles = _labels(vehicle, unique, "vehicle")
-    times = _labels(time, unique, "time") if time is not None else [None] * len(unique)
-    made = []
-    for name, whose, when, (_, fit) in zip(unique, vehicles, times, fits, strict=True):
         columns, effects = fit_row(fit), tuple(effect.name for effect in fit.model.effects)
-        model, estimates = columns["model"], estimates_of(fit)
-        made.append(Entry(name, str(whose), when, model, effects, columns, estimates, fit))
-    return made, notes
+        made.append(Entry(name, columns["model"], effects, columns, estimates_of(fit), fit))
+    return made, notes, {"vehicle": [name for name, _ in fits]}
 
 
 def _frame(source: Any) -> pd.DataFrame:
@@ -136,7 +135,8 @@ def _frame(source: Any) -> pd.DataFrame:
         ) from None
 
 
-def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
+def _of_table(frame: Any) -> tuple[list[Entry], list[str], Columns]:
+    """Entries without labels, notes, and the table's columns of vehicles and times."""
     notes = []
     if "status" in frame:
         failed = frame["status"] != "ok"
@@ -156,12 +156,8 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
             raise InputError(
                 f"Column '{name}': expected numbers, found {frame[name].dtype}.", "Correct it."
             )
-    rows = frame.to_dict("records")
-    names = list(named_members(None, [row.get("name", f"row {i}") for i, row in enumerate(rows)]))
-    vehicles = _column(frame, "vehicle", vehicle, names) or [n.split("/")[0] for n in names]
-    times = _column(frame, "time", time, names) or [None] * len(names)
-    entries = []
-    for name, whose, when, row in zip(names, vehicles, times, rows, strict=True):
+    made = []
+    for i, row in enumerate(frame.to_dict("records")):
         # Tables keep the effects of a fit as one text with commas.
         model, text = (row[c] if isinstance(row.get(c), str) else "" for c in ("model", "effects"))
         effects = tuple(effect.strip() for effect in text.split(",") if effect)
@@ -172,27 +168,24 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
             for c, (value, error) in numbers.items()
             if value is not None
         }
-        entries.append(Entry(name, str(whose), when, model, effects, columns, estimates))
-    return entries, notes
+        made.append(Entry(str(row.get("name", f"row {i}")), model, effects, columns, estimates))
+    return made, notes, {c: list(frame[c]) for c in ("vehicle", "time") if c in frame}
 
 
 def _finite(value: Any) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def _column(frame: Any, what: str, labels: Labels, names: Sequence[str]) -> list[Any]:
-    """Given labels of the rows, or else the column of that name, or else an empty list."""
-    if labels is not None:
-        return _labels(labels, names, what)
-    if what not in frame:
-        return []
-    if frame[what].isna().any():
-        row = names[int(frame[what].isna().to_numpy().argmax())]
-        raise InputError(f"Column '{what}': '{row}' has none.", "Fill the column.")
-    return list(frame[what])
+def _labels(what: str, labels: Labels, names: Sequence[str], columns: Columns) -> Sequence[Any]:
+    """A label for each fit: as given, or else out of the columns, or else none."""
+    import pandas as pd
 
-
-def _labels(labels: Labels, names: Sequence[str], what: str) -> list[Any]:
+    if labels is None:
+        listed = columns.get(what, [])
+        for name, label in zip(names, listed, strict=False):
+            if pd.isna(label):
+                raise InputError(f"Column '{what}': '{name}' has none.", "Fill the column.")
+        return listed
     if callable(labels):
         return [labels(name) for name in names]
     if isinstance(labels, Mapping):
@@ -200,7 +193,7 @@ def _labels(labels: Labels, names: Sequence[str], what: str) -> list[Any]:
         if absent:
             raise InputError(f"{what}: nothing is given for '{absent[0]}'.", f"Add its {what}.")
         return [labels[name] for name in names]
-    listed = [labels] if isinstance(labels, str) or labels is None else list(labels)
+    listed = [labels] if isinstance(labels, str) else list(labels)
     if len(listed) != len(names):
         raise InputError(
             f"{what}: expected one for each of {len(names)} fits, found {len(listed)}.",
