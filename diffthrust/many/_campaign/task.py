@@ -55,15 +55,14 @@ def helped(worker: Worker, job: Job) -> ResultRow:
         try:
             return worker.ask(job, limit=job.time_limit)
         except ProcessLate:
-            seconds = time.perf_counter() - started
             problem = f"Stopped at the time limit of {job.time_limit:g} s."
             mend = "Raise the time limit, shorten its logs (start, stop), or leave it out."
-            return failed(job, "timed_out", problem, mend, seconds)
+            return failed(job, "timed_out", problem, mend, started)
         except ProcessDied as how:
             why = str(how)
     problem = f"Its process died {_DEATHS} times: {why}."
     mend = "Give it more memory (fewer jobs at a time), or shorten its logs."
-    return failed(job, "lost", problem, mend, time.perf_counter() - started)
+    return failed(job, "lost", problem, mend, started)
 
 
 def run_job(job: Job) -> ResultRow:
@@ -86,8 +85,7 @@ def run_job(job: Job) -> ResultRow:
         return row
     except Exception as error:
         told = as_input_error(error, f"diffthrust {job.task} {job.spec}")
-    seconds = time.perf_counter() - started
-    return failed(job, "failed", told.problem, told.mend, seconds, mark)
+        return failed(job, "failed", told.problem, told.mend, started, mark)
 
 
 def head(job: Job, status: str) -> ResultRow:
@@ -97,9 +95,10 @@ def head(job: Job, status: str) -> ResultRow:
 
 
 def failed(
-    job: Job, status: str, problem: str, mend: str, seconds: float, mark: str | None = None
+    job: Job, status: str, problem: str, mend: str, started: float, mark: str | None = None
 ) -> ResultRow:
     """The row of a spec without a result; also written to its folder if possible."""
+    seconds = time.perf_counter() - started
     row = {**head(job, status), "error": visible(problem), "mend": mend, "seconds": seconds}
     with suppress(InputError):  # the table has the row in any case
         store(job, row, mark)
