@@ -159,24 +159,29 @@ def _multisine(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Family:
-    """A family of sequences: shape, description, and hold times as shares of the test."""
+    """A family of sequences: shape, description, hold times as shares of the test, and tempo."""
 
     shape: Callable[[np.ndarray, float, Space], np.ndarray]
     words: str
     holds: tuple[float, ...]
+    tempo: str = ", each level held {hold:.3g} s"
 
 
 _SHORT, _MIDDLE, _LONG = 1 / 160, 1 / 40, 1 / 10
 KINDS: dict[str, Family] = {
-    "step up": Family(lambda t, hold, space: np.ones_like(t), "Step", (1.0,)),
-    "step down": Family(lambda t, hold, space: -np.ones_like(t), "Step", (1.0,)),
-    "reversals": Family(_reversals, "Reversals", (_SHORT, _MIDDLE, _LONG)),
-    "pulses": Family(_pulses, "Pulses", (_SHORT, _MIDDLE)),
+    "step up": Family(lambda t, hold, space: np.ones_like(t), "Step", (1.0,), ""),
+    "step down": Family(lambda t, hold, space: -np.ones_like(t), "Step", (1.0,), ""),
+    "reversals": Family(
+        _reversals, "Reversals", (_SHORT, _MIDDLE, _LONG), ", each side held {hold:.3g} s"
+    ),
+    "pulses": Family(
+        _pulses, "Pulses", (_SHORT, _MIDDLE), ", each {hold:.3g} s long, one every {cycle:.3g} s"
+    ),
     "staircase": Family(_staircase, "Staircase", (_MIDDLE, 1 / 16)),
     "random staircase": Family(_random_staircase, "Random staircase", (_SHORT, _MIDDLE, _LONG)),
-    "ramps": Family(_ramps, "Ramps", (_MIDDLE, 1 / 4)),
-    "chirp": Family(_chirp, "Chirp", (_SHORT, _MIDDLE)),
-    "multisine": Family(_multisine, "Multisine", (_SHORT, _MIDDLE)),
+    "ramps": Family(_ramps, "Ramps", (_MIDDLE, 1 / 4), ", each way in {way:.3g} s"),
+    "chirp": Family(_chirp, "Chirp", (_SHORT, _MIDDLE), ", from {first:.2g} to {last:.3g} Hz"),
+    "multisine": Family(_multisine, "Multisine", (_SHORT, _MIDDLE), ", up to {last:.3g} Hz"),
 }
 """The families; one ramp takes the whole test, as a reference."""
 _SHARES = (1.0, 0.4, 0.1)

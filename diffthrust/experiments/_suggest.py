@@ -271,23 +271,13 @@ def in_words(design: Design, request: Request) -> str:
     joined = " and of ".join(f"{n} {span.format(*levels[n])}" for n in design.moved)
     if len(set(design.moved.values())) > 1:
         joined += " in opposite senses"
-    text = f"{KINDS[design.kind].words} of {joined}{_tempo(design, space)}"
+    family, hold = KINDS[design.kind], design.hold
+    times = {"hold": hold, "way": 2 * hold, "cycle": 4 * hold}  # [s]
+    tempo = family.tempo.format(**times, first=1 / space.active, last=0.5 / hold)
+    text = f"{family.words} of {joined}{tempo}"
     held = [n for n in space.limits if n not in design.moved]
     values = [f"{n} at {levels[n][0]}" for n in held]
     return f"{text}, with {' and '.join(values)}" if values else text
-
-
-def _tempo(design: Design, space: Space) -> str:
-    hold = f"{design.hold:.3g} s"
-    return {
-        "step up": "",
-        "step down": "",
-        "reversals": f", each side held {hold}",
-        "pulses": f", each {hold} long, one every {4 * design.hold:.3g} s",
-        "ramps": f", each way in {2 * design.hold:.3g} s",
-        "chirp": f", from {1 / space.active:.2g} to {0.5 / design.hold:.3g} Hz",
-        "multisine": f", up to {0.5 / design.hold:.3g} Hz",
-    }.get(design.kind, f", each level held {hold}")
 
 
 def _number(value: float) -> str:
