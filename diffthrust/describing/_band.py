@@ -133,26 +133,19 @@ def uncertainty(
         harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
     )  # fmt: skip
     draws_by_name = {name: np.asarray(drawn.values[name]) for name in asked.model.parameters}
-    values, reason, *_ = values_of(asked, draws_by_name)
+    result = values_of(asked, draws_by_name)
+    values, reason = result["complex"], result["reason"]
     notes = (*drawn.notes, *notes_of(asked, drawn.fit or drawn.model, reason))
-    share = np.mean(reason == Reason.SETTLED, axis=0)
     # the phase is unwrapped draw by draw before quantiles: across -180 degrees they would mean
     # nothing
     phase = np.stack([followed_phase(v) for v in values])
     ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
-    units = asked.units
     return DescribingBand(
         model=str(asked.model),
-        method=method,
-        input=input,
-        output=output,
-        input_unit=units[0],
-        output_unit=units[1],
-        amplitudes=asked.amplitudes,
-        frequencies=asked.frequencies,
+        **asked.path,
         gain=_quantiles(np.abs(values), ends),
         phase=_quantiles(phase, ends),
-        settled=share,
+        settled=np.mean(reason == Reason.SETTLED, axis=0),
         level=level,
         kind=drawn.kind,
         draws=values,

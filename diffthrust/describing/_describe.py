@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -118,56 +118,34 @@ def maps_of(
         for name in first.model.parameters
     }
     values = values_of(first, parameters, progress)
-    maps = []
-    for i, (query, source) in enumerate(zip(asked, models, strict=True)):
-        mine: dict[str, Any] = {
-            n: None if value is None else value[i] for n, value in values._asdict().items()
-        }
-        maps.append(
-            DescribingMap(
-                model=query.model,
-                method=query.method,
-                input=query.input,
-                output=query.output,
-                input_unit=query.units[0],
-                output_unit=query.units[1],
-                bias=query.bias,
-                amplitudes=query.amplitudes,
-                frequencies=query.frequencies,
-                harmonics=query.harmonics if query.method == "harmonic_balance" else None,
-                notes=notes_of(query, source, values.reason[i]),
-                written=source.written if isinstance(source, Fit) else {},
-                **mine,
-            )
+    return [
+        DescribingMap(
+            model=query.model,
+            bias=query.bias,
+            harmonics=query.harmonics if query.method == "harmonic_balance" else None,
+            notes=notes_of(query, source, values["reason"][i]),
+            written=source.written if isinstance(source, Fit) else {},
+            **query.path,
+            **{name: value[i] for name, value in values.items()},
         )
-    return maps
-
-
-class MapValues(NamedTuple):
-    """Values by draw and point, ``(D, A, F)``; ``None`` where the method does not give them.
-
-    Those of points without an answer are NaN, but for their reason and steps.
-    """
-
-    complex: np.ndarray
-    reason: np.ndarray
-    distortion: np.ndarray | None = None
-    mean: np.ndarray | None = None
-    samples: np.ndarray | None = None
-    left_out: np.ndarray | None = None
+        for i, (query, source) in enumerate(zip(asked, models, strict=True))
+    ]
 
 
 def values_of(
     asked: MapRequest, parameters: Mapping[str, np.ndarray], progress: Progress | None = None
-) -> MapValues:
-    """The values of a map for parameters ``(D,)``, by the method that is asked for."""
+) -> dict[str, np.ndarray]:
+    """Fields of `DescribingValues` for parameters ``(D,)``, those that the method gives.
+
+    They are ``(D, A, F)``; of points without an answer NaN, but for their reason and steps.
+    """
     if asked.method in FORMULAS:
         spread = {name: value[:, None, None] for name, value in parameters.items()}
         thruster = asked.model.bind(spread).quadratic_load
         assert thruster is not None  # `check_plain` has refused other models
         a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
         values = quasi_linear(thruster, a, w, asked.output, paper=asked.method == "paper")
-        return MapValues(values, np.zeros(values.shape, int))
+        return {"complex": values, "reason": np.zeros(values.shape, int)}
     responses, error = periodic_values(asked, parameters, progress)
     shape = (-1, asked.amplitudes.size, asked.frequencies.size)
     settled = responses.reason == Reason.SETTLED
@@ -175,14 +153,14 @@ def values_of(
     def answers(values: np.ndarray) -> np.ndarray:
         return np.where(settled, values, np.nan).reshape(shape)
 
-    return MapValues(
-        complex=answers(responses.first),
-        reason=responses.reason.reshape(shape),
-        distortion=answers(responses.distortion),
-        mean=answers(responses.mean),
-        samples=responses.samples.reshape(shape),
-        left_out=None if error is None else error.reshape(shape),
-    )
+    return {
+        "complex": answers(responses.first),
+        "reason": responses.reason.reshape(shape),
+        "distortion": answers(responses.distortion),
+        "mean": answers(responses.mean),
+        "samples": responses.samples.reshape(shape),
+        **({} if error is None else {"left_out": error.reshape(shape)}),
+    }
 
 
 def periodic_values(
@@ -246,7 +224,7 @@ def notes_of(asked: MapRequest, source: Any, reason: np.ndarray) -> tuple[str, .
         limit = getattr(effect, "limit", None) if asked.input in effect.ports else None
         if limit is not None and reach > limit:
             units = ShownUnits((source.written,) if isinstance(source, Fit) else ())
-            size, unit = units.size(asked.input, limit, asked.units[0])
+            size, unit = units.size(asked.input, limit, asked.path["input_unit"])
             notes.append(
                 f"Inputs beyond {size:.4g} {unit} are cut by '{effect.name}': the gain falls "
                 "with the amplitude there."

@@ -38,39 +38,29 @@ def check_plain(method: str, model: Model, input: str, output: str, bias: float)
         )
 
 
-def break_frequency(
-    thruster: QuadraticLoad, amplitudes: Any, frequencies: Any, *, paper: bool
-) -> np.ndarray:
-    """The break frequency of the quasi-linear lag [rad/s].
-
-        lambda^2 = (-w^2 + sqrt(w^4 + 4 g (Fc / ct)^2)) / 2
-
-    with Fc = ct (beta / alpha) c and gamma = 8 alpha / (3 pi). The paper has g = gamma^4, having
-    taken the amplitude of the thrust as ct times the squared amplitude of the speed. With the
-    amplitude of the fundamental of the thrust throughout, g = (gamma alpha)^2. In the numbers of
-    the thruster alpha is the load, beta the drive's gain.
-
-    Source: Yoerger, Cooke & Slotine 1990, section IV, figure 12.
-    """
-    gamma = np.asarray(thruster.sine_load)
-    weight = gamma**4 if paper else (gamma * thruster.load) ** 2
-    steady = thruster.drive_gain / thruster.load * np.asarray(amplitudes)  # speed |speed| at rest
-    level = 4.0 * weight * steady**2
-    square = np.asarray(frequencies) ** 2
-    # (-a + sqrt(a^2 + b)) / 2 loses its digits where b is small; this does not
-    return np.sqrt(0.5 * level / (square + np.sqrt(square**2 + level)))
-
-
 def quasi_linear(
     thruster: QuadraticLoad, amplitudes: Any, frequencies: Any, output: str, *, paper: bool
 ) -> np.ndarray:
     """The describing function, complex: from the command to the thrust [N/V] or speed [rad/(s V)].
 
-    That to the thrust is a lag of static gain ct beta / alpha; for the speed the static gain is
-    beta over the break frequency.
+    That to the thrust is a lag of static gain ct beta / alpha and of the break frequency
+
+        lambda^2 = (-w^2 + sqrt(w^4 + 4 g (Fc / ct)^2)) / 2
+
+    with Fc = ct (beta / alpha) c and gamma = 8 alpha / (3 pi); for the speed the static gain is
+    beta / lambda. The paper has g = gamma^4, having taken the amplitude of the thrust as ct times
+    the squared amplitude of the speed. With the amplitude of the fundamental of the thrust
+    throughout, g = (gamma alpha)^2. In the numbers of the thruster alpha is the load, beta the
+    drive's gain.
+
+    Source: Yoerger, Cooke & Slotine 1990, section IV, figure 12.
     """
-    lag = break_frequency(thruster, amplitudes, frequencies, paper=paper)
+    gamma, w = np.asarray(thruster.sine_load), np.asarray(frequencies)
+    weight = gamma**4 if paper else (gamma * thruster.load) ** 2
+    steady = thruster.drive_gain / thruster.load * np.asarray(amplitudes)  # speed |speed| at rest
+    level = 4.0 * weight * steady**2
+    # (-a + sqrt(a^2 + b)) / 2 loses its digits where b is small; this does not
+    lag = np.sqrt(0.5 * level / (w**2 + np.sqrt((w**2) ** 2 + level)))
     if output == "speed":
-        return np.asarray(thruster.drive_gain) / (lag + 1j * np.asarray(frequencies))
-    static = np.asarray(thruster.thrust_per_command)
-    return static * lag / (lag + 1j * np.asarray(frequencies))
+        return np.asarray(thruster.drive_gain) / (lag + 1j * w)
+    return np.asarray(thruster.thrust_per_command) * lag / (lag + 1j * w)

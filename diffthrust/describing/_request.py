@@ -23,23 +23,9 @@ _WHERE = "describing_function"
 
 @dataclass(frozen=True)
 class MapRequest:
-    """A describing function to be worked out.
+    """A describing function to be worked out: arguments of `describing_function`, checked."""
 
-    Args:
-        model: the model, without the effects on what its sensors report unless these count.
-        amplitudes: of the input, in its unit, ``(A,)``, increasing.
-        frequencies: [rad/s], ``(F,)``, increasing.
-        input: the channel that is a sinusoid.
-        output: whose first harmonic is taken.
-        method: one of `_METHODS`.
-        harmonics: of the states, for the harmonic balance.
-        samples: steps to the period, or ``None`` where these are chosen.
-        bias: what the input swings about.
-        others: constant values of other inputs.
-        states: names of the states that are integrated.
-    """
-
-    model: Model
+    model: Model  # without the effects on what its sensors report unless these count
     amplitudes: np.ndarray
     frequencies: np.ndarray
     input: str
@@ -49,15 +35,18 @@ class MapRequest:
     samples: int | None
     bias: float
     others: Mapping[str, float]
-    states: tuple[str, ...]
+    states: tuple[str, ...]  # those that are integrated
 
     @property
-    def units(self) -> tuple[str, str]:
-        """Units of input and output."""
-        return known_inputs(self.model)[self.input], self.model.outputs[self.output]
+    def path(self) -> dict[str, Any]:
+        """What every result says of the path from input to output, by its name there."""
+        units = _inputs(self.model)[self.input], self.model.outputs[self.output]
+        names = ("method", "input", "output", "amplitudes", "frequencies")
+        named = {name: getattr(self, name) for name in names}
+        return {**named, "input_unit": units[0], "output_unit": units[1]}
 
 
-def known_inputs(model: Model) -> dict[str, str]:
+def _inputs(model: Model) -> dict[str, str]:
     """Every channel that can be given to a model and its effects, with its unit."""
     channels = {**model.inputs, **model.optional_inputs}
     needed = [name for effect in model.effects for name in effect.needs if name not in channels]
@@ -87,12 +76,9 @@ def request(
         )
     if not sensors:
         model = bare(model)
-    channels = known_inputs(model)
-    for what, name, names in (
-        ("input", input, channels),
-        ("output", output, model.outputs),
-        ("method", method, _METHODS),
-    ):
+    channels = _inputs(model)
+    choices = {"input": (input, channels), "output": (output, model.outputs)}
+    for what, (name, names) in {**choices, "method": (method, _METHODS)}.items():
         if name not in names:
             near = nearest(name, names) if isinstance(name, str) else ""
             raise InputError(
@@ -105,8 +91,8 @@ def request(
     states = tuple(n for n in model.all_states if n not in swing)
     asked = MapRequest(
         model=model,
-        amplitudes=points("amplitudes", amplitudes),
-        frequencies=points("frequencies", frequencies),
+        amplitudes=_points("amplitudes", amplitudes),
+        frequencies=_points("frequencies", frequencies),
         input=input,
         output=output,
         method=method,
@@ -127,7 +113,7 @@ def request(
     return asked
 
 
-def points(what: str, values: Any) -> np.ndarray:
+def _points(what: str, values: Any) -> np.ndarray:
     """Positive and increasing numbers as an array."""
     try:
         row = np.atleast_1d(np.asarray(values, float))

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import control
@@ -16,7 +13,7 @@ import pytest
 import written_fits
 import xarray as xr
 from compilations import compilations
-from places import EXAMPLES
+from test_examples import run
 from trajectories import states_behind
 
 import diffthrust as dft
@@ -420,17 +417,8 @@ def test_uncertainty_follows_the_draws(plain):
 
 @pytest.mark.slow
 def test_the_example_runs(tmp_path):
-    script = EXAMPLES / "describing_function.py"
-    done = subprocess.run(
-        [sys.executable, str(script), str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": str(script.parents[1])},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=True,
-    )
-    assert "1024 points, 1024 of them settled" in done.stdout
-    assert len(list(tmp_path.glob("*.png"))) == 5
+    assert "1024 points, 1024 of them settled" in run("describing_function", tmp_path)
+    assert len(list(tmp_path.glob("figures/*.png"))) == 5
 
 
 @pytest.mark.thorough

@@ -53,7 +53,6 @@ from diffthrust.describing._periodic.respond import (
     merged,
     over,
     some,
-    staged,
 )
 from diffthrust.describing._periodic.shooting import COARSEST_SERIES, LANES, starts
 from diffthrust.models._base.model import Model
@@ -77,18 +76,11 @@ _NUMBERS = 2_000_000
 
 
 class Balance(NamedTuple):
-    """What the coefficients of one lane amount to, with ``c = 2 harmonics + 1`` for each state.
+    """What the coefficients of one lane amount to, with ``c = 2 harmonics + 1`` for each state."""
 
-    Args:
-        rest: what is missing to a balance [unit of the state / s], ``(n, c)``.
-        slope: derivative of the rest with respect to the coefficients, ``(n c, n c)``; empty where
-            it was not wanted.
-        harmonics: of the output.
-    """
-
-    rest: Float[Numbers, "*lanes n c"]
-    slope: Float[Numbers, "*lanes n*c n*c"]
-    harmonics: Harmonics
+    rest: Float[Numbers, "*lanes n c"]  # what is missing to a balance [unit of the state / s]
+    slope: Float[Numbers, "*lanes n*c n*c"]  # of the rest; empty where it was not wanted
+    harmonics: Harmonics  # of the output
 
 
 def balance(
@@ -119,8 +111,7 @@ def balance(
     if not sloped:
         return Balance(residual, jnp.zeros((0, 0)), harmonics)
     along = jnp.broadcast_to(jnp.eye(len(names))[:, :, None], (len(names), *path.shape))
-    # a derivative by each of n states in place of n (2 h + 1) coefficients: a tenth of the passes
-    # and less
+    # derivatives by n states, not by n (2 h + 1) coefficients: a tenth of the passes and less
     slopes = jax.vmap(lambda v: jax.jvp(rates, (path,), (v,))[1])(along)  # by state, (n, n, dense)
     pushed = jnp.einsum("as,jis,sb->iajb", down, slopes, up)
     inertia = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
@@ -222,8 +213,8 @@ class HarmonicBalance:
             missed = self._run(cycle, active, lanes, x)
             keep = np.isfinite(missed.rest).all(axis=(1, 2))
             if kept is None:
-                reason[~keep] = Reason.DIVERGES
                 kept = merged(None, missed, active, count)
+                reason[~keep] = Reason.DIVERGES
             else:
                 unit = _size(point[active] + step[active])
                 old = np.asarray(kept.slope)[active]
@@ -321,10 +312,8 @@ def left_out(
         change = _relative_change(reference.harmonics, lanes.amplitude[who], responses.first[who])
         return np.where(reference.reason == Reason.SETTLED, change / share, np.inf)
 
-    settled = np.flatnonzero(responses.reason == Reason.SETTLED)
-    for n, k in sorted(set(zip(responses.samples[settled], responses.stage[settled], strict=True))):
-        who = settled[(responses.samples[settled] == n) & (responses.stage[settled] == k)]
-        at = staged(cycle, max(n, richer.coarsest), k)
+    for who, at in responses.alike(cycle, np.flatnonzero(responses.reason == Reason.SETTLED)):
+        at = replace(at, samples=max(at.samples, richer.coarsest))
         error[who] = judged(who, at)
         doubtful = who[too_few(_DOUBTFUL * error[who])]
         if doubtful.size:

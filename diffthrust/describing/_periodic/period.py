@@ -46,67 +46,37 @@ _STILL = 1e-8
 
 @dataclass(frozen=True)
 class Cycle:
-    """How a period is worked out; fixes the compiled code.
-
-    Args:
-        input: the channel that is a sinusoid.
-        output: the output whose harmonics are taken.
-        samples: steps of the period; the input is known twice as densely.
-        periods: how many effects with memory are given to settle.
-        sought: the value with which their series begins is sought, and not left to settle.
-        harmonics: of the states, where these are found by harmonic balance.
-        states: those that are followed; others stay where they begin, for the output does not
-            feel them.
-    """
+    """How a period is worked out; fixes the compiled code."""
 
     input: str
     output: str
-    samples: int
-    periods: int = 1
-    sought: bool = False
-    harmonics: int = 0
-    states: tuple[str, ...] = ()
+    samples: int  # steps of the period; the input is known twice as densely
+    periods: int = 1  # that effects with memory are given to settle
+    sought: bool = False  # the start of their series is sought, and not left to settle
+    harmonics: int = 0  # of the states, for a harmonic balance
+    states: tuple[str, ...] = ()  # others stay where they begin: the output does not feel them
 
 
 class Lane(NamedTuple):
-    """One point of a map; or many, with a leading axis in every leaf.
-
-    Args:
-        amplitude: of the input, in its unit.
-        frequency: of the input [rad/s].
-        values: parameters by full name.
-        bias: what the input swings about.
-        others: constant values of other inputs.
-        clock: the time [s] at which the period begins.
-    """
+    """One point of a map; or many, with a leading axis in every leaf."""
 
     amplitude: Float[Numbers, "*lanes"]
-    frequency: Float[Numbers, "*lanes"]
-    values: dict[str, Float[Numbers, "*lanes"]]
-    bias: Float[Numbers, "*lanes"]
-    others: dict[str, Float[Numbers, "*lanes"]]
-    clock: Float[Numbers, "*lanes"]
+    frequency: Float[Numbers, "*lanes"]  # [rad/s]
+    values: dict[str, Float[Numbers, "*lanes"]]  # parameters by full name
+    bias: Float[Numbers, "*lanes"]  # what the input swings about
+    others: dict[str, Float[Numbers, "*lanes"]]  # constant values of other inputs
+    clock: Float[Numbers, "*lanes"]  # the time [s] at which the period begins
 
 
 class Harmonics(NamedTuple):
-    """What the output of a period shows.
+    """What the output of a period shows."""
 
-    Args:
-        in_phase: the part of its first harmonic that goes with the input, in the output's unit.
-        ahead: the part that is a quarter of a period ahead of the input.
-        mean: over the period.
-        distortion: root sum square of the higher harmonics over the first.
-        swing: largest less least value.
-        unsettled: change of the series that effects with memory give, from the last but one period
-            to the last, over their swing.
-    """
-
-    in_phase: Float[Numbers, "*lanes"]
-    ahead: Float[Numbers, "*lanes"]
+    in_phase: Float[Numbers, "*lanes"]  # part of the first harmonic that goes with the input
+    ahead: Float[Numbers, "*lanes"]  # its part a quarter of a period ahead
     mean: Float[Numbers, "*lanes"]
-    distortion: Float[Numbers, "*lanes"]
-    swing: Float[Numbers, "*lanes"]
-    unsettled: Float[Numbers, "*lanes"]
+    distortion: Float[Numbers, "*lanes"]  # root sum square of higher harmonics over the first
+    swing: Float[Numbers, "*lanes"]  # largest less least value
+    unsettled: Float[Numbers, "*lanes"]  # change of series with memory in a period, over the swing
 
 
 class PeriodSeries(NamedTuple):
@@ -141,16 +111,15 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> PeriodSeries:
     if cycle.periods == 1:
         return PeriodSeries(time, reaching(whole), jnp.asarray(0.0))
     if cycle.sought:
-        some = whole[: 2 * dense + 1]
+        twice = whole[: 2 * dense + 1]
         begin, repeats = _repeating_start(
-            lambda x: reaching(some.at[0].set(x))[cycle.input], lane.amplitude, dense
+            lambda x: reaching(twice.at[0].set(x))[cycle.input], lane.amplitude, dense
         )
         series = reaching(whole.at[0].set(begin))
         last = {name: value[-dense - 1 :] for name, value in series.items()}
         repeats = repeats & (_change(series, dense, cycle.periods) <= _STARTS_APART)
         return PeriodSeries(time[-dense - 1 :], last, jnp.where(repeats, 0.0, 1.0))
-    # two ways to begin, slowly and at once: only what has forgotten its beginning ends alike in
-    # both
+    # two ways to begin, slowly and at once: what has forgotten its beginning ends alike in both
     growing = jnp.minimum(count.astype(float) / (0.5 * dense * cycle.periods), 1.0)
     series, sudden = reaching(growing * whole), reaching(whole)
     last = {name: value[-dense - 1 :] for name, value in series.items()}
@@ -175,11 +144,9 @@ def _repeating_start(
     switches: a range of starts repeats. Its middle is taken, which is the right one for a command
     that swings evenly; the range shrinks as the steps get finer.
 
-    ``reached`` gives the series over two periods, from the deviation with which the input begins;
-    the amplitude bounds that deviation, and ``period`` counts the instants of a period.
-
-    Returns:
-        The deviation, and whether the range is narrow: only then there is one answer.
+    ``reached`` gives the series over two periods of so many instants, from the deviation with which
+    the input begins. Returned are that deviation, and whether the range is narrow: only then there
+    is one answer.
     """
 
     def rise(begin: Array) -> Array:
@@ -195,8 +162,7 @@ def _repeating_start(
 
         return jax.lax.fori_loop(0, _HALVINGS, halve, (-amplitude, amplitude))[0]
 
-    # bisection, since the rise is flat over the range of starts that repeat and has no slope to
-    # follow
+    # bisection, since the rise has no slope to follow over the range of starts that repeat
     low, high = jax.vmap(edge)(jnp.asarray([_STILL, -_STILL]))
     begin = 0.5 * (low + high)
     return begin, high - low <= _STARTS_APART * jnp.ptp(reached(begin)[-period:])
@@ -216,10 +182,7 @@ def harmonics_of(
     series: PeriodSeries,
     states: Mapping[str, Float[Array, " points"]],
 ) -> Harmonics:
-    """The harmonics of the output, from the states at evenly spaced instants of the period.
-
-    These are every instant of the series or every second one, the end included.
-    """
+    """The harmonics of the output, from the states at every (second) instant of the series."""
     size = next((value.shape[0] for value in states.values()), series.time.shape[0])
     stride = (series.time.shape[0] - 1) // (size - 1)
     points = size - 1
@@ -247,7 +210,7 @@ def harmonics_of(
 def in_blocks(function: Callable[[Any], Any], count: int | Array, lanes: Any) -> Any:
     """A function of each of the first ``count`` lanes, block by block; zeros for the others.
 
-    The count may be traced; the leading axis of the lanes is a multiple of `LANE_BLOCK`.
+    The number of blocks may be traced: maps of all sizes run the same program.
     """
     every = jax.vmap(function)
 
@@ -266,7 +229,6 @@ def in_blocks(function: Callable[[Any], Any], count: int | Array, lanes: Any) ->
             lambda o, f: jax.lax.dynamic_update_slice_in_dim(o, f, i * LANE_BLOCK, 0), out, block
         )
 
-    # the number of blocks is traced: maps of all sizes run the same program
     return jax.lax.fori_loop(0, (count + LANE_BLOCK - 1) // LANE_BLOCK, body, begin)
 
 
@@ -276,8 +238,7 @@ def idle(
     """Unknowns that no equation depends on but those of others like it, ``(lanes, m)``.
 
     Such is the position of a vehicle that nothing pulls back: its own equation says only how fast
-    it drifts, and is to be left out with it. Derivatives of the equations (rows) by the unknowns
-    count as none up to the size ``least``.
+    it drifts, and is to be left out with it. Derivatives up to ``least`` count as none.
     """
     which = np.zeros(matrix.shape[:2], bool)
     size = np.abs(matrix)

@@ -50,65 +50,47 @@ _SWEEPS = 12
 
 
 class Reason(IntEnum):
-    """Why a lane has no answer.
+    """Why a lane has no answer, and this in ``words``.
 
     Example:
         >>> [reason.name for reason in dft.describing.Reason][:2]
         ['SETTLED', 'DIVERGES']
+        >>> [reason.words for reason in dft.describing.Reason][:2]
+        ['settled', 'the response diverges']
     """
 
-    SETTLED = 0
-    DIVERGES = 1
-    NOT_CLOSED = 2
-    UNSTABLE = 3
-    COARSE = 4
-    MEMORY = 5
-    CLOCK = 6
-    FEW_HARMONICS = 7
+    words: str
 
-    @property
-    def words(self) -> str:
-        """The reason in words.
+    SETTLED = 0, "settled"
+    DIVERGES = 1, "the response diverges"
+    NOT_CLOSED = 2, "no response that repeats was found"
+    UNSTABLE = 3, "the response that repeats is unstable"
+    COARSE = 4, "the first harmonic still moves as the steps get finer"
+    MEMORY = 5, "an effect with memory does not forget how it began"
+    CLOCK = 6, "the response drifts, or changes with the time of the log"
+    FEW_HARMONICS = 7, "more harmonics would change the first one by more than it may err"
 
-        Example:
-            >>> [reason.words for reason in dft.describing.Reason][:2]
-            ['settled', 'the response diverges']
-        """
-        return _WORDS[self]
-
-
-_WORDS = {
-    Reason.SETTLED: "settled",
-    Reason.DIVERGES: "the response diverges",
-    Reason.NOT_CLOSED: "no response that repeats was found",
-    Reason.UNSTABLE: "the response that repeats is unstable",
-    Reason.COARSE: "the first harmonic still moves as the steps get finer",
-    Reason.MEMORY: "an effect with memory does not forget how it began",
-    Reason.CLOCK: "the response drifts, or changes with the time of the log",
-    Reason.FEW_HARMONICS: "more harmonics would change the first one by more than it may err",
-}
+    def __new__(cls, value: int, words: str) -> Reason:
+        member = int.__new__(cls, value)
+        member._value_, member.words = value, words
+        return member
 
 
 class SolvedOrbits(NamedTuple):
-    """What a search at one step length gave, by lane."""
+    """What a search at one step length gave, by lane: orbits where the reason is ``SETTLED``."""
 
     x: np.ndarray
-    """What it searched for."""
     harmonics: Harmonics
     reason: np.ndarray
-    """``SETTLED`` where it found an orbit."""
 
 
 class Solver(Protocol):
     """A way to find periodic orbits."""
 
-    capacity: int
-    """Lanes of one call."""
-    coarsest: int
-    """Steps to the period at first."""
-    finest: int
-    growth: int
-    """Finer steps are finer by this factor."""
+    capacity: int  # lanes of one call
+    coarsest: int  # steps to the period, from these
+    finest: int  # to these
+    growth: int  # multiplied by this
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
         """Where the search starts, by lane."""
@@ -125,25 +107,22 @@ class Solver(Protocol):
 
 @dataclass(frozen=True)
 class PeriodicResponses:
-    """Periodic responses by lane, ``(L,)`` each.
+    """Periodic responses by lane, ``(L,)`` each."""
 
-    Args:
-        first: first harmonic of the output over the amplitude of the input, complex.
-        mean: of the output.
-        distortion: higher harmonics over the first.
-        reason: see `Reason`.
-        samples: steps to the period.
-        stage: of `STAGES`, in which effects with memory settled.
-        x: the orbits, as the solver knows them.
-    """
-
-    first: np.ndarray
+    first: np.ndarray  # first harmonic of the output over the amplitude of the input, complex
     mean: np.ndarray
     distortion: np.ndarray
-    reason: np.ndarray
+    reason: np.ndarray  # -1 where the search goes on
     samples: np.ndarray
-    stage: np.ndarray
-    x: np.ndarray
+    stage: np.ndarray  # of `STAGES`
+    x: np.ndarray  # the orbits, as the solver knows them
+
+    def alike(self, cycle: Cycle, who: np.ndarray) -> Iterator[tuple[np.ndarray, Cycle]]:
+        """Lanes of equal steps and stage (of an effect with memory) together, with their cycle."""
+        for n, k in sorted(set(zip(self.samples[who], self.stage[who], strict=True))):
+            periods, sought = (1, False) if cycle.periods == 1 else STAGES[k]
+            at = replace(cycle, samples=int(n), periods=periods, sought=sought)
+            yield who[(self.samples[who] == n) & (self.stage[who] == k)], at
 
 
 def respond(
@@ -161,82 +140,62 @@ def respond(
     ``samples``; and with the guess in place of the model's own initial states.
     """
     tell, size = reporter(progress), lanes.amplitude.size
+    origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if guess is None else guess
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
-    last_steps = samples or solver.finest
-    stage = np.zeros(size, int)
-    without_guess = guess is None
-    origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if without_guess else guess
-    x: np.ndarray = np.array(origin)
-    mean, distortion, first = np.zeros(size), np.zeros(size), np.zeros(size, complex)
-    previous = np.full(size, np.nan, complex)
-    reason, failed = np.full(size, -1), np.zeros(size, int)
-    while (active := np.flatnonzero(reason < 0)).size:
-        for n, k in sorted(set(zip(steps[active], stage[active], strict=True))):
-            who = active[(steps[active] == n) & (stage[active] == k)]
-            at = staged(cycle, n, k)
-            orbits = over(solver, at, lanes, who, solver.solve, x)
-            h = orbits.harmonics
-            first[who] = first_harmonic(h, lanes.amplitude[who])
-            mean[who], distortion[who] = h.mean, h.distortion
+    r = PeriodicResponses(
+        np.zeros(size, complex), np.zeros(size), np.zeros(size), np.full(size, -1), steps,
+        np.zeros(size, int), np.array(origin),
+    )  # fmt: skip
+    previous, failed = np.full(size, np.nan, complex), np.zeros(size, int)
+    while (active := np.flatnonzero(r.reason < 0)).size:
+        for who, at in r.alike(cycle, active):
+            orbits = over(solver, at, lanes, who, solver.solve, r.x)
+            h, n, k = orbits.harmonics, at.samples, int(r.stage[who[0]])
+            r.first[who] = first_harmonic(h, lanes.amplitude[who])
+            r.mean[who], r.distortion[who] = h.mean, h.distortion
             bad = orbits.reason != Reason.SETTLED
             # a failed search has left its point anywhere: the finer steps begin at the origin again
-            x[who] = np.where(_like(bad, x), np.asarray(origin)[who], orbits.x)
+            r.x[who] = np.where(_like(bad, r.x), np.asarray(origin)[who], orbits.x)
             failed[who] += orbits.reason == Reason.NOT_CLOSED
             # all stages first, then finer steps; an output that does not move may still wait for
             # the end of a delay
             still = (at.periods > 1) & (h.swing <= _STILL * np.abs(h.mean))
             restless = ~bad & (~(h.unsettled <= _REPEATED) | still & (at.periods < _LONGEST))
             later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LONGEST_SERIES]
-            stage[who] = np.where(restless, later[0] if later else k, k)
+            r.stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
-            change = np.abs(first[who] - previous[who])
+            change = np.abs(r.first[who] - previous[who])
             # for a first-order error the change from n to g n steps is (g - 1) times the error that
             # is left
-            near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
+            near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(r.first[who]), floor)
             near = near | still | (samples is not None)
-            reason[who[~bad & ~restless & near]] = Reason.SETTLED
+            r.reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near) | (restless & (not later))
-            previous[who] = np.where(bad | restless, np.nan, first[who])
+            previous[who] = np.where(bad | restless, np.nan, r.first[who])
             finer_steps = solver.growth * n
-            last = min(last_steps, LONGEST_SERIES // (2 * at.periods))
+            last = min(samples or solver.finest, LONGEST_SERIES // (2 * at.periods))
             finished = finer & ((finer_steps > last) | (failed[who] >= _FAILURES))
             unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
-            reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
-            steps[who[finer & ~finished]] = finer_steps
-            tell("periodic responses", float(np.mean(reason >= 0)))
-    _check_again(solver, cycle, lanes, x, first, mean, reason, steps, stage)
-    return PeriodicResponses(first, mean, distortion, reason, steps, stage, x)
+            r.reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
+            r.samples[who[finer & ~finished]] = finer_steps
+            tell("periodic responses", float(np.mean(r.reason >= 0)))
+    _check_again(solver, cycle, lanes, r)
+    return r
 
 
-def _check_again(
-    solver: Solver, cycle: Cycle, lanes: Lane, x: np.ndarray, first: np.ndarray, mean: np.ndarray,
-    reason: np.ndarray, steps: np.ndarray, stage: np.ndarray,
-) -> None:  # fmt: skip
+def _check_again(solver: Solver, cycle: Cycle, lanes: Lane, r: PeriodicResponses) -> None:
     """Mark the lanes that a further period, on a later clock, shows not to have settled."""
     later = lanes._replace(clock=np.full_like(lanes.amplitude, _LATER))
-    settled = np.flatnonzero(reason == Reason.SETTLED)
-    for n, k in sorted(set(zip(steps[settled], stage[settled], strict=True))):
-        who = settled[(steps[settled] == n) & (stage[settled] == k)]
-        at = staged(cycle, n, k)
-        orbits = over(solver, at, later, who, solver.again, x)
-        h = orbits.harmonics
-        amplitude = lanes.amplitude[who]
-        change = np.abs(first_harmonic(h, amplitude) - first[who])
-        swing = np.maximum(h.swing / amplitude, np.abs(first[who]))
-        moved = np.abs(h.mean - mean[who]) / amplitude
-        same = (change <= _SAME * np.maximum(np.abs(first[who]), 1e-3 * swing)) & (
-            moved <= _SAME * swing
-        )
-        reason[who] = np.where(orbits.reason == Reason.SETTLED, reason[who], orbits.reason)
-        reason[who[(orbits.reason == Reason.SETTLED) & ~same]] = Reason.CLOCK
-
-
-def staged(cycle: Cycle, samples: int, stage: int) -> Cycle:
-    """The cycle at this many steps and stage of `STAGES`, which only effects with memory have."""
-    if cycle.periods == 1:
-        return replace(cycle, samples=int(samples))
-    periods, sought = STAGES[stage]
-    return replace(cycle, samples=int(samples), periods=periods, sought=sought)
+    for who, at in r.alike(cycle, np.flatnonzero(r.reason == Reason.SETTLED)):
+        orbits = over(solver, at, later, who, solver.again, r.x)
+        h, amplitude, first = orbits.harmonics, lanes.amplitude[who], np.abs(r.first[who])
+        change = np.abs(first_harmonic(h, amplitude) - r.first[who])
+        swing = np.maximum(h.swing / amplitude, first)
+        moved = np.abs(h.mean - r.mean[who]) / amplitude
+        same = (change <= _SAME * np.maximum(first, 1e-3 * swing)) & (moved <= _SAME * swing)
+        settled = orbits.reason == Reason.SETTLED
+        r.reason[who] = np.where(settled, r.reason[who], orbits.reason)
+        r.reason[who[settled & ~same]] = Reason.CLOCK
 
 
 def first_harmonic(output: Harmonics, amplitude: np.ndarray) -> np.ndarray:
@@ -244,20 +203,19 @@ def first_harmonic(output: Harmonics, amplitude: np.ndarray) -> np.ndarray:
     return (output.in_phase + 1j * output.ahead) / amplitude
 
 
-def _like(flags: np.ndarray, x: np.ndarray) -> np.ndarray:
-    return flags.reshape(flags.size, *([1] * (x.ndim - 1)))
+def _like(by_lane: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return by_lane.reshape(-1, *([1] * (x.ndim - 1)))
 
 
 def over(
-    solver: Solver,
-    cycle: Cycle,
-    lanes: Lane,
-    who: np.ndarray,
-    act: Callable[..., Any],
+    solver: Solver, cycle: Cycle, lanes: Lane, who: np.ndarray, act: Callable[..., Any],
     x: Any = None,
-) -> Any:
+) -> Any:  # fmt: skip
     """An act of the solver on some lanes, in portions that the cores of the machine share."""
-    portions = [*_portions(who, solver.capacity)]
+    least = -(-who.size // LANE_BLOCK) if who.size else 1
+    count = max(-(-who.size // solver.capacity), min(os.cpu_count() or 1, least))
+    # of equal work: neighbours, who are equally slow, are dealt out in turn
+    portions = [who[i::count] for i in range(count)]
 
     def one(lanes_at: np.ndarray) -> Any:
         guesses = () if x is None else (_padded(x[lanes_at], solver.capacity),)
@@ -267,15 +225,6 @@ def over(
     parts = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
     order = np.argsort(np.concatenate(portions), kind="stable")
     return jax.tree.map(lambda *values: np.concatenate(values)[order], *parts)
-
-
-def _portions(who: np.ndarray, capacity: int) -> Iterator[np.ndarray]:
-    """Lanes in portions of equal work: neighbours, who are equally slow, are dealt out in turn."""
-    cores = os.cpu_count() or 1
-    least = -(-who.size // LANE_BLOCK) if who.size else 1
-    count = max(-(-who.size // capacity), min(cores, least))
-    for i in range(count):
-        yield who[i::count]
 
 
 def _padded(values: np.ndarray, size: int) -> np.ndarray:
@@ -337,7 +286,7 @@ def respond_with_neighbours(
             break
         source = beside[retried]
         ratio = lanes.amplitude[retried] / lanes.amplitude[source]
-        guess = responses.x[source] * ratio.reshape(-1, *([1] * (responses.x.ndim - 1)))
+        guess = responses.x[source] * _like(ratio, responses.x)
         more = respond(solver, cycle, some(lanes, retried), samples=samples, guess=guess)
         better = more.reason == Reason.SETTLED
         if not better.any():
@@ -349,14 +298,11 @@ def respond_with_neighbours(
 
 def _neighbours(settled: np.ndarray) -> np.ndarray:
     """For each lane one beside it that settled, or -1; ``(D * A * F,)``."""
-    index = np.arange(settled.size).reshape(settled.shape)
+    index = np.where(settled, np.arange(settled.size).reshape(settled.shape), -1)
     beside = np.full(settled.shape, -1)
     for axis in (2, 1):  # a neighbour in amplitude overrides one in frequency
         for shift in (-1, 1):
             at = np.roll(index, shift, axis)
-            neighbour_settled = np.roll(settled, shift, axis)
-            edge = [slice(None)] * 3
-            edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
-            neighbour_settled[tuple(edge)] = False
-            beside = np.where(neighbour_settled, at, beside)
+            np.moveaxis(at, axis, 0)[0 if shift == 1 else -1] = -1  # beyond the map
+            beside = np.where(at >= 0, at, beside)
     return beside.reshape(-1)

@@ -60,20 +60,12 @@ _FINEST_SERIES = 16384
 
 
 class Orbit(NamedTuple):
-    """What one period shows, by lane.
-
-    Args:
-        start: states at its start, ``(n,)``.
-        end: states at its end, ``(n,)``.
-        slope: derivative of the end with respect to the start, ``(n, n)``.
-        swing: largest less least value of each state, ``(n,)``.
-        harmonics: of the output.
-    """
+    """What one period shows, by lane: states at its start and end, and the output."""
 
     start: Float[Numbers, "*lanes n"]
     end: Float[Numbers, "*lanes n"]
-    slope: Float[Numbers, "*lanes n n"]
-    swing: Float[Numbers, "*lanes n"]
+    slope: Float[Numbers, "*lanes n n"]  # of the end with respect to the start
+    swing: Float[Numbers, "*lanes n"]  # largest less least value of each state
     harmonics: Harmonics
 
 
@@ -86,35 +78,26 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Float[Array, " n"]
     steps = jnp.full(cycle.samples, 2.0 * jnp.pi / lane.frequency / cycle.samples)
 
     def rates(state: Mapping[str, Array], u: Mapping[str, Array]) -> dict[str, Array | Relaxing]:
-        return {
-            n: k
-            for n, k in rates_of(model, names, {**constant_states, **state}, u).items()
-            if n in names
-        }
+        slopes = rates_of(model, names, {**constant_states, **state}, u)
+        return {n: k for n, k in slopes.items() if n in names}
 
     def end_of(x: Float[Array, " n"]) -> tuple[Array, dict[str, Array]]:
         begin = {name: x[i] for i, name in enumerate(names)}
         path = integrate(rates, begin, inputs, steps, {}, uniform=True)
         return jnp.stack([path[name][-1] for name in names]), path
 
+    def harmonics(size: int, path: Mapping[str, Array]) -> Harmonics:
+        still = {name: jnp.full(size, value) for name, value in constant_states.items()}
+        return harmonics_of(model, cycle, lane, series, {**still, **path})
+
     if not names:
         empty = jnp.zeros(0)
-        harmonics = harmonics_of(
-            model, cycle, lane, series, _still(constant_states, 2 * cycle.samples + 1)
-        )
-        return Orbit(empty, empty, jnp.zeros((0, 0)), empty, harmonics)
+        return Orbit(empty, empty, jnp.zeros((0, 0)), empty, harmonics(2 * cycle.samples + 1, {}))
     # few states: their tangents ride along with the integration
     along, path = jax.jacfwd(end_of, has_aux=True)(start)
     swing = jnp.stack([jnp.max(path[n]) - jnp.min(path[n]) for n in names])
     end = jnp.stack([path[n][-1] for n in names])
-    series_of_states = {**_still(constant_states, cycle.samples + 1), **path}
-    return Orbit(
-        start, end, along, swing, harmonics_of(model, cycle, lane, series, series_of_states)
-    )
-
-
-def _still(states: Mapping[str, Array], size: int) -> dict[str, Array]:
-    return {name: jnp.full(size, value) for name, value in states.items()}
+    return Orbit(start, end, along, swing, harmonics(cycle.samples + 1, path))
 
 
 @program(2)
@@ -178,11 +161,9 @@ def scale_of(orbit: Orbit) -> Float[np.ndarray, "lanes n"]:
 def unstable(orbit: Orbit) -> Bool[np.ndarray, " lanes"]:
     """Whether a small displacement from each orbit grows from period to period, ``(lanes,)``."""
     slope = np.asarray(orbit.slope)
-    if not slope.shape[-1]:
-        return np.zeros(slope.shape[0], bool)
-    fine = np.isfinite(slope).all(axis=(1, 2))
-    grows = np.zeros(slope.shape[0], bool)
-    grows[fine] = np.abs(np.linalg.eigvals(slope[fine])).max(axis=1) > 1.0 + _UNSTABLE
+    fine, grows = np.isfinite(slope).all(axis=(1, 2)), np.zeros(slope.shape[0], bool)
+    multipliers = np.abs(np.linalg.eigvals(slope[fine]))
+    grows[fine] = multipliers.max(axis=1, initial=0.0) > 1.0 + _UNSTABLE
     return grows
 
 
