@@ -65,8 +65,8 @@ class Transfer:
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Matrices ``(n, n)``, ``(n,)``, ``(n,)`` and a number, without the dead time.
 
-        The states are integrals of each other in a time unit in which the denominator's
-        coefficients are of size one: the companion form by itself is badly scaled.
+        The companion form in a time unit in which the denominator's coefficients are of size one:
+        by itself it is badly scaled.
         """
         n = self.order
         sizes = (abs(c) ** (1.0 / k) for k, c in enumerate(self.den) if k and c)
@@ -82,13 +82,13 @@ class Transfer:
         """The same with a further dead time [s]."""
         return replace(self, delay=self.delay + delay)
 
-    def rational(self, order: int = _PADE) -> Transfer:
-        """The same without dead time, which becomes an all-pass of this order (Pade)."""
+    def rational(self) -> Transfer:
+        """The same without dead time, which becomes an all-pass (Pade)."""
         if not self.delay:
             return self
-        weights = [math.comb(order, k) / math.perm(2 * order, k) for k in range(order + 1)]
+        weights = [math.comb(_PADE, k) / math.perm(2 * _PADE, k) for k in range(_PADE + 1)]
         plus = np.array([w * self.delay**k for k, w in enumerate(weights)])[::-1]
-        minus = plus * (-1.0) ** np.arange(order + 1)[::-1]
+        minus = plus * (-1.0) ** np.arange(_PADE + 1)[::-1]
         num, den = np.polymul(self.num, minus), np.polymul(self.den, plus)
         return Transfer(num / den[0], den / den[0])
 
@@ -102,8 +102,7 @@ class Transfer:
         a, b, _, _ = self.state_space()
         n = self.order
         # Van Loan's method (1978): the exponential of one block matrix gives the integrals over the
-        # input's constant and ramp as well, and needs no inverse of `a`, which is singular for an
-        # integrator.
+        # input's constant and ramp as well, without an inverse of `a`, singular for an integrator.
         block = np.zeros((n + 2, n + 2))
         block[:n, :n] = a * step
         block[:n, n] = b * step
@@ -201,8 +200,7 @@ def _from_states(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
     from scipy.signal import ss2tf  # slow to import
 
     num, den = ss2tf(a, b, c, d)
-    # ss2tf leaves leading coefficients of rounding size where there are none, and each would count
-    # as a zero of the transfer function at a very high frequency.
+    # ss2tf leaves leading coefficients of rounding size, each a zero at a very high frequency
     num = np.where(np.abs(num[0]) < 1e-12 * np.abs(num[0]).max(), 0.0, num[0])
     return num, den
 
