@@ -4,8 +4,8 @@ from ._classical import Relay as Relay
 from ._classical import Saturation as Saturation
 from ._classical import StaticNonlinearity as StaticNonlinearity
 from ._element import Nonlinearity as Nonlinearity
-from ._figures_pole import plot_pole_motion as plot_pole_motion
 from ._find import limit_cycles as limit_cycles
+from ._find import plot_pole_motion as plot_pole_motion
 from ._model_element import ModelElement as ModelElement
 from ._oscillation import LimitCycle as LimitCycle
 from ._result import LimitCycles as LimitCycles

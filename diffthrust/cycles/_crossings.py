@@ -7,44 +7,18 @@ imaginary part change their sign are polished by Newton's method.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
+from diffthrust.cycles._oscillation import LimitCycle
 
 # two solutions closer than this in the logarithms are one; the stencil of the central differences
 # is as wide, where truncation (1e-8) and rounding balance
 _SAME = 1e-4
 _STENCIL = 1e-4
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """One solution.
-
-    Args:
-        amplitude: of the fundamental at the element's input.
-        frequency: [rad/s].
-        growth: how fast a relative deviation of the amplitude grows [1/s]; negative: it dies out.
-        others: the largest real part [1/s] of the other poles of the quasi-linear loop.
-        edge: it lies in the outermost cells of the range.
-    """
-
-    amplitude: float
-    frequency: float
-    growth: float
-    others: float
-    edge: bool
-
-    @property
-    def stable(self) -> bool | None:
-        """Whether the oscillation lasts by the quasi-static criterion; ``None``: undecided."""
-        small = 1e-6 * self.frequency
-        if abs(self.growth) < small:
-            return None
-        return bool(self.growth < 0 and self.others < small)
 
 
 def grid_of(
@@ -56,8 +30,7 @@ def grid_of(
     """The amplitudes and frequencies [rad/s] of the cells; a given pair is the ends of a range."""
     if frequencies is None:
         corners = transfer.corners
-        # two decades around the corners: beyond, the phase of a rational G is within a degree of
-        # its limit
+        # two decades around the corners: beyond, a rational G is within a degree of its last phase
         top = 100.0 * corners[-1]
         if transfer.delay:  # the first turn of the dead time; later ones are asked for by range
             top = min(top, 5.0 / transfer.delay)
@@ -83,10 +56,10 @@ def loop_balance(
 
 def crossings(
     transfer: Transfer, element: Nonlinearity, amplitudes: np.ndarray, frequencies: np.ndarray
-) -> tuple[list[Crossing], np.ndarray]:
+) -> tuple[list[LimitCycle], np.ndarray]:
     """All solutions in the range, amplitudes rising, and 1 + N G on the grid, ``(a, f)``."""
     f = loop_balance(transfer, element, amplitudes[:, None], frequencies[None, :])
-    solutions: list[Crossing] = []
+    solutions: list[LimitCycle] = []
     for i, j, apart in _candidates(_turning(np.real(f)), _turning(np.imag(f))):
         cell = amplitudes[i : i + 2], frequencies[j : j + 2]
         # Newton's method costs a describing function for each stencil, a simulation for a model:
@@ -104,8 +77,8 @@ def crossings(
         if inside and not tried:
             edge = a < amplitudes[1] or a > amplitudes[-2]
             edge = edge or w < frequencies[1] or w > frequencies[-2]
-            growth, further = stability(transfer, element, a, w)
-            solutions.append(Crossing(float(a), float(w), growth, further, bool(edge)))
+            stable, growth = _stability(transfer, element, a, w)
+            solutions.append(LimitCycle(float(a), float(w), stable, growth, bool(edge)))
     return sorted(solutions, key=lambda c: c.amplitude), f
 
 
@@ -132,9 +105,8 @@ def _stencil(
 def _candidates(real: np.ndarray, imaginary: np.ndarray) -> Iterator[tuple[int, int, float]]:
     """Cells to polish, and the distance in cells within which an earlier solution replaces them.
 
-    First the cells in which both parts change their sign. Then those in which one part does and
-    the other does in a neighbour: a line that only bulges into a cell does not change the sign of
-    its corners.
+    First those in which both parts change their sign, then those in which one does, and the other
+    in a neighbour: a line that only bulges into a cell does not change the sign of its corners.
     """
     from scipy.ndimage import binary_dilation  # takes a while
 
@@ -148,7 +120,7 @@ def _candidates(real: np.ndarray, imaginary: np.ndarray) -> Iterator[tuple[int, 
         yield int(i), int(j), 1.75
 
 
-def _cells_apart(cell: tuple[np.ndarray, np.ndarray], c: Crossing) -> float:
+def _cells_apart(cell: tuple[np.ndarray, np.ndarray], c: LimitCycle) -> float:
     """How far a solution lies from the middle of a cell, in cells."""
     apart = []
     for (low, high), at in zip(cell, (c.amplitude, c.frequency), strict=True):
@@ -172,8 +144,7 @@ def _polished(
         matrix = np.array([[by_a.real, by_w.real], [by_a.imag, by_w.imag]])
         if not (np.isfinite(f) and np.isfinite(matrix).all()):
             return None
-        # G and -1/N run parallel here: a whole line of solutions, or a touch, and no single
-        # crossing
+        # G and -1/N run parallel here: a line of solutions, or a touch, and no single crossing
         if abs(np.linalg.det(matrix)) <= 1e-14 * np.abs(matrix).max() ** 2:
             return None
         move = np.clip(-np.linalg.solve(matrix, [f.real, f.imag]), -0.3, 0.3)
@@ -185,27 +156,28 @@ def _polished(
     return (a, w) if abs(f) < 1e-6 else None
 
 
-def stability(transfer: Transfer, element: Nonlinearity, a: float, w: float) -> tuple[float, float]:
-    """Growth of a deviation, and the other poles of the quasi-linear loop.
+def _stability(
+    transfer: Transfer, element: Nonlinearity, a: float, w: float
+) -> tuple[bool | None, float]:
+    """Whether a solution is stable (``None``: undecided), and how fast a deviation grows [1/s].
 
     The oscillation exp((s + jw) t) of a slightly larger one solves the balance with a shifted
     argument: s = -dF/dA dA / (dF/d(jw)), F = 1 + N G (Loeb's criterion in derivative form,
-    Gelb & Vander Velde 1968, section 3.2). The other poles must lie to the left as well.
-
-    Returns:
-        Real part of the shift for dA = A [1/s], and the largest real part of other poles [1/s].
+    Gelb & Vander Velde 1968, section 3.2); the growth is the real part of s for dA = A. The other
+    poles of the quasi-linear loop must lie to the left as well.
     """
     _, by_a, by_w = _stencil(transfer, element, a, w)
     # from the logarithm of what lies above ``least`` to that of the amplitude itself
     by_a = by_a * a / (a - element.least)
     growth = float(np.real(-by_a / (by_w / (1j * w))))
+    small = 1e-6 * w
+    if abs(growth) < small:
+        return None, growth
     poles = loop_poles(transfer, element, a, w)
-    if poles.size <= 2:
-        return growth, -np.inf
-    # the oscillating pair is on the axis by construction: it says nothing of stability and is taken
-    # out
+    # the oscillating pair is on the axis by construction, and says nothing of stability
     pair = np.argsort(np.abs(np.abs(np.imag(poles)) - w) + np.abs(np.real(poles)))[:2]
-    return growth, float(np.real(np.delete(poles, pair)).max())
+    others = np.real(np.delete(poles, pair)).max(initial=-np.inf)
+    return bool(growth < 0 and others < small), growth
 
 
 def loop_poles(
@@ -216,3 +188,48 @@ def loop_poles(
     n = complex(element.describing(a, w)) if n is None else n
     num, den = element.quasi_linear(n, a, w)
     return np.roots(np.polyadd(np.polymul(den, plain.den), np.polymul(num, plain.num)))
+
+
+def pole_path(
+    transfer: Transfer, element: Nonlinearity, amplitudes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitudes ``(m,)`` with a describing function, and the loop's poles [1/s], ``(m, n)``."""
+    w = np.full(amplitudes.shape, np.sqrt(transfer.corners[0] * transfer.corners[-1]))
+    rows: list[np.ndarray] = []
+    for _ in range(8):  # the lag depends on the frequency of the pair that it moves
+        rows, previous = [], w.copy()
+        for i, n in enumerate(element.describing(amplitudes, w)):
+            poles = np.empty(0, complex)
+            if np.isfinite(n):
+                poles = loop_poles(transfer, element, float(amplitudes[i]), float(w[i]), complex(n))
+            turning = poles[np.imag(poles) > 1e-6 * np.abs(poles)]
+            if turning.size:
+                w[i] = complex(turning[int(np.argmax(np.real(turning)))]).imag
+            rows.append(poles)
+        if np.abs(np.log(w / previous)).max() < 1e-6:
+            break
+    most = max(row.size for row in rows)
+    # where a lag has no phase to give, the order falls and the row has fewer poles
+    complete = [i for i, row in enumerate(rows) if most and row.size == most]
+    if not complete:
+        raise InputError(
+            "The quasi-linear loop has no poles at these amplitudes.",
+            "Choose amplitudes at which the element has an output.",
+        )
+    return amplitudes[complete], np.array([rows[i] for i in complete])
+
+
+def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float, bool]]:
+    """Where a pair crosses the imaginary axis: amplitude, frequency, and whether to the left."""
+    crossed = []
+    upper = np.where(np.imag(poles) > 1e-6 * np.abs(poles), poles, -np.inf)
+    best = np.argmax(np.real(upper), axis=1)
+    pair = upper[np.arange(a.size), best]
+    for i in range(a.size - 1):
+        start, end = pair[i], pair[i + 1]
+        if np.isfinite(start.real) and np.isfinite(end.real) and start.real * end.real < 0:
+            share = start.real / (start.real - end.real)
+            amplitude = a[i] * (a[i + 1] / a[i]) ** share
+            w = start.imag + share * (end.imag - start.imag)
+            crossed.append((float(amplitude), float(w), bool(end.real < 0)))
+    return crossed

@@ -51,11 +51,8 @@ class Nonlinearity(ABC):
     """On the ends of the widest range of frequencies, for the default one."""
     harmonics: int = 15
     """The highest in the balance, by default."""
-
-    @property
-    def scale(self) -> float | None:
-        """The input at which the behaviour changes; ``None`` where there is none."""
-        return None
+    scale: float | None = None
+    """The input at which the behaviour changes; ``None`` where there is none."""
 
     @abstractmethod
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
@@ -82,8 +79,7 @@ class Nonlinearity(ABC):
         Returns:
             Coefficients of numerator and denominator, highest power first.
         """
-        # a real N needs no s; for a complex one N = re + im s / w is the lowest order that is real
-        # in s and equals N at s = jw
+        # re + im s / w is the lowest order that is real in s and equals a complex N at s = jw
         if abs(n.imag) < 1e-12 * abs(n):
             return np.array([n.real]), np.ones(1)
         return np.array([n.imag / frequency, n.real]), np.ones(1)

@@ -1,4 +1,4 @@
-"""Figures of a loop: G(jw) against -1/N(A, w), and its course from rest."""
+"""Figures of a loop: G(jw) against -1/N(A, w), its poles, and its course from rest."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
 from diffthrust._support.transfer import Transfer
+from diffthrust.cycles._crossings import axis_crossings, pole_path
 from diffthrust.cycles._element import Nonlinearity
 from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
 
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
+_AMPLITUDES = 64
+"""At which poles are drawn."""
 
 
 def nyquist_figure(
@@ -140,3 +144,59 @@ def course_figure(course: LoopCourse, levels: Mapping[str, float], title: str) -
     styled(axes, title, "time [s]", "force [N]")
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8.5)
     return figure
+
+
+def pole_figure(
+    transfer: Transfer,
+    element: Nonlinearity,
+    ends: tuple[float, float],
+    *,
+    factor: float = 1.0,
+    label: str = "amplitude",
+) -> Figure:
+    """The figure; amplitudes are shown times ``factor``."""
+    a, poles = pole_path(transfer, element, np.geomspace(*ends, _AMPLITUDES))
+    figure = Figure(figsize=(7.6, 5.6), layout="constrained")
+    axes = figure.add_subplot()
+    reach = _window(transfer, poles)
+    near = np.abs(poles) <= 3.0 * reach
+    norm = LogNorm(factor * a[0], factor * a[-1])
+    colours = np.broadcast_to(factor * a[:, None], poles.shape)[near]
+    shown = axes.scatter(
+        np.real(poles[near]),
+        np.imag(poles[near]),
+        c=colours,
+        norm=norm,
+        cmap="viridis",
+        s=13,
+        zorder=3,
+    )
+    figure.colorbar(shown, ax=axes, label=label, shrink=0.85)
+    for amplitude, w, to_left in axis_crossings(a, poles):
+        word = "stable" if to_left else "unstable"
+        axes.plot([0, 0], [w, -w], "o", color="black", markersize=8, markerfacecolor="none")
+        axes.annotate(
+            f"{word} cycle: {factor * amplitude:.3g}\nat {w:.3g} rad/s",
+            (0.0, w),
+            xytext=(14, 10),
+            textcoords="offset points",
+            fontsize=8.5,
+            arrowprops={"arrowstyle": "-", "color": "0.4", "linewidth": 0.7},
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+        )
+    axes.axvline(0.0, color="0.3", linewidth=1.0, zorder=1)
+    axes.axhline(0.0, color="0.7", linewidth=0.7, zorder=1)
+    title = f"Poles of the quasi-linear loop\n{literal(str(element))}"
+    styled(axes, title, "real part [1/s]", "imaginary part [rad/s]")
+    axes.set_xlim(-1.3 * reach, 1.0 * reach)
+    axes.set_ylim(-1.2 * reach, 1.2 * reach)
+    return figure
+
+
+def _window(transfer: Transfer, poles: np.ndarray) -> float:
+    """How far from the origin the figure reaches: around the pairs near the imaginary axis."""
+    pair = poles[np.abs(np.imag(poles)) > 1e-6 * np.abs(poles)]
+    near = np.abs(pair[np.abs(np.real(pair)) < 0.6 * np.abs(pair)])
+    if near.size:
+        return 1.3 * float(min(near.max(), 4.0 * np.median(near)))
+    return 2.0 * float(transfer.corners[-1])

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust._support.validation import whole_number
 from diffthrust.cycles._classical import StaticNonlinearity
-from diffthrust.cycles._crossings import Crossing, crossings, grid_of, loop_poles
+from diffthrust.cycles._crossings import crossings, grid_of, loop_poles
 from diffthrust.cycles._element import Nonlinearity, NotSimulated
 from diffthrust.cycles._model_element import ModelElement
 from diffthrust.cycles._oscillation import (
@@ -31,6 +32,9 @@ from diffthrust.cycles._oscillation import (
 )
 from diffthrust.cycles._result import LimitCycles
 from diffthrust.models._base.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # few lengths, so that few programs are compiled: the number of steps is part of the program
 _LENGTHS = (16, 32, 64, 128, 256)
@@ -84,27 +88,22 @@ def limit_cycles(
         >>> round(found.cycles[0].amplitude, 2)
         1.27
     """
-    element = element_of(nonlinearity)
+    element = _element(nonlinearity)
     transfer = transfer_of(linear).later(element.delay)
-    high = element.harmonics if harmonics is None else whole_number("harmonics", harmonics)
-    if high > _MOST_HARMONICS:
-        raise InputError(
-            f"harmonics: expected at most {_MOST_HARMONICS}, found {high}.", "Correct it."
-        )
-    a, w = grid_of(
-        transfer,
-        element,
-        range_of("amplitudes", amplitudes, element.least),
-        range_of("frequencies", frequencies, 0.0),
-    )
-    solutions, f = crossings(transfer, element, a, w)
-    cycles = tuple(_followed(transfer, element, c, high, verify) for c in solutions)
+    high = element.harmonics
+    if harmonics is not None:
+        high = whole_number("harmonics", harmonics, most=_MOST_HARMONICS)
+    a = _range("amplitudes", amplitudes, element.least)
+    a, w = grid_of(transfer, element, a, _range("frequencies", frequencies, 0.0))
+    cycles, f = crossings(transfer, element, a, w)
+    if verify:
+        cycles = [_verified(transfer, element, c, high) for c in cycles]
     size = np.where(np.isfinite(f), np.abs(f), np.inf)
     i, j = np.unravel_index(int(np.argmin(size)), size.shape)
     return LimitCycles(
         transfer=transfer,
         element=element,
-        cycles=cycles,
+        cycles=tuple(cycles),
         amplitudes=(float(a[0]), float(a[-1])),
         frequencies=(float(w[0]), float(w[-1])),
         nearest=(float(size[i, j]), float(a[i]), float(w[j])),
@@ -113,6 +112,40 @@ def limit_cycles(
         unknown=float(np.mean(~np.isfinite(f))),
         verified=verify,
     )
+
+
+@showing
+def plot_pole_motion(
+    linear: Any, nonlinearity: Any, *, amplitudes: ArrayLike | None = None
+) -> Figure:
+    """The root locus of the quasi-linear loop over the amplitude at the element's input.
+
+    Where the poles cross to the left as the amplitude grows, an oscillation that is too small
+    grows and one that is too large shrinks: a stable limit cycle. A model's lag is taken at the
+    frequency of the oscillating pair itself.
+
+    Args:
+        linear: G(s) as for `limit_cycles`.
+        nonlinearity: the element, model or fit, as for `limit_cycles`.
+        amplitudes: lowest and highest, or a rising grid; as for `limit_cycles`.
+
+    Raises:
+        InputError: as for `limit_cycles`, or no poles at any amplitude.
+
+    Source: Yoerger, Cooke & Slotine 1990, figure 13.
+
+    Example:
+        >>> figure = dft.cycles.plot_pole_motion(([2.0], [1, 3, 2, 0]), dft.cycles.Saturation(1.0))
+    """
+    from diffthrust.cycles._figures import pole_figure
+
+    transfer, element = transfer_of(linear), _element(nonlinearity)
+    grid, scale = _range("amplitudes", amplitudes, element.least), element.scale
+    if grid is None and scale is not None:
+        grid = np.array([element.least + 0.1 * scale, 100.0 * scale])
+    elif grid is None:
+        grid, _ = grid_of(transfer, element, None, None)
+    return pole_figure(transfer, element, (float(grid[0]), float(grid[-1])))
 
 
 def _falling_outwards(size: np.ndarray, i: int, j: int) -> bool:
@@ -126,7 +159,7 @@ def _falling_outwards(size: np.ndarray, i: int, j: int) -> bool:
     return any(bool(value > 1.001 * size[i, j] + 1e-12) for value in inward)
 
 
-def element_of(nonlinearity: Any) -> Nonlinearity:
+def _element(nonlinearity: Any) -> Nonlinearity:
     """An element as it is, a model or a fit from command to thrust, or a function."""
     if isinstance(nonlinearity, Nonlinearity):
         return nonlinearity
@@ -141,25 +174,12 @@ def element_of(nonlinearity: Any) -> Nonlinearity:
     )
 
 
-def _followed(
-    transfer: Transfer, element: Nonlinearity, c: Crossing, harmonics: int, verify: bool
+def _verified(
+    transfer: Transfer, element: Nonlinearity, c: LimitCycle, harmonics: int
 ) -> LimitCycle:
     """A solution, refined by a balance and simulated from it and from 10 % below and above."""
-    described = LimitCycle(
-        amplitude=c.amplitude,
-        frequency=c.frequency,
-        stable=c.stable,
-        growth=c.growth,
-        at_edge=c.edge,
-        refined=None,
-        simulated=None,
-        lasts=None,
-        simulation="not simulated",
-    )
-    if not verify:
-        return described
     balanced = element.balanced(transfer, c.amplitude, c.frequency, harmonics)
-    refined = replace(described, refined=balanced and balanced.oscillation, harmonics=balanced)
+    refined = replace(c, refined=balanced and balanced.oscillation, harmonics=balanced)
     cycle = balanced or _sine(element, c)
     # four time constants of the deviation: 10 % falls below 0.2 %, or has grown fifty-fold
     wanted = 4.0 / max(abs(c.growth) * cycle.oscillation.period, 1e-9)
@@ -172,7 +192,7 @@ def _followed(
     return replace(refined, simulated=simulated, lasts=lasts, simulation=words)
 
 
-def _sine(element: Nonlinearity, c: Crossing) -> CycleSeries:
+def _sine(element: Nonlinearity, c: LimitCycle) -> CycleSeries:
     n = complex(element.describing(c.amplitude, c.frequency))
     coefficients = np.array([0.0, c.amplitude], complex)
     return CycleSeries(c.frequency, np.array([0, 1]), coefficients, n * coefficients)
@@ -188,7 +208,7 @@ def _rightmost(transfer: Transfer, element: Nonlinearity, a: np.ndarray, w: np.n
     return float(np.real(poles).max()) if poles.size else float("-inf")
 
 
-def range_of(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | None:
+def _range(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | None:
     """A range or grid as given, cut where the element begins to have an output."""
     if asked is None:
         return None

@@ -1,4 +1,8 @@
-"""A fitted model as the nonlinear element of a loop: a describing function of two arguments."""
+"""A fitted model as the nonlinear element of a loop, and the loop around it.
+
+Its describing function is one of two arguments. The states take part in the loop's harmonic balance
+and in its full simulation.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +10,19 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Complex, Float
 from numpy.typing import ArrayLike
+from scipy.optimize import root
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity, NotSimulated, positive
-from diffthrust.cycles._model_loop import balanced_states, course_of, simulated_states
-from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
+from diffthrust.cycles._element import Nonlinearity, NotSimulated
+from diffthrust.cycles._oscillation import BEYOND, STEPS_A_PERIOD, CycleSeries, LoopCourse
 from diffthrust.describing._periodic.harmonic_balance import HarmonicBalance
 from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import Reason, respond, some
@@ -24,8 +30,9 @@ from diffthrust.describing._periodic.shooting import Shooting
 from diffthrust.effects import CommandDelay
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.quadratic_load import SQUARED_SINE
 from diffthrust.models._base.signals import Relaxing, Signals
+from diffthrust.simulation._integrate import integrate
+from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import bare, equations_of
 
 _STEPS = (256, 3072)
@@ -64,15 +71,16 @@ class ModelElement(Nonlinearity):
     odd = False  # effects may tell forward from reverse
 
     def __init__(self, model: Any, *, input: str = "command", output: str = "thrust") -> None:
-        direct, delay = _without_delay(checked_model(model), input)
+        direct = checked_model(model)
+        delays = [e for e in direct.effects if isinstance(e, CommandDelay) and input in e.ports]
+        for effect in delays:
+            direct = direct - effect.name
         self.model: Model = direct
-        self.delay: float = delay
+        self.delay: float = float(sum(effect.delay for effect in delays))
         self.input: str = input
         self.output: str = output
-        for what, name, names in (
-            ("input", input, self.model.inputs),
-            ("output", output, self.model.outputs),
-        ):
+        channels = {"input": (input, direct.inputs), "output": (output, direct.outputs)}
+        for what, (name, names) in channels.items():
             if name not in names:
                 raise InputError(
                     f"The model '{self.model}' has no {what} '{name}'; it has {listing(names)}.",
@@ -123,11 +131,7 @@ class ModelElement(Nonlinearity):
         return hash(self.structure)
 
     def evaluate(
-        self,
-        values: Mapping[str, Array],
-        states: Mapping[str, Array],
-        command: Array,
-        time: Array,
+        self, values: Mapping[str, Array], states: Mapping[str, Array], command: Array, time: Array
     ) -> tuple[dict[str, Array | Relaxing], Array]:
         """Rates of the states and the output; traceable, elementwise, in the model's units."""
         model = self.model.bind(values)
@@ -140,14 +144,14 @@ class ModelElement(Nonlinearity):
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """The describing function by shooting; NaN where no settled answer was found."""
         a, w = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
-        lanes = self._lanes(a.reshape(-1), w.reshape(-1))
-        solver = Shooting(self._driven, len(self.model.all_states))
+        model, cycle, lanes = self._driven(a.reshape(-1), w.reshape(-1))
+        solver = Shooting(model, len(cycle.states))
         n = np.full(a.size, np.nan + 0j)
         for steps in _STEPS:
             # few points need the fine steps, which are twelve times the work
             unsettled = np.flatnonzero(np.isnan(n))
             if unsettled.size:
-                answers = respond(solver, self._cycle, some(lanes, unsettled), samples=steps)
+                answers = respond(solver, cycle, some(lanes, unsettled), samples=steps)
                 n[unsettled] = np.where(answers.reason == Reason.SETTLED, answers.first, np.nan)
         return n.reshape(a.shape)
 
@@ -156,9 +160,8 @@ class ModelElement(Nonlinearity):
 
         The real part of sum c_k exp(j k w t); NaN where none was found.
         """
-        lanes = self._lanes(np.array([amplitude]), np.array([frequency]))
-        solver = HarmonicBalance(self._driven, len(self.model.all_states), harmonics)
-        settled = respond(solver, self._cycle, lanes)
+        model, cycle, lanes = self._driven(np.array([amplitude]), np.array([frequency]))
+        settled = respond(HarmonicBalance(model, len(cycle.states), harmonics), cycle, lanes)
         x = np.where(settled.reason[0] == Reason.SETTLED, settled.x[0], np.nan)
         # cosine and sine coefficients (a, b) are a - j b in the real part of c exp(j k w t)
         return np.concatenate([x[:, :1], x[:, 1::2] - 1j * x[:, 2::2]], axis=1)
@@ -168,39 +171,109 @@ class ModelElement(Nonlinearity):
     ) -> CycleSeries | None:
         """The cycle near a solution of the describing function; the states take part."""
         answer = self.answer(amplitude, frequency, harmonics)
-        return balanced_states(transfer, self, answer, amplitude, frequency)
+        if not np.isfinite(answer).all():
+            return None
+        order = np.arange(harmonics + 1)
+        # the answer to a sine, moved by a quarter turn: the phase is held to that of a cosine
+        sine = np.zeros((1, harmonics + 1), complex)
+        sine[0, 1] = amplitude
+        c = np.concatenate([sine, answer * 1j**order])
+        # each signal is scaled by its own size: a command of 1 V beside a speed of 100 rad/s would
+        # leave Newton's matrix badly conditioned
+        sizes = np.maximum(np.abs(c).max(axis=1), 1e-300)
+        c = c / sizes[:, None]
+        z = np.stack([c.real, c.imag], axis=1).reshape(-1)
+        width = max(9, transfer.den.size)  # one compilation for all loops of usual order
+        num, den = (np.pad(p, (width - p.size, 0)) for p in (transfer.num, transfer.den))
+        loop = [jnp.asarray(x) for x in (num, den, transfer.delay, frequency, sizes)]
+
+        def missed(z: np.ndarray) -> list[np.ndarray]:
+            results = _missed(self, harmonics, self.values, *loop, jnp.asarray(z))
+            return [np.asarray(x) for x in results]
+
+        if not np.isfinite(missed(z)[0]).all():
+            return None
+        # Unknowns are shares of their sizes and the frequency a logarithm: a first step beyond 0.3
+        # leaves the neighbourhood in which the linearization says anything.
+        options = {"xtol": 1e-12, "factor": 0.3}
+        r, _, series, w = missed(root(lambda z: missed(z)[:2], z, jac=True, options=options).x)
+        # a balance may converge to another cycle, or to rest, which always solves it: only one near
+        # the describing function's counts
+        cycle = CycleSeries(float(w), order, series[0], series[-1], series[1:-1])
+        return cycle if np.abs(r).max() < 1e-7 and cycle.near(amplitude, frequency) else None
 
     def courses(
         self, transfer: Transfer, cycle: CycleSeries, factors: tuple[float, ...], periods: int
     ) -> list[LoopCourse]:
         """Simulate the loop from starts on a cycle whose states are known.
 
+        A dead time of the linear part is replaced by an all-pass of sixth order.
+
         Raises:
-            NotSimulated: they are not.
+            NotSimulated: the states are not known.
             InputError: both the linear part and the model pass a step at once.
         """
         if cycle.states is None:
             raise NotSimulated("the balance of harmonics did not converge")
-        return simulated_states(transfer, self, cycle, cycle.states, factors, periods)
+        plain = transfer.rational()
+        if plain.direct and self._passes_at_once():
+            raise InputError(
+                "Both the linear part and the model pass a step of their input at once: the loop "
+                "has no states at that instant to be simulated from.",
+                "Add the fastest lag of the plant to the linear part.",
+            )
+        on = np.concatenate([cycle.linear_states(plain), cycle.states.sum(axis=1).real])
+        period, limit = cycle.oscillation.period, BEYOND * cycle.oscillation.peak
+        starts = np.array(factors)[:, None] * on[None, :]
+        return self._courses(plain, starts, period, periods, limit)
 
     def course(
         self, transfer: Transfer, output: float, period: float, duration: float
     ) -> LoopCourse:
-        """Simulate the loop from rest: see `course_of`."""
-        return course_of(transfer, self, output, period, duration)
+        """Simulate the loop from the model's states at zero and an output of the linear part.
 
-    @property
-    def _driven(self) -> Model:
-        """The model without the effects of its sensors: what acts is the true output."""
-        return bare(self.model)
+        The period of an oscillation [s] sets the step.
+        """
+        plain = transfer.rational()
+        a, b, c, _ = plain.state_space()
+        rows = np.vstack([a, c[None, :]])
+        # a state at rest (A z = 0) with this output; an integrator has one, others come nearest
+        z = np.linalg.lstsq(rows, np.append(0.0 * b, output), rcond=None)[0]
+        start = np.concatenate([z, np.zeros(len(self.states))])
+        limit = 1e12 * max(1.0, abs(output))
+        return self._courses(plain, start[None, :], period, math.ceil(duration / period), limit)[0]
 
-    @property
-    def _cycle(self) -> Cycle:
-        return Cycle(self.input, self.output, 1, states=tuple(self.model.all_states))
+    def _courses(
+        self, plain: Transfer, starts: np.ndarray, period: float, periods: int, limit: float
+    ) -> list[LoopCourse]:
+        """From states of the linear part and the model, ``(starts, states)``, up to a limit."""
+        step, count = period / STEPS_A_PERIOD, periods * STEPS_A_PERIOD
+        matrices = zip("abcd", plain.state_space(), strict=True)
+        linear = {name: jnp.asarray(value) for name, value in matrices}
+        signals = _marched(self, count, self.values, linear, step, jnp.asarray(starts))
+        time, courses = step * np.arange(count + 1), []
+        for e, y in zip(*map(np.asarray, signals), strict=True):
+            outside = np.flatnonzero(~(np.abs(e) <= limit))  # NaN counts as outside
+            end = int(outside[0]) if outside.size else e.size
+            courses.append(LoopCourse(time[:end], e[:end], y[:end], bool(outside.size)))
+        return courses
 
-    def _lanes(self, a: np.ndarray, w: np.ndarray) -> Lane:
-        values = {n: np.full(a.size, p.value) for n, p in self._driven.parameters.items()}
-        return Lane(a, w, values, np.zeros(a.size), {}, np.zeros(a.size))
+    def _passes_at_once(self) -> bool:
+        """Whether a step at the model's input shows at once at its output."""
+        # no special values: at zero a slope may vanish by chance, as that of speed |speed| does
+        states = {name: jnp.asarray(0.7 + 0.1 * i) for i, name in enumerate(self.states)}
+
+        def output(command: Array) -> Array:
+            return jnp.sum(self.evaluate(self.values, states, command, jnp.asarray(0.0))[1])
+
+        return bool(jnp.any(jax.grad(output)(jnp.asarray(0.5)) != 0.0))
+
+    def _driven(self, a: np.ndarray, w: np.ndarray) -> tuple[Model, Cycle, Lane]:
+        """The model without its sensors' effects (what acts is the true output), under sines."""
+        model = bare(self.model)
+        values = {n: np.full(a.size, p.value) for n, p in model.parameters.items()}
+        cycle = Cycle(self.input, self.output, 1, states=tuple(self.model.all_states))
+        return model, cycle, Lane(a, w, values, np.zeros(a.size), {}, np.zeros(a.size))
 
     def quasi_linear(
         self, n: complex, amplitude: float, frequency: float
@@ -217,81 +290,103 @@ class ModelElement(Nonlinearity):
         return str(self.model)
 
 
-class PropelledAxis(ModelElement):
-    """From a thruster's command to the velocity of the vehicle that it drives.
+@program(2)
+def _missed(
+    element: ModelElement,
+    harmonics: int,
+    values: Mapping[str, Array],
+    num: Float[Array, " n"],
+    den: Float[Array, " n"],
+    delay: Float[Array, ""],
+    frequency: Float[Array, ""],
+    sizes: Float[Array, " signals"],
+    z: Float[Array, " unknowns"],
+) -> tuple[Array, Array, Array, Array]:
+    """What is missed, its slopes, the coefficients of input, states and output, the frequency."""
+    names, count = element.states, harmonics + 1
+    # eight samples per harmonic: a product such as speed |speed| has harmonics beyond those that
+    # are kept, which must not fold back onto them
+    points = 8 * count
+    angle = 2.0 * math.pi * jnp.arange(1.0 * points) / points
+    order = jnp.arange(1.0 * count)
+    jay = jax.lax.complex(jnp.zeros(count), order)  # j k
+    turns = angle[:, None] * order[None, :]
+    turn = jax.lax.complex(jnp.cos(turns), jnp.sin(turns))
+    share = jnp.where(order == 0, 1.0, 2.0).astype(complex) / points
 
-        mass * d(velocity)/dt = thrust - drag * velocity |velocity|
+    def analysed(signal: Float[Array, " points"]) -> Complex[Array, " count"]:
+        return share * (jnp.conj(turn).T @ signal.astype(complex))
 
-    The mass [kg] is with the water that moves along, the drag [N s^2/m^2] above zero. The
-    describing function is that of the thruster times the quasi-linear vehicle, whose drag
-    coefficient is 8/(3 pi) drag times the amplitude of the velocity; the balance of harmonics and
-    the simulation take the drag as it is. Source: Yoerger, Cooke & Slotine 1990, section IV.
-    """
+    def residual(z: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+        rows = z.reshape(1 + len(names), 2, count)
+        log_w = rows[0, 1, 1]  # the input's fundamental has no imaginary part: its phase is held
+        imaginary = rows[:, 1].at[0, 1].set(0.0).at[:, 0].set(0.0)
+        c, w = jax.lax.complex(rows[:, 0], imaginary), frequency * jnp.exp(log_w)
+        signals = (turn @ c.T).real * sizes[None, :]
+        states = {name: signals[:, 1 + i] for i, name in enumerate(names)}
+        rates, y = element.evaluate(values, states, signals[:, 0], angle / w)
+        y = jnp.broadcast_to(y, angle.shape)
+        s = w.astype(complex) * jay
+        g_num, g_den = (jnp.polyval(c.astype(complex), s) for c in (num, den))
+        out = analysed(y / sizes[0]) * jnp.exp(-s * delay.astype(complex))
+        # at a pole of G (k = 0 with an integrator) the output itself must vanish
+        size = jnp.where(jnp.abs(g_den) > 1e-12 * jnp.abs(g_num), jnp.abs(g_den), jnp.abs(g_num))
+        loop = (g_den * c[0] + g_num * out) / size.astype(complex)
+        state_errors = [
+            jay * c[1 + i]
+            - analysed(jnp.broadcast_to(plain_rate(rates[name]), angle.shape) / w / sizes[1 + i])
+            for i, name in enumerate(names)
+        ]
+        missed = jnp.stack([loop, *state_errors])
+        # the imaginary part of a mean is always zero: its unknown is held at zero instead
+        held = missed.imag.at[:, 0].set(rows[:, 1, 0])
+        series = jnp.concatenate([c * sizes[:, None].astype(complex), analysed(y)[None]])
+        flat = jnp.stack([missed.real, held], axis=1).reshape(-1)
+        return flat, (flat, series, w)
 
-    def __init__(self, model: Any, *, mass: float, drag: float) -> None:
-        super().__init__(model)
-        self.mass, self.drag = positive("mass", mass), positive("drag", drag)
+    # as many residuals as unknowns: forward mode stores no intermediate values
+    slopes, (r, series, w) = jax.jacfwd(residual, has_aux=True)(z)
+    return r, slopes, series, w
 
-    @property
-    def states(self) -> tuple[str, ...]:
-        """The thruster's states and the velocity."""
-        return (*super().states, "vehicle.velocity")
 
-    @property
-    def values(self) -> dict[str, Array]:
-        """The thruster's parameters, mass and drag."""
-        vehicle = {"vehicle.mass": self.mass, "vehicle.drag": self.drag}
-        return {**super().values, **{name: jnp.asarray(value) for name, value in vehicle.items()}}
+@program(2)
+def _marched(
+    element: ModelElement,
+    count: int,
+    values: Mapping[str, Array],
+    linear: Mapping[str, Array],
+    step: float,
+    starts: Float[Array, "starts states"],
+) -> tuple[Float[Array, "starts time"], Float[Array, "starts time"]]:
+    """The element's input and output, from states of the linear part and of the element."""
+    names = element.states
+    order = linear["b"].shape[0]
+    lengths = jnp.full(count, 1.0) * step
+    clock = step * jnp.arange(count + 1.0)
 
-    def evaluate(
-        self,
-        values: Mapping[str, Array],
-        states: Mapping[str, Array],
-        command: Array,
-        time: Array,
-    ) -> tuple[dict[str, Array | Relaxing], Array]:
-        """Rates of the states, and the velocity."""
-        thruster_states = {
-            name: value for name, value in states.items() if name != "vehicle.velocity"
-        }
-        rates, thrust = super().evaluate(values, thruster_states, command, time)
-        v = states["vehicle.velocity"]
-        force = thrust - values["vehicle.drag"] * v * jnp.abs(v)
-        return {**rates, "vehicle.velocity": force / values["vehicle.mass"]}, v
+    def loop(
+        x: Mapping[str, Array], time: Array
+    ) -> tuple[dict[str, Array | Relaxing], Array, Array]:
+        z, instants = [x[f"linear.{i}"] for i in range(order)], {name: x[name] for name in names}
+        passed = sum((linear["c"][i] * z[i] for i in range(order)), 0.0 * time)
+        # where the linear part passes its input at once, the output does not read the command
+        _, ahead = element.evaluate(values, instants, -passed, time)
+        command = -(passed + linear["d"] * ahead)
+        rates, y = element.evaluate(values, instants, command, time)
+        for i in range(order):
+            row = sum((linear["a"][i, k] * z[k] for k in range(order)), linear["b"][i] * y)
+            rates[f"linear.{i}"] = row
+        return rates, command, y
 
-    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
-        """That of the thruster times that of the vehicle, one after the other."""
-        n = super().describing(amplitude, frequency)
-        w = np.asarray(frequency, float)
-        with np.errstate(invalid="ignore"):  # where the thruster has no settled answer
-            return n / (1j * w * self.mass + self._damping(np.abs(n) * amplitude, w))
+    def one(start: Float[Array, " states"]) -> tuple[Array, Array]:
+        begin = {f"linear.{i}": start[i] for i in range(order)}
+        begin |= {name: start[order + i] for i, name in enumerate(names)}
+        ends = {"time": (clock[:-1], clock[1:])}
+        path = integrate(lambda x, u: loop(x, u["time"])[0], begin, ends, lengths, {}, uniform=True)
+        _, command, y = loop(path, clock)
+        return command, jnp.broadcast_to(y, clock.shape)
 
-    def answer(self, amplitude: float, frequency: float, harmonics: int) -> np.ndarray:
-        """Coefficients of the thruster's states, and of the velocity by its describing function."""
-        thruster = super().answer(amplitude, frequency, harmonics)
-        velocity = np.zeros((1, harmonics + 1), complex)
-        # the answers are to a sine, whose coefficient is -j
-        velocity[0, 1] = -1j * amplitude * complex(self.describing(amplitude, frequency))
-        return np.concatenate([thruster, velocity])
-
-    def quasi_linear(
-        self, n: complex, amplitude: float, frequency: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The thruster's lag and the vehicle's."""
-        vehicle = [self.mass, SQUARED_SINE * self.drag * abs(n) * amplitude]
-        thrust = n * complex(vehicle[1], frequency * vehicle[0])
-        num, den = super().quasi_linear(thrust, amplitude, frequency)
-        return num, np.polymul(den, vehicle)
-
-    def _damping(self, force: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """8/(3 pi) drag V for the velocity V that solves |j w M + 8/(3 pi) drag V| V = force."""
-        inertia = (w * self.mass) ** 2
-        squared = 2.0 * (SQUARED_SINE * self.drag * force) ** 2
-        # (-b + sqrt(b^2 + 4 c)) / 2 without the loss of digits at small drag
-        return np.sqrt(squared / (inertia + np.sqrt(inertia**2 + 2.0 * squared)))
-
-    def __str__(self) -> str:
-        return f"{self.model} on a vehicle of {self.mass:.4g} kg with drag {self.drag:.4g} N s2/m2"
+    return jax.vmap(one)(starts)
 
 
 def checked_model(model: Any) -> Model:
@@ -302,11 +397,3 @@ def checked_model(model: Any) -> Model:
             f"Expected a model or a fit, found {model!r}.", "Give dft.Thruster() or a fit."
         )
     return bare_model
-
-
-def _without_delay(model: Model, input: str) -> tuple[Model, float]:
-    """A model without the delays of an input, and the dead time [s] that they amount to."""
-    delays = [e for e in model.effects if isinstance(e, CommandDelay) and input in e.ports]
-    for effect in delays:
-        model = model - effect.name
-    return model, float(sum(effect.delay for effect in delays))

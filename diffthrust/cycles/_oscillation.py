@@ -8,6 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diffthrust._support.results import Brief
+from diffthrust._support.transfer import Transfer
+
+STEPS_A_PERIOD = 256
+"""Steps of a simulation per period of the cycle."""
+BEYOND = 1e3
+"""A course is followed until it is this many times as large as the cycle."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,6 +66,22 @@ class CycleSeries(Brief):
     def fundamental(self) -> complex:
         """The input's first coefficient beside its mean."""
         return complex(self.input[int(np.flatnonzero(self.order == 1)[0])])
+
+    def linear_states(self, transfer: Transfer) -> np.ndarray:
+        """States of the linear part at the start, ``(n,)``.
+
+        The mean of a state behind an integrator follows from the mean of the element's input.
+        """
+        a, b, c, d = transfer.state_space()
+        x = np.zeros(transfer.order)
+        for k, e, y in zip(self.order, self.input, self.output, strict=True):
+            s = 1j * self.frequency * k
+            y = y * np.exp(-transfer.delay * s)
+            # (s I - A) x = B y is singular at a pole of G: C x = -e - D y selects the solution
+            rows = np.vstack([s * np.eye(transfer.order) - a, c[None, :].astype(complex)])
+            wanted = np.append(b * y, -e - d * y)
+            x += np.linalg.lstsq(rows, wanted, rcond=None)[0].real
+        return x
 
     def near(self, amplitude: float, frequency: float) -> bool:
         """Whether it still is the oscillation that was guessed, and no other one."""
@@ -129,10 +151,10 @@ class LimitCycle(Brief):
     stable: bool | None
     growth: float
     at_edge: bool
-    refined: Oscillation | None
-    simulated: Oscillation | None
-    lasts: bool | None
-    simulation: str
+    refined: Oscillation | None = None
+    simulated: Oscillation | None = None
+    lasts: bool | None = None
+    simulation: str = "not simulated"
     harmonics: CycleSeries | None = field(repr=False, default=None)
 
     @property

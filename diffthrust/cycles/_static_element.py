@@ -1,15 +1,20 @@
-"""Elements that answer the course of their input, however fast, and a loop's balance around them.
+"""Elements that answer the course of their input, however fast, and the loop around them.
 
 The balance goes beyond the fundamental. Unknown are the Fourier coefficients of the element's input
 and the frequency; the fundamental's phase is held. The output's coefficients are integrals over
 pieces between the jumps, bends and turns of the input, so that a switching instant is as exact as
 the series itself.
+
+In the simulation the linear part takes exact steps for an input that is straight within the step;
+where the element jumps within a step, the line with the same mean and first moment stands for it,
+so that switching instants are not rounded to the grid. A dead time is a whole number of steps.
 """
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
@@ -20,8 +25,7 @@ from scipy.optimize import root
 
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity, NotSimulated
-from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
-from diffthrust.cycles._run_static import simulated
+from diffthrust.cycles._oscillation import BEYOND, STEPS_A_PERIOD, CycleSeries, LoopCourse
 
 _GAUSS = np.polynomial.legendre.leggauss(64)
 _NUDGE = 1e-9
@@ -58,7 +62,7 @@ class Static(Nonlinearity):
 
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """By quadrature over a quarter turn either way, split where the output jumps or bends."""
-        a, _ = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
+        a = amplitudes_of(amplitude, frequency)
         # N does not depend on the frequency: one integral for each amplitude of the grid
         levels, back = np.unique(a, return_inverse=True)
         n = np.array([self._projected(level) for level in levels], complex)
@@ -77,8 +81,7 @@ class Static(Nonlinearity):
         """A wide range around the element's own scale."""
         count = self.cells[0]
         if self.scale is not None:
-            beyond = self.scale * np.geomspace(1e-5, 1e5, count)
-            return self.least + beyond
+            return self.least + self.scale * np.geomspace(1e-5, 1e5, count)
         # an ideal relay has no scale of its own: A = |G| times the fundamental of its output
         gain = np.abs(transfer(1j * frequencies)) * np.abs(self.describing(1.0, 1.0))
         gains = gain[np.isfinite(gain) & (gain > 0)]
@@ -87,8 +90,27 @@ class Static(Nonlinearity):
     def balanced(
         self, transfer: Transfer, amplitude: float, frequency: float, harmonics: int
     ) -> CycleSeries | None:
-        """The cycle near a solution of the describing function."""
-        return balanced(transfer, self, amplitude, frequency, harmonics)
+        """The cycle near a solution of the describing function.
+
+        Where Newton's method fails with all harmonics at once they are added little by little;
+        where the last one is not small yet (a relay before a first-order lag), four times as many
+        are taken.
+        """
+        sine = CycleSeries(
+            frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex)
+        )
+        # most loops converge with all harmonics at once, which is the least work
+        cycle = _solved(transfer, self, sine, sine, harmonics)
+        if cycle is None:
+            cycle = sine
+            for highest in sorted({*(n for n in (1, 3, 9) if n < harmonics), harmonics}):
+                cycle = _solved(transfer, self, sine, cycle, highest)
+                if cycle is None:
+                    return None
+        tail = np.abs(cycle.input[-2:]).max() / np.abs(cycle.input).max()
+        if tail > _TAIL and harmonics > 1:
+            return _solved(transfer, self, sine, cycle, 4 * harmonics + 1) or cycle
+        return cycle
 
     def courses(
         self, transfer: Transfer, cycle: CycleSeries, factors: tuple[float, ...], periods: int
@@ -96,7 +118,7 @@ class Static(Nonlinearity):
         """Simulate the loop from starts on a cycle."""
         if transfer.direct:
             raise NotSimulated("the linear part passes a step at once to an element that does")
-        return [simulated(transfer, self, cycle, factor, periods) for factor in factors]
+        return [_simulated(transfer, self, cycle, factor, periods) for factor in factors]
 
     def rest(self, e: float) -> Any:
         """What the element remembers when its input has always been ``e``."""
@@ -112,22 +134,22 @@ class Static(Nonlinearity):
         Returns:
             Output at the start and the end, and what the element remembers then.
         """
-        rise = after - before
-        cuts = [
-            (jump - before) / rise
-            for jump in self.jumps
-            if min(before, after) < jump < max(before, after)
-        ]
+        rise, ends = after - before, (min(before, after), max(before, after))
+        cuts = [(jump - before) / rise for jump in self.jumps if ends[0] < jump < ends[1]]
         if not cuts:
             tiny = _NUDGE * rise
             return self.at(before + tiny), self.at(after - tiny), memory
-        ends = [0.0, *sorted(cuts), 1.0]
         pieces = []
-        for s, t in pairwise(ends):
+        for s, t in pairwise([0.0, *sorted(cuts), 1.0]):
             inward = _NUDGE * (t - s)
             first, last = before + (s + inward) * rise, before + (t - inward) * rise
             pieces.append((s, t, self.at(first), self.at(last)))
         return (*straight(pieces), memory)
+
+
+def amplitudes_of(amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
+    """The amplitudes, of the shape to which they broadcast with the frequencies."""
+    return np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))[0]
 
 
 def straight(pieces: Sequence[tuple[float, float, float, float]]) -> tuple[float, float]:
@@ -144,97 +166,53 @@ def straight(pieces: Sequence[tuple[float, float, float, float]]) -> tuple[float
     return mean - 0.5 * slope, mean + 0.5 * slope
 
 
-def balanced(
-    transfer: Transfer, element: Static, amplitude: float, frequency: float, harmonics: int
-) -> CycleSeries | None:
-    """The cycle near a solution of the describing function.
-
-    Where Newton's method fails with all harmonics at once they are added little by little; where
-    the last one is not small yet (a relay before a first-order lag), four times as many are taken.
-    ``None`` where it does not converge near the guess.
-    """
-    sine = CycleSeries(frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex))
-    # most loops converge with all harmonics at once, which is the least work
-    cycle = _solved(transfer, element, sine, sine, harmonics)
-    if cycle is None:
-        cycle = sine
-        for highest in sorted({*(n for n in (1, 3, 9) if n < harmonics), harmonics}):
-            cycle = _solved(transfer, element, sine, cycle, highest)
-            if cycle is None:
-                return None
-    tail = np.abs(cycle.input[-2:]).max() / np.abs(cycle.input).max()
-    if tail > _TAIL and harmonics > 1:
-        more = _solved(transfer, element, sine, cycle, 4 * harmonics + 1)
-        cycle = cycle if more is None else more
-    return cycle
-
-
 def _solved(
-    transfer: Transfer,
-    element: Static,
-    sine: CycleSeries,
-    guess: CycleSeries,
-    harmonics: int,
+    transfer: Transfer, element: Static, sine: CycleSeries, guess: CycleSeries, harmonics: int
 ) -> CycleSeries | None:
-    """Newton's method at a number of harmonics; ``None`` where it ends far from the sine."""
+    """Newton's method at a number of harmonics; ``None`` where it ends far from the sine.
+
+    Unknown are the coefficients over the sine's amplitude, first their real parts, and, in the
+    place of the fundamental's imaginary part, the logarithm of the frequency's change.
+    """
     # an odd element on a cycle without a mean makes odd harmonics only; even ones would be zero
     # columns
     order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
     amplitude, frequency = float(sine.input[0].real), sine.frequency
-    unknowns = _Unknowns(order, amplitude, frequency)
-    found = root(
-        lambda z: _residual(transfer, element, unknowns, z),
-        unknowns.start(guess),
-        # The unknowns are shares of the first amplitude: a first step beyond 0.3 of them leaves the
-        # neighbourhood in which the linearization says anything.
-        options={"eps": 1e-12, "xtol": 1e-11, "maxfev": 100 * order.size, "factor": 0.3},
-    )
+    mean = int(order[0] == 0)  # which has no imaginary part
+
+    def unpacked(z: np.ndarray) -> tuple[np.ndarray, float]:
+        imaginary = np.concatenate([np.zeros(mean), z[order.size :]])
+        log_w, imaginary[mean] = imaginary[mean], 0.0
+        # another cycle long before e^5, and no overflow where a search leads nowhere
+        w = frequency * math.exp(np.clip(log_w, -5.0, 5.0))
+        return amplitude * (z[: order.size] + 1j * imaginary), w
+
+    def missed(z: np.ndarray) -> np.ndarray:
+        e, w = unpacked(z)
+        s = 1j * w * order
+        num, den = np.polyval(transfer.num, s), np.polyval(transfer.den, s)
+        # at a pole of G (k = 0 with an integrator) the output itself must vanish
+        size = np.maximum(np.abs(den), 1e-9 * np.abs(num))
+        size = np.where(np.abs(den) > 1e-12 * np.abs(num), size, np.abs(num))
+        y = num * np.exp(-transfer.delay * s) * output_of(element, order, e)
+        error = (den * e + y) / size / amplitude
+        return np.concatenate([error.real, error[mean:].imag])
+
+    by_order = dict(zip(guess.order.tolist(), guess.input, strict=True))
+    e = np.array([by_order.get(k, 0j) for k in order.tolist()]) / amplitude
+    start = np.concatenate([e.real, e.imag[mean:]])
+    start[order.size] = math.log(guess.frequency / frequency)
+    # A first step beyond 0.3 of the amplitude leaves the neighbourhood in which the linearization
+    # says anything.
+    options = {"eps": 1e-12, "xtol": 1e-11, "maxfev": 100 * order.size, "factor": 0.3}
+    solution = root(missed, start, options=options)
     # Where a switching instant moves, the residual has corners at which the method may report no
     # further progress: what is missed decides, not its word.
-    if not np.abs(found.fun).max() <= 1e-6:
+    if not np.abs(solution.fun).max() <= 1e-6:
         return None
-    e, w = unknowns.taken(found.x)
+    e, w = unpacked(solution.x)
     cycle = CycleSeries(float(w), order, e, output_of(element, order, e))
     return cycle if cycle.near(amplitude, frequency) else None
-
-
-class _Unknowns:
-    """The coefficients over the first amplitude, and the logarithm of the frequency's change."""
-
-    def __init__(self, order: np.ndarray, amplitude: float, frequency: float) -> None:
-        self.order, self.amplitude, self.frequency = order, amplitude, frequency
-        self.mean = int(order[0] == 0)
-
-    def start(self, guess: CycleSeries) -> np.ndarray:
-        """The unknowns of a cycle that may have fewer harmonics."""
-        by_order = dict(zip(guess.order.tolist(), guess.input, strict=True))
-        e = np.array([by_order.get(k, 0j) for k in self.order.tolist()]) / self.amplitude
-        imaginary = e.imag[self.mean :].copy()
-        imaginary[0] = math.log(guess.frequency / self.frequency)
-        return np.concatenate([e.real, imaginary])
-
-    def taken(self, z: np.ndarray) -> tuple[np.ndarray, float]:
-        """Complex coefficients and frequency; the fundamental's imaginary part gives its place."""
-        size = self.order.size
-        imaginary = np.concatenate([np.zeros(self.mean), z[size:]])
-        log_w, imaginary[self.mean] = imaginary[self.mean], 0.0
-        e = z[:size] + 1j * imaginary
-        # another cycle long before e^5, and no overflow where a search leads nowhere
-        return self.amplitude * e, self.frequency * math.exp(np.clip(log_w, -5.0, 5.0))
-
-
-def _residual(
-    transfer: Transfer, element: Static, unknowns: _Unknowns, z: np.ndarray
-) -> np.ndarray:
-    e, w = unknowns.taken(z)
-    y = output_of(element, unknowns.order, e)
-    s = 1j * w * unknowns.order
-    num, den = np.polyval(transfer.num, s), np.polyval(transfer.den, s)
-    # at a pole of G (k = 0 with an integrator) the output itself must vanish
-    size = np.maximum(np.abs(den), 1e-9 * np.abs(num))
-    size = np.where(np.abs(den) > 1e-12 * np.abs(num), size, np.abs(num))
-    missed = (den * e + num * np.exp(-transfer.delay * s) * y) / size / unknowns.amplitude
-    return np.concatenate([missed.real, missed[unknowns.mean :].imag])
 
 
 def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:
@@ -270,10 +248,9 @@ def _turns(angle: np.ndarray, order: np.ndarray) -> np.ndarray:
     """exp(j k angle) for evenly spaced k, complex ``(n, m)``; by products, which are fast."""
     out = np.empty((angle.size, order.size), complex)
     out[:, 0] = np.exp(1j * order[0] * angle)
-    if order.size > 1:
-        step = np.exp(1j * (order[1] - order[0]) * angle)
-        for i in range(1, order.size):
-            np.multiply(out[:, i - 1], step, out=out[:, i])
+    step = np.exp(1j * np.ptp(order[:2]) * angle)
+    for i in range(1, order.size):
+        np.multiply(out[:, i - 1], step, out=out[:, i])
     return out
 
 
@@ -296,3 +273,66 @@ def _zeros(
         if np.abs(h).max(initial=0.0) == 0.0:
             break
     return right
+
+
+def _simulated(
+    transfer: Transfer, element: Static, cycle: CycleSeries, factor: float, periods: float
+) -> LoopCourse:
+    """Simulate from a start on a cycle, made larger or smaller, the dead time's content included.
+
+    The linear part must not pass its input at once.
+    """
+    period = cycle.oscillation.period
+    wait = period / STEPS_A_PERIOD
+    if periods <= 32:  # after a slow cycle the loop may oscillate at a faster pole
+        fast = 2.0 * math.pi / transfer.corners[-1] / 64
+        wait = max(min(wait, fast), 0.25 * wait)
+    # the step is shortened so that the dead time is a whole number of steps: no interpolation of
+    # jumps
+    lagging = math.ceil(transfer.delay / wait) if transfer.delay else 0
+    step = transfer.delay / lagging if lagging else wait
+    earlier = step * np.arange(-max(math.ceil(period / step), lagging) - 1, 1)
+    past = factor * cycle.signal(cycle.input, earlier)
+    memory = element.rest(float(past[0]))
+    pending: deque[tuple[float, float]] = deque(maxlen=lagging)
+    for a, b in pairwise(past):
+        first, last, memory = element.passage(float(a), float(b), memory)
+        pending.append((first, last))
+    x = factor * cycle.linear_states(transfer)
+    limit = BEYOND * max(cycle.oscillation.peak, float(np.abs(past).max()))
+    count = round(periods * period / step)
+    return _march(transfer, element, step, x, memory, pending, limit, count)
+
+
+def _march(
+    transfer: Transfer, element: Static, step: float, x: np.ndarray, memory: Any,
+    pending: deque[tuple[float, float]], limit: float, count: int,
+) -> LoopCourse:  # fmt: skip
+    """From states of the linear part and outputs that are still to arrive, up to a limit."""
+    grown, early, late = transfer.stepper(step)
+    _, _, c, _ = transfer.state_space()
+    ahead, by_first, by_last = c @ grown, float(c @ early), float(c @ late)
+    e, y = np.empty(count + 1), np.empty(count + 1)
+    e[0] = now = -float(c @ x)
+    first, last, _ = element.passage(now, now, memory)
+    y[0] = last
+    for k in range(1, count + 1):
+        free = float(ahead @ x)
+        if pending.maxlen:
+            first, last = pending[0]
+            after = -(free + by_first * first + by_last * last)
+            begin, end, memory = element.passage(now, after, memory)
+            pending.append((begin, end))
+            y[k] = end
+        else:
+            after = -(free + (by_first + by_last) * last)  # as if the output stayed
+            for _ in range(3):  # a jump or bend within the step moves the end of the step
+                first, end, _ = element.passage(now, after, memory)
+                after = -(free + by_first * first + by_last * end)
+            first, last, memory = element.passage(now, after, memory)
+            y[k] = last
+        x = grown @ x + early * first + late * last
+        e[k] = now = -float(c @ x)
+        if abs(now) > limit:
+            return LoopCourse(step * np.arange(k + 1), e[: k + 1], y[: k + 1], True)
+    return LoopCourse(step * np.arange(count + 1), e, y, False)
