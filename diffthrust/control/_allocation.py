@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
+import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
@@ -13,9 +14,14 @@ from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
 from diffthrust._support.words import joined, number
 from diffthrust.control._allocation_result import Allocation
-from diffthrust.control._thrust_map import ThrustMap, moving_axes
+from diffthrust.export._steady import steady_outputs
 from diffthrust.layouts._mixer import AXES, Mixer
+from diffthrust.models._base.effect import Ports
+from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._craft.body import Body
 from diffthrust.models._craft.craft import Craft
+from diffthrust.models._craft.placed import Placed
+from diffthrust.models._craft.six import Six
 
 _ROUNDS = 30
 """Newton steps of the corrected factors, as thrust curves are not linear; power laws take five."""
@@ -36,6 +42,7 @@ _NONE = 0.1
 """A command that leads to less than this share of what its thrusters could do is not corrected."""
 _DEPENDENT = 1e-3
 """Directions in which thrusters do less than this share of their most are none of theirs."""
+_CENTRE = ("x_g", "y_g", "z_g")
 
 
 def allocation(
@@ -89,10 +96,10 @@ def allocation(
     _check_names(model, mixer)
     finite("allocation, level", level, lambda x: 0 < x <= 1, "a number above 0, at most 1")
     finite("allocation, full", full, lambda x: x > 0, "a number above zero")
-    thrusts = ThrustMap(model, inputs or {})
+    thrusts = _ThrustMap(model, inputs or {})
     mixer = replace(mixer, factors={name: mixer.factors[name] for name in model.actuators})
     size = level * full
-    rows = [AXES.index(name) for name in moving_axes(model)]
+    rows = _moving_rows(model)
 
     def forces(values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         return _of_mixer(thrusts, mixer.matrix, size, values)
@@ -127,6 +134,15 @@ def allocation(
     )
 
 
+def _moving_rows(craft: Craft) -> list[int]:
+    """The rows of `AXES` in which a craft moves."""
+    s = Signals({name: jnp.zeros(()) for name in ("time", *craft.body.states)})
+    body = craft.body._bound({n: getattr(craft, n) for n in craft.body._parameters})
+    motion = body.motion(s, Ports((), s))
+    # what a body does not have is the plain number 0.0
+    return [k for k, v in enumerate(motion) if not isinstance(v, float)]
+
+
 def _check_names(craft: Craft, mixer: Mixer) -> None:
     if not isinstance(mixer, Mixer):
         raise InputError(
@@ -143,7 +159,7 @@ def _check_names(craft: Craft, mixer: Mixer) -> None:
 
 
 def _of_mixer(
-    thrusts: ThrustMap, factors: np.ndarray, size: float, values: Mapping[str, float]
+    thrusts: _ThrustMap, factors: np.ndarray, size: float, values: Mapping[str, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Forces ``(6, commands)``: half the difference of both directions, and what both share."""
     commands = size * factors.T
@@ -151,7 +167,7 @@ def _of_mixer(
     return 0.5 * (ahead - astern).T, 0.5 * (ahead + astern).T
 
 
-def _chords(thrusts: ThrustMap, commands: np.ndarray) -> np.ndarray:
+def _chords(thrusts: _ThrustMap, commands: np.ndarray) -> np.ndarray:
     """Force and moment of each thruster per unit of its command, ``(..., 6, thrusters)``."""
     ahead, astern = thrusts(np.stack([commands, -commands]))
     slopes = 0.5 * (ahead - astern) / commands[..., None]
@@ -164,7 +180,7 @@ def _largest(mixer: Mixer, size: float) -> np.ndarray:
     return size * np.where(most > 0, most, 1.0)
 
 
-def _slopes(thrusts: ThrustMap, commands: np.ndarray, chords: np.ndarray) -> np.ndarray:
+def _slopes(thrusts: _ThrustMap, commands: np.ndarray, chords: np.ndarray) -> np.ndarray:
     """Slopes of the curves at commands, ``(..., 6, thrusters)``, where they are not too small."""
     around = np.where(np.abs(commands) > 1e-9, commands, 1e-9)
     high, low = _chords(thrusts, np.stack([1 + _NEARBY, 1 - _NEARBY])[:, None, None] * around)
@@ -174,7 +190,7 @@ def _slopes(thrusts: ThrustMap, commands: np.ndarray, chords: np.ndarray) -> np.
     return np.where((lengths[0] > lengths[1])[..., None, :], slopes, _LEAST * chords)
 
 
-def _corrected(thrusts: ThrustMap, mixer: Mixer, size: float, rows: list[int]) -> np.ndarray:
+def _corrected(thrusts: _ThrustMap, mixer: Mixer, size: float, rows: list[int]) -> np.ndarray:
     """The factors that lead to the same force along each axis, and to as little beside it."""
     factors = mixer.matrix.copy()
     used = [k for k in range(len(mixer.commands)) if np.any(factors[:, k])]
@@ -282,3 +298,88 @@ def _errors(
     jacobian = np.stack(slopes, axis=-1)
     variance = np.einsum("acp,pq,acq->ac", jacobian, covariance, jacobian)
     return np.sqrt(np.maximum(variance, 0.0))
+
+
+class _HeldStill(Body):
+    """A body that does not move, and reports the forces on it."""
+
+    name = "held_still"
+    outputs: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(AXES[:3], "N"),
+        **dict.fromkeys(AXES[3:], "N m"),
+    }
+
+    def motion(self, s: Signals, port: Ports) -> Six:
+        """None."""
+        return Six()
+
+    def equations(self, s: Signals, port: Ports, water: Six, forces: Six) -> RatesAndOutputs:
+        """The forces of all actuators about the origin."""
+        return {}, {n: 0.0 * s["time"] + f for n, f in zip(AXES, forces, strict=True)}
+
+
+class _ThrustMap:
+    """What each thruster of a craft does to it where it has settled at a command.
+
+    The craft is held at rest in still water: places, strengths, torques and the effects on the
+    thrusters are its own, what acts on its body is left out. ``inputs`` are what the thrusters read
+    besides their commands.
+    """
+
+    def __init__(self, craft: Craft, inputs: Mapping[str, float]) -> None:
+        turning = [n for n, m in craft.actuators.items() if "side_thrust" in m.model.outputs]
+        if turning:
+            raise InputError(
+                f"allocation: {listing(turning)} turn; a mixer's factors are of thrusters that do "
+                "not.",
+                "Audit the craft with thrusters that point where yours stand.",
+            )
+        held = Craft(_HeldStill(), share=craft.share, command=craft.command, **craft.actuators)
+        placed = tuple(effect for effect in craft.effects if isinstance(effect, Placed))
+        self._craft = held._copy(effects=placed)
+        self._commands = [f"{n}.{next(iter(m.model.inputs))}" for n, m in craft.actuators.items()]
+        needed = {name for effect in placed for name in effect.needs} | {*held.inputs}
+        needed -= {*self._commands}
+        for name, value in inputs.items():
+            if name not in needed:
+                raise InputError(
+                    f"allocation, inputs: expected what the thrusters read besides their commands "
+                    f"({listing(sorted(needed))}), found {name!r}.",
+                    "Leave it out: the mixer sends the commands."
+                    if name in self._commands
+                    else "Correct the name, or leave it out.",
+                )
+            finite(f"allocation, inputs, {name}", value, lambda _: True, "a finite number")
+        missing = sorted(needed - {*inputs})
+        if missing:
+            raise InputError(
+                f"allocation: the thrusters read {listing(missing)}, of which no value is given.",
+                f'Give it: inputs={{"{missing[0]}": 16.0}}.',
+            )
+        self._inputs = {name: float(v) for name, v in inputs.items()}
+        self._craft_values = {n: p.value for n, p in craft.parameters.items()}
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters of the craft that matter: all but the body's."""
+        return (*self._craft.parameters, *(n for n in _CENTRE if n in self._craft_values))
+
+    def __call__(self, commands: np.ndarray, values: Mapping[str, float] = {}) -> np.ndarray:
+        """Forces and moments of each thruster about the centre of mass, beyond those at rest.
+
+        Of commands ``(..., thrusters)`` and parameters that are not the craft's own: ``(...,
+        thrusters, 6)`` in N and N m, in the order of `AXES`.
+        """
+        now = {**self._craft_values, **values}
+        craft = self._craft.bind({n: now[n] for n in self._craft.parameters})
+        count = len(self._commands)
+        flat = np.reshape(commands, (-1, count))
+        # each thruster by itself, and none: the last row
+        alone = np.concatenate([np.diag(row) for row in flat] + [np.zeros((1, count))])
+        inputs = {name: alone[:, k] for k, name in enumerate(self._commands)}
+        inputs |= {n: np.full(len(alone), v) for n, v in self._inputs.items()}
+        forces = steady_outputs(craft, inputs, AXES).T
+        forces = (forces[:-1] - forces[-1]).reshape(*np.shape(commands), 6)
+        centre = np.array([now.get(n, 0.0) for n in _CENTRE])
+        forces[..., 3:] -= np.cross(centre, forces[..., :3])
+        return forces

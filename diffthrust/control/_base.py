@@ -1,15 +1,16 @@
-"""What controllers and compensators have in common: gains, memory, and what they read."""
+"""What controllers and compensators have in common, and checks that all loops share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar, Self
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import check_known
+from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
@@ -119,3 +120,34 @@ def rate_of(
     # without it the first difference is that from zero: a step of the whole measurement
     rate = begun * ahead
     return rate, jnp.where(begun > 0, last + period * ahead, value)
+
+
+def check_noise(who: str, noise: Any, channels: Collection[str]) -> None:
+    """Raise `InputError` for standard deviations that cannot be meant."""
+    example = f'{{"{next(iter(channels))}": 0.3}}'
+    for name, level in mapping(f"{who}, noise", noise, example, channels).items():
+        finite(f"{who}, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
+
+
+def mapping(
+    what: str,
+    values: Any,
+    example: str,
+    names: Collection[str] | None = None,
+    kind: str = "channel",
+) -> Mapping[str, Any]:
+    """What was given by the names of channels, or of another kind."""
+    if not isinstance(values, Mapping):
+        raise InputError(
+            f"{what}: expected a dictionary by the names of {kind}s, found {values!r}.",
+            f"Write {example}.",
+        )
+    for name in values:
+        if names is not None:
+            check_known(name, names, f"{what}: there is no {kind}", present="there are")
+    return values
+
+
+def seeded(seed: Any) -> np.random.Generator:
+    """The generator of the measurement noise."""
+    return np.random.default_rng(whole_number("seed", seed, 0, mend="Write seed=0."))

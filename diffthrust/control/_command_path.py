@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -22,17 +21,11 @@ from diffthrust.models._base.signals import Signals
 from diffthrust.models._craft.placed import Placed
 
 
-def delayed_sample(line: Array, value: Array, first: Array, samples: Array) -> tuple[Array, Array]:
-    """A sample some samples later, linear between them; before the first, the first.
+def _delayed(line: Array, value: Array, first: Array, samples: Array) -> tuple[Array, Array]:
+    """A sample so many samples later, linear between them, and the line of samples to remember.
 
-    Args:
-        line: the last samples, the newest in front, ``(n,)``; ``samples`` must be below n.
-        value: the present sample.
-        first: whether it is the first one.
-        samples: the delay, as a number of samples.
-
-    Returns:
-        The delayed sample, and the line to remember.
+    The line has the newest in front, ``(n,)`` with n above ``samples``, and begins full of the
+    first.
     """
     line = jnp.where(first, value, jnp.concatenate([value[None], line[:-1]]))
     # weights in the place of an index: no gather in the loop's body, and a derivative by the delay
@@ -43,18 +36,14 @@ def delayed_sample(line: Array, value: Array, first: Array, samples: Array) -> t
 class CommandPath:
     """The effects on the command of a thruster, as they act within a loop.
 
-    Args:
-        thruster: the thruster with its effects.
-        step: time between two recorded samples [s].
-
-    Raises:
-        InputError: an effect that reads other samples than the present one, and that has no form
-            is known that runs sample by sample.
+    The samples are ``step`` [s] apart. An `InputError` refuses an effect that reads other samples
+    than the present one, of which no form is known that runs sample by sample.
     """
 
     def __init__(self, thruster: Model, step: float) -> None:
         self.channel: str = driven(thruster)
         self.lengths: dict[str, int] = {}
+        """Samples that each effect remembers; they fix the compiled code."""
         for placed in thruster.effects:
             effect = _itself(placed)
             at = [port for port in placed.ports if port in thruster.inputs]
@@ -74,11 +63,6 @@ class CommandPath:
                     "Leave it out, or give it states at a port inside the model.",
                 )
 
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """What fixes the compiled code."""
-        return tuple(self.lengths.items())
-
     def start(self) -> dict[str, Array]:
         """What is remembered before the first sample."""
         return {name: jnp.zeros((n,) if n else ()) for name, n in self.lengths.items()}
@@ -91,21 +75,16 @@ class CommandPath:
         first: Array,
         step: Array,
     ) -> tuple[Array, dict[str, Array]]:
-        """The command that reaches the model.
+        """The command that reaches the model, and what is to be remembered.
 
-        Args:
-            effects: those of the thruster, with their present parameters.
-            signals: the inputs at this sample, the command and ``time`` among them.
-            kept: what was remembered.
-            first: whether this is the first sample.
-            step: time since the last one [s].
+        Of the inputs at this sample, the command and ``time`` among them; ``first`` says whether
+        it is the first one.
         """
         value, after = signals[self.channel], {}
         for placed in effects:
             effect, name = _itself(placed), placed.name
             if isinstance(effect, CommandDelay):
-                line = kept[name]
-                value, after[name] = delayed_sample(line, value, first, effect.delay / step)
+                value, after[name] = _delayed(kept[name], value, first, effect.delay / step)
             elif isinstance(effect, CommandRateLimit):
                 last, reach = kept[name], effect.rate * step
                 value = jnp.where(first, value, jnp.clip(value, last - reach, last + reach))

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
-from diffthrust.control._assembly import LoopAssembly, VesselAssembly
-from diffthrust.control._faults import Change
+from diffthrust.control._base import Block, Controller
+from diffthrust.control._faults import Change, Fault
+from diffthrust.control._mpc import MPC
 from diffthrust.control._recorded import RunSignals
 from diffthrust.logs._units import convert
+from diffthrust.models._base.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,11 +28,17 @@ _SHOWN = {"rad": "deg"}
 """Units that a person reads more easily than those of the model."""
 
 
-def run_figure(run: RunSignals, loop: LoopAssembly, units: Mapping[str, str]) -> Figure:
-    """One panel each for what is followed, the error, thrust, command, speed, and estimates."""
+def run_figure(
+    run: RunSignals, blocks: Sequence[Block], faults: Sequence[Fault], units: Mapping[str, str]
+) -> Figure:
+    """One panel each for what is followed, the error, thrust, command, speed, and estimates.
+
+    The first of the blocks is the controller.
+    """
     from matplotlib.figure import Figure
 
-    of = loop.controller.of
+    assert isinstance(blocks[0], Controller)
+    of = blocks[0].of
     estimates = [name for name in run.signals if name.endswith(_ESTIMATES)]
     panels = [(of, ("reference", of)), ("error", ("error",))]
     if "wanted_thrust" in run.signals:
@@ -42,65 +50,50 @@ def run_figure(run: RunSignals, loop: LoopAssembly, units: Mapping[str, str]) ->
     panels += [(name.removeprefix("compensator."), (name,)) for name in estimates]
     figure = Figure(figsize=(8.0, 0.8 + 1.9 * len(panels)), layout="constrained")
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (label, names) in zip(rows, panels, strict=True):
-        _panel(axes, run, loop, units, label, tuple(name for name in names if name in run.signals))
-        axes.tick_params(labelbottom=False)
-    rows[-1].tick_params(labelbottom=True)
-    rows[-1].set_xlabel("time [s]", fontsize=9)
-    parts = (loop.controller, loop.compensator)
-    title = ", ".join(type(component).__name__ for component in parts if component is not None)
-    return _titled(figure, title, run)
-
-
-def _panel(
-    axes: Axes,
-    run: RunSignals,
-    loop: LoopAssembly,
-    units: Mapping[str, str],
-    label: str,
-    names: tuple[str, ...],
-) -> None:
-    styles = (_WIDE, _THIN) if len(names) == 2 else (_OTHER,)
-    for name, style in zip(names, styles, strict=True):
-        axes.plot(
-            *thinned(run.time, run[name]),
-            label=name.removeprefix("compensator.").replace("_", " "),
-            **style,
-        )
-    for fault in loop.faults:  # pyright: ignore[reportGeneralTypeIssues]
-        if fault.at <= run.time[-1]:
+    for axes, (label, signals) in zip(rows, panels, strict=True):
+        names = tuple(name for name in signals if name in run.signals)
+        _panel(axes, run, names, f"{label.replace('_', ' ')}", units[names[-1]])
+        for fault in (fault for fault in faults if fault.at <= run.time[-1]):
             axes.axvline(fault.at, color="0.4", linewidth=0.8, linestyle=":")
-            if label == loop.controller.of:
+            if axes is rows[0]:
                 word = "change" if isinstance(fault, Change) else type(fault).__name__.lower()
                 axes.annotate(f" {word}", (fault.at, 0.97), xycoords=("data", "axes fraction"),
                               va="top", fontsize=8, color="0.4")  # fmt: skip
-    unit = units[names[-1]]
-    styled(axes, "", "", f"{label.replace('_', ' ')}" + (f"\n[{unit}]" if unit else ""))
+        axes.tick_params(labelbottom=axes is rows[-1])
+    rows[-1].set_xlabel("time [s]", fontsize=9)
+    return _titled(figure, ", ".join(type(block).__name__ for block in blocks), run)
+
+
+def _panel(axes: Axes, run: RunSignals, names: tuple[str, ...], label: str, unit: str) -> None:
+    styles = (_WIDE, _THIN) if len(names) == 2 else (_OTHER,)
+    for name, style in zip(names, styles, strict=True):
+        shown = name.removeprefix("compensator.").replace("_", " ")
+        axes.plot(*thinned(run.time, run[name]), label=shown, **style)
+    styled(axes, "", "", label + (f"\n[{unit}]" if unit else ""))
     if len(names) == 2:
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=2)
 
 
-def track_figure(run: RunSignals, loop: VesselAssembly) -> Figure:
+def track_figure(run: RunSignals, vessel: Model, mpc: MPC) -> Figure:
     """The path over the water on top; errors, what has limits, and what was estimated below."""
     from matplotlib.figure import Figure
 
-    limited = list(loop.controller.limits)
-    estimating = loop.controller.disturbance is not None
+    limited, estimating = list(mpc.limits), mpc.disturbance is not None
     below = 1 + len(limited) + estimating
     figure = Figure(figsize=(8.0, 3.4 + 1.8 * below), layout="constrained")
     grid = figure.add_gridspec(1 + below, 1, height_ratios=[2.0] + [1.0] * below)
-    _over_the_water(figure.add_subplot(grid[0]), run, loop.controller.point)
+    _over_the_water(figure.add_subplot(grid[0]), run, mpc.point)
     first = figure.add_subplot(grid[1])
     _errors(first, run)
     rows = [figure.add_subplot(grid[2 + i], sharex=first) for i in range(below - 1)]
     for axes, name in zip(rows, limited, strict=False):
-        _limited(axes, run, loop, name)
+        _limited(axes, run, vessel, name, mpc.limits[name])
     if estimating:
         _estimates(rows[-1], run)
     for axes in (first, *rows)[:-1]:
         axes.tick_params(labelbottom=False)
     (first, *rows)[-1].set_xlabel("time [s]", fontsize=9)
-    return _titled(figure, f"{loop.vessel} under MPC", run)
+    return _titled(figure, f"{vessel} under MPC", run)
 
 
 def _titled(figure: Figure, title: str, run: RunSignals | None = None) -> Figure:
@@ -131,15 +124,17 @@ def _errors(axes: Axes, run: RunSignals) -> None:
     _legend(axes, 2)
 
 
-def _limited(axes: Axes, run: RunSignals, loop: VesselAssembly, name: str) -> None:
+def _limited(
+    axes: Axes, run: RunSignals, vessel: Model, name: str, limits: tuple[float, float]
+) -> None:
     """An input, which is held between samples, or a state."""
-    unit = {**loop.vessel.all_states, **loop.vessel.inputs}[name]
+    unit = {**vessel.all_states, **vessel.inputs}[name]
     shown = _SHOWN.get(unit, unit)
     values = convert(run[name], unit, shown, where=name)
-    held = name in loop.vessel.inputs
+    held = name in vessel.inputs
     axes.plot(run.time, values, color=BLUE, linewidth=1.1,
               drawstyle="steps-post" if held else "default")  # fmt: skip
-    for limit in filter(math.isfinite, loop.controller.limits[name]):
+    for limit in filter(math.isfinite, limits):
         axes.axhline(float(convert(np.asarray(float(limit)), unit, shown, where=name)), color="0.3",
                      linewidth=0.9, linestyle="--")  # fmt: skip
     styled(axes, "", "", f"{name.replace('_', ' ')}\n[{shown}], limits dashed")

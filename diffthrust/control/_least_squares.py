@@ -24,15 +24,10 @@ def least_squares_below(
 ) -> Float[Array, " n"]:
     """Minimize ``|jacobian @ x + residual|^2`` where ``rows @ x <= limits``; traceable.
 
-    A row with a ``give`` above zero may be exceeded, at a price: ``(excess / give)^2`` is added to
-    the sum of squares. Then there is always a solution, whatever the limits.
-
-    Args:
-        jacobian: two equal columns have no values of their own, only a sum.
-        residual: at zero.
-        rows: what is limited; those without a give must leave a point that fulfils them all.
-        limits: infinite where there is none.
-        give: by how much a limit is exceeded at a price of one; zero for a hard limit.
+    Limits are infinite where there is none. A row with a ``give`` above zero may be exceeded, at a
+    price: ``(excess / give)^2`` is added to the sum of squares. Then there is always a solution;
+    rows without a give must leave a point that fulfils them all. Two equal columns have no values
+    of their own, only a sum.
 
     Source: Mehrotra's predictor and corrector, Nocedal & Wright 2006, algorithm 16.4; a give is
     a slack of its own, eliminated.
@@ -44,8 +39,7 @@ def least_squares_below(
     hessian, slope = jacobian.T @ jacobian, jacobian.T @ residual
     size = jnp.max(jnp.diag(hessian)) + jnp.finfo(float).tiny
     hessian, slope = hessian / size + _RIDGE * jnp.eye(slope.size), slope / size
-    # eliminating the slack of a soft row leaves give^2 on the diagonal; ``size`` as the hessian is
-    # scaled
+    # eliminating the slack of a soft row leaves give^2 on the diagonal, scaled as the hessian is
     soft = give**2 * size
     scale = 1.0 + jnp.max(jnp.abs(slope))
 

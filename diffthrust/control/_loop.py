@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
-from diffthrust._support.validation import finite, whole_number
-from diffthrust.control._assembly import LoopAssembly, mapping, seeded
-from diffthrust.control._faults import FaultNumbers
-from diffthrust.control._loop_scan import compiled_loop
-from diffthrust.control._plant import driven
+from diffthrust._support.names import listing
+from diffthrust._support.validation import check_known, finite, whole_number
+from diffthrust.control._base import Controller, check_noise, mapping, seeded
+from diffthrust.control._command_path import CommandPath
+from diffthrust.control._compensators import Compensator, NoCompensator
+from diffthrust.control._faults import Fault, FaultNumbers, check_faults
+from diffthrust.control._loop_scan import Parts, Timing, compiled_loop
+from diffthrust.control._plant import Plant, driven
 from diffthrust.control._recorded import RunSignals, bounded
 from diffthrust.control._reference import Reference
 from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,7 +74,7 @@ class LoopRun(RunSignals):
         >>> figure = run.plot()
     """
 
-    loop: LoopAssembly
+    loop: Loop
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
     units: Mapping[str, str]
@@ -132,43 +137,19 @@ class LoopRun(RunSignals):
         """Reference and position, error, thrust, command and estimates over time."""
         from diffthrust.control._figures import run_figure
 
-        return run_figure(self, self.loop, self.units)
-
-
-def run_of(
-    loop: LoopAssembly, rows: Mapping[str, np.ndarray], signals: Mapping[str, np.ndarray]
-) -> LoopRun:
-    """The run, cut where it ran away."""
-    of = loop.controller.of
-    signals = dict(signals)
-    if loop.controller.gives != "thrust":
-        del signals["wanted_thrust"]
-    with np.errstate(invalid="ignore"):
-        signals = {"reference": rows["wanted"], "error": rows["wanted"] - signals[of], **signals}
-    time, signals, diverged = bounded(
-        rows["time"],
-        signals,
-        "Look at the units of the gains, the rate of the controller and substeps.",
-    )
-    return LoopRun(loop, time, signals, _units(loop, signals), diverged)
-
-
-def _units(loop: LoopAssembly, signals: Mapping[str, np.ndarray]) -> dict[str, str]:
-    models = [model for model in (loop.thruster, loop.vehicle) if model is not None]
-    units = {n: u for m in models for n, u in {**m.all_states, **m.outputs}.items()}
-    units |= dict.fromkeys(("reference", "error"), units.get(loop.controller.of, ""))
-    command = loop.thruster.inputs[driven(loop.thruster)]
-    units |= {"command": command, "motor_command": command, "wanted_thrust": "N"}
-    for name, block in (("controller", loop.controller), ("compensator", loop.compensator)):
-        units |= {f"{name}.{n}": u for n, u in (block.states if block else {}).items()}
-    return {name: units.get(name.removeprefix("measured."), "") for name in signals}
+        parts = [self.loop.controller, self.loop.compensator]
+        faults: Any = self.loop.faults
+        return run_figure(self, [block for block in parts if block], faults, self.units)
 
 
 _STEP = 0.01
 """Seconds: the integrator's longest step unless ``substeps`` is given."""
+_MOST = 64
+"""Recorded samples in one period of the controller."""
 
 
-class Loop(LoopAssembly):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Loop:
     """A sampled controller around a thruster, and the vehicle that the thruster pushes.
 
     The controller reads its channels ``rate`` times a second and holds its output in between. The
@@ -196,10 +177,114 @@ class Loop(LoopAssembly):
         ...     vehicle=dft.AxisVehicle(),
         ...     controller=dft.control.PD(frequency=1.0, damping=0.707),
         ... )
+        >>> loop.parameters["controller.damping"].value
+        0.707
         >>> result = loop.simulate(dft.control.Step(0.0), 10.0, initial={"position": 0.1})
         >>> result.diverged is None
         True
     """
+
+    thruster: Model
+    controller: Controller
+    vehicle: Model | None = None
+    compensator: Compensator | None = None
+    rate: float = 50.0
+    delay: float = 0.0
+    noise: Mapping[str, float] = field(default_factory=dict)
+    faults: Sequence[Fault] | Fault = ()
+    given: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        plant = self._plant
+        plant.check()
+        finite("Loop, rate", self.rate, lambda x: x > 0, "samples in a second, above zero")
+        finite("Loop, delay", self.delay, lambda x: x >= 0, "seconds, zero or more")
+        check_noise("Loop", self.noise, plant.channels)
+        plant.check_blocks(self.controller, self.compensator)
+        if self.controller.gives == "thrust" and self.compensator is None:
+            object.__setattr__(self, "compensator", NoCompensator.of(self.thruster))
+        object.__setattr__(self, "faults", check_faults(self.faults, self.parameters))
+        self._parts(1)  # refuses effects that cannot run in a loop, and delays
+
+    @property
+    def _plant(self) -> Plant:
+        """Thruster and vehicle as one system."""
+        constants = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
+        numbers = {
+            name: finite(f"Loop, given '{name}'", value, lambda x: True, "a number")
+            for name, value in constants.items()
+        }
+        arrays = {name: jnp.asarray(value) for name, value in numbers.items()}
+        return Plant(self.thruster, self.vehicle, arrays)
+
+    @property
+    def _members(self) -> dict[str, Any]:
+        names = ("thruster", "vehicle", "controller", "compensator")
+        members = {name: getattr(self, name) for name in names}
+        return {name: block for name, block in members.items() if block is not None}
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """All parameters and gains: ``thruster.alpha``, ``controller.bandwidth``, ..."""
+        return {
+            f"{member}.{name}": p
+            for member, block in self._members.items()
+            for name, p in block.parameters.items()
+        }
+
+    def replace(self, parameters: Mapping[str, Any] | None = None, /, **fields: Any) -> Self:
+        """The loop with some parameters or some of its arguments changed.
+
+        Args:
+            parameters: full name to a value, a `Parameter`, or some fields of one.
+            **fields: arguments of `Loop`.
+
+        Raises:
+            InputError: a name that the loop does not have, or a value outside its bounds.
+
+        Example:
+            >>> loop.replace({"controller.frequency": 2.0}, rate=100.0).rate
+            100.0
+        """
+        described = self.parameters
+        grouped: dict[str, dict[str, Any]] = {}
+        for name, new in (parameters or {}).items():
+            check_known(name, described, "The loop has no parameter")
+            member, _, short = name.partition(".")
+            grouped.setdefault(member, {})[short] = new
+        for name in fields:
+            if name not in self.__dataclass_fields__:
+                raise InputError(
+                    f"Loop has no argument '{name}'; it has {listing(self.__dataclass_fields__)}.",
+                    'Give parameters by their full names: replace({"thruster.ct": 0.02}).',
+                )
+        changed = {}
+        for member, named in grouped.items():
+            block = self._members[member]
+            model = isinstance(block, Model)
+            changed[member] = block.replace(named) if model else block.replace(**named)
+        return replace(self, **changed, **fields)
+
+    def _parts(self, substeps: int) -> Parts:
+        """What fixes the compiled code."""
+        samples = self._samples
+        late = round(self.delay * self.rate * samples)
+        path = CommandPath(self.thruster, 1.0 / (self.rate * samples))
+        timing = Timing(samples, substeps, late)
+        return Parts(self._plant, self.controller, self.compensator, path, timing)
+
+    @property
+    def _samples(self) -> int:
+        """The fewest recorded samples in a period such that the delay is a multiple of it."""
+        for samples in range(1, _MOST + 1):
+            late = self.delay * self.rate * samples
+            if abs(late - round(late)) <= 1e-6 * max(1.0, late):
+                return samples
+        raise InputError(
+            f"Loop, delay: expected a simple part of the controller's period, "
+            f"{1.0 / self.rate:g} s, found {self.delay:g} s.",
+            f"Give {round(self.delay * self.rate * 10) / 10 / self.rate:g} s, for one.",
+        )
 
     def prepared(
         self,
@@ -220,32 +305,29 @@ class Loop(LoopAssembly):
                 f"reference: expected Sinusoid, Step or Trajectory, found {reference!r}.",
                 "Write dft.control.Step(1.0).",
             )
-        samples = self.samples
+        samples = self._samples
         step = 1.0 / (self.rate * samples)
         if substeps is None:
             substeps = max(1, math.ceil(step / _STEP - 1e-9))
-        substeps = whole_number("substeps", substeps)
+        parts = self._parts(whole_number("substeps", substeps))
         time = step * np.arange(max(1, round(duration * self.rate)) * samples + 1)
         rng = seeded(seed)
-        noise = {
-            f"noise.{name}": jnp.asarray(self.noise[name] * rng.standard_normal(time.size))
-            for name in self.plant.channels
+        rows: dict[str, np.ndarray] = {
+            f"noise.{name}": self.noise[name] * rng.standard_normal(time.size)
+            for name in parts.plant.channels
             if self.noise.get(name, 0.0) > 0
         }
-        wanted = zip(("wanted", "wanted_rate", "wanted_acceleration"), reference.at(time),
-                     strict=True)  # fmt: skip
-        rows = {"time": jnp.asarray(time), **{n: jnp.asarray(row) for n, row in wanted}, **noise}
-        start = {}
-        states = self.plant.states
-        for name, value in mapping(
-            "initial", initial or {}, '{"speed": 0.0}', states, "state"
-        ).items():
-            state = finite(f"initial, state '{name}'", value, lambda x: True, "a finite number")
-            start[name] = jnp.asarray(state)
-        parts = self.parts(substeps)
+        names = ("time", "wanted", "wanted_rate", "wanted_acceleration")
+        rows |= dict(zip(names, (time, *reference.at(time)), strict=True))
+        states = mapping("initial", initial or {}, '{"speed": 0.0}', parts.plant.states, "state")
+        start = {
+            name: finite(f"initial, state '{name}'", value, lambda x: True, "a finite number")
+            for name, value in states.items()
+        }
         values = {name: jnp.asarray(p.value, float) for name, p in self.parameters.items()}
         faults = FaultNumbers.of(tuple(self.faults))  # pyright: ignore[reportArgumentType]
-        return parts, values, parts.plant.given, faults, rows, start
+        traced = ({n: jnp.asarray(value) for n, value in row.items()} for row in (rows, start))
+        return parts, values, parts.plant.given, faults, *traced
 
     def simulate(
         self,
@@ -281,6 +363,26 @@ class Loop(LoopAssembly):
             0.1
         """
         arguments = self.prepared(reference, duration, seed, initial, substeps)
-        signals = compiled_loop(*arguments)
-        rows = {name: np.asarray(row) for name, row in arguments[4].items()}
-        return run_of(self, rows, {name: np.asarray(value) for name, value in signals.items()})
+        signals = {name: np.asarray(value) for name, value in compiled_loop(*arguments).items()}
+        if self.controller.gives != "thrust":
+            del signals["wanted_thrust"]
+        time, wanted = (np.asarray(arguments[4][name]) for name in ("time", "wanted"))
+        with np.errstate(invalid="ignore"):
+            error = wanted - signals[self.controller.of]
+        time, signals, diverged = bounded(
+            time,
+            {"reference": wanted, "error": error, **signals},
+            "Look at the units of the gains, the rate of the controller and substeps.",
+        )
+        units = self._units()
+        known_units = {n: units.get(n.removeprefix("measured."), "") for n in signals}
+        return LoopRun(self, time, signals, known_units, diverged)
+
+    def _units(self) -> dict[str, str]:
+        units = {**self._plant.states, **self._plant.channels}
+        units |= dict.fromkeys(("reference", "error"), units.get(self.controller.of, ""))
+        command = self.thruster.inputs[driven(self.thruster)]
+        units |= {"command": command, "motor_command": command, "wanted_thrust": "N"}
+        for name, block in (("controller", self.controller), ("compensator", self.compensator)):
+            units |= {f"{name}.{n}": u for n, u in (block.states if block else {}).items()}
+        return units

@@ -29,17 +29,11 @@ _Tree = TypeVar("_Tree")
 
 @dataclass(frozen=True)
 class Timing:
-    """How often things happen within a loop; fixes the compiled code.
+    """How often things happen within a loop; fixes the compiled code."""
 
-    Args:
-        samples: recorded samples in one period of the controller.
-        substeps: integrator steps in one recorded sample.
-        late: the computational delay, in recorded samples.
-    """
-
-    samples: int
-    substeps: int
-    late: int
+    samples: int  # recorded samples in one period of the controller
+    substeps: int  # integrator steps in one recorded sample
+    late: int  # the computational delay, in recorded samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +51,7 @@ class Parts:
         """What fixes the compiled code."""
         parts = (self.plant.thruster, self.plant.vehicle, self.controller, self.compensator)
         classes = tuple(block.structure if block else None for block in parts)
-        return (*classes, tuple(self.plant.given), self.path.structure, self.timing)
+        return (*classes, tuple(self.plant.given), tuple(self.path.lengths.items()), self.timing)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Parts) and self.structure == other.structure

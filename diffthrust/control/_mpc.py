@@ -105,14 +105,14 @@ class MPC:
             object.__setattr__(self, name, whole_number(f"MPC, {name}", getattr(self, name)))
         finite("MPC, point", self.point, math.isfinite, "metres ahead of the centre of gravity")
         units, states = self.model.inputs, self.model.all_states
-        check_names("limits", self.limits, (*units, *states), "(LOWEST, HIGHEST)")
-        limits = {n: limit_pair(n, self.limits.get(n), unit) for n, unit in units.items()}
-        more = {name: limit_pair(name, pair, states[name], open_=True)
+        _check_names("limits", self.limits, (*units, *states), "(LOWEST, HIGHEST)")
+        limits = {n: _limit_pair(n, self.limits.get(n), unit) for n, unit in units.items()}
+        more = {name: _limit_pair(name, pair, states[name], open_=True)
                 for name, pair in self.limits.items() if name in states}  # fmt: skip
         # inputs first, then limited states: the step reads them in this order
         object.__setattr__(self, "limits", {**limits, **more})
         for what in ("slew", "rates"):
-            check_names(what, getattr(self, what), tuple(units), "0.5")
+            _check_names(what, getattr(self, what), tuple(units), "0.5")
             for name, value in getattr(self, what).items():
                 finite(f"MPC, {what} of '{name}'", value, lambda x: x > 0, "a number above zero")
 
@@ -154,15 +154,15 @@ class MPC:
         """
         now = {n: 0.5 * (low + high) for n, (low, high) in self.input_limits.items()}
         if inputs is not None:
-            check_names("inputs", inputs, tuple(now), "0.1")
+            _check_names("inputs", inputs, tuple(now), "0.1")
             now |= {n: _given(f"input '{n}'", value) for n, value in inputs.items()}
         state = begin(self.model, now, self._seen(measured, complete=True))
-        low, high = self._range
-        share = jnp.stack([jnp.asarray(now[n], float) for n in self.model.inputs])
-        planned = jnp.clip(jnp.tile((share - low) / (high - low), (self._samples, 1)), 0.0, 1.0)
+        held = {name: jnp.asarray(now[name], float) for name in self.model.inputs}
+        low, high = self._setting.low, self._setting.high
+        share = (jnp.stack([*held.values()]) - low) / (high - low)
+        planned = jnp.clip(jnp.tile(share, (self._samples, 1)), 0.0, 1.0)
         zero = jnp.zeros(())
         push = {"north": zero, "east": zero, "yaw": zero}
-        held = {name: jnp.asarray(now[name], float) for name in self.model.inputs}
         return Plan(
             held, planned, state, push, zero, jnp.asarray(0), jnp.asarray(False), zero, zero
         )
@@ -185,15 +185,13 @@ class MPC:
             >>> float(plan.inputs["propeller_speed"]) > 0
             True
         """
-        place = self._place(wanted)
+        place = jnp.asarray(self._place(wanted))
         if not isinstance(plan, Plan):
             raise InputError(
                 f"MPC, step: expected the plan of the last sample, found {plan!r}.",
                 "Begin with plan = mpc.start(measured).",
             )
-        return compiled_replan(
-            self._frame, self._setting, plan, self._seen(measured), jnp.asarray(place)
-        )
+        return compiled_replan(self._frame, self._setting, plan, self._seen(measured), place)
 
     @property
     def _samples(self) -> int:
@@ -206,18 +204,13 @@ class MPC:
         except (AttributeError, TypeError, ValueError):
             place = np.empty((0, 2))
         if place.shape != (self._samples, 2) or not np.all(np.isfinite(place)):
-            shape = "with missing numbers" if place.shape == (self._samples, 2) else place.shape
+            right = place.shape == (self._samples, 2)
             raise InputError(
                 f"MPC: expected the path at {self._samples} instants ahead, finite, found "
-                f"{shape if isinstance(shape, str) else f'an array {shape}'}.",
+                f"{'with missing numbers' if right else f'an array {place.shape}'}.",
                 "Give path.at(now - plan.late + mpc.ahead).",
             )
         return place
-
-    @cached_property
-    def _range(self) -> tuple[Any, Any]:
-        pairs = [self.limits[name] for name in self.model.inputs]
-        return jnp.asarray([p[0] for p in pairs], float), jnp.asarray([p[1] for p in pairs], float)
 
     @cached_property
     def _frame(self) -> Frame:
@@ -228,40 +221,46 @@ class MPC:
 
     @cached_property
     def _setting(self) -> Setting:
-        low, high = self._range
-        rates = [self.rates.get(n, b - a) for n, (a, b) in self.input_limits.items()]
+        # inputs first, then limited states
+        ends, count = np.array([*self.limits.values()], float), len(self.model.inputs)
+        low, high = ends[:count].T
         # everything in shares of an input's range: a rudder in rad and a force in N weigh alike
-        moves = jnp.asarray(rates, float) / self.rate
-        fastest = jnp.asarray([self.slew.get(n, math.inf) for n in self.model.inputs]) / self.rate
-        ends = [self.limits[name] for name in self._frame.limited]
+        rates = np.array([self.rates.get(n, b - a) for n, (a, b) in self.input_limits.items()])
+        fastest = np.array([self.slew.get(n, math.inf) for n in self.model.inputs])
+        numbers = {
+            "low": low,
+            "high": high,
+            "moves": rates / self.rate / (high - low),
+            "reach": fastest / self.rate / (high - low),
+            "least": ends[count:, 0],
+            "most": ends[count:, 1],
+            "period": 1.0 / self.rate,
+            "position": float(self.position),
+            "point": float(self.point),
+            "lag": float(self.disturbance or 1.0),
+        }
         return Setting(
-            {name: jnp.asarray(p.value, float) for name, p in self.model.parameters.items()},
-            low,
-            high,
-            moves / (high - low),
-            fastest / (high - low),
-            jnp.asarray([least for least, _ in ends], float),
-            jnp.asarray([most for _, most in ends], float),
-            jnp.asarray(1.0 / self.rate),
-            jnp.asarray(self.position, float),
-            jnp.asarray(self.point, float),
-            jnp.asarray(self.disturbance or 1.0, float),
-            jnp.asarray(self.iterations),
+            values={n: jnp.asarray(p.value, float) for n, p in self.model.parameters.items()},
+            iterations=jnp.asarray(self.iterations),
+            **{name: jnp.asarray(value) for name, value in numbers.items()},
         )
 
     def _seen(self, measured: Any, complete: bool = False) -> dict[str, Any]:
         """Measured states; NaN for what is missing unless all six have to be there."""
-        names = tuple(self.model.all_states)
-        check_names("measured", measured, names, "0.0")
-        values = {}
-        for name in AT_SEA:
-            value = measured.get(name, math.nan)
+        _check_names("measured", measured, tuple(self.model.all_states), "0.0")
+        values = {name: measured.get(name, math.nan) for name in AT_SEA}
+        if complete:
+            values |= measured
+        for name, value in values.items():
             if complete:
                 _given(f"measured '{name}'", value)
-            values[name] = jnp.asarray(measured_number(f"MPC, measured '{name}'", value), float)
-        if complete:
-            more = {n: v for n, v in measured.items() if n not in AT_SEA}
-            values |= {n: jnp.asarray(_given(f"measured '{n}'", v), float) for n, v in more.items()}
+            try:
+                values[name] = jnp.asarray(float(value))
+            except (TypeError, ValueError):
+                raise InputError(
+                    f"MPC, measured '{name}': expected a number, found {value!r}.",
+                    "Give NaN for what was not measured.",
+                ) from None
         return values
 
 
@@ -269,17 +268,7 @@ def _given(what: str, value: Any) -> float:
     return finite(f"MPC, {what}", value, math.isfinite, "a number")
 
 
-def measured_number(where: str, value: Any) -> float:
-    """A number, which may be missing (NaN)."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{where}: expected a number, found {value!r}.", "Give NaN for what was not measured."
-        ) from None
-
-
-def check_names(what: str, by_name: Any, names: tuple[str, ...], example: str) -> None:
+def _check_names(what: str, by_name: Any, names: tuple[str, ...], example: str) -> None:
     """Raise `InputError` for what is no dictionary by these names."""
     if not isinstance(by_name, Mapping):
         raise InputError(
@@ -290,7 +279,7 @@ def check_names(what: str, by_name: Any, names: tuple[str, ...], example: str) -
         check_known(name, names, f"MPC, {what}: the model has no")
 
 
-def limit_pair(name: str, pair: Any, unit: str, *, open_: bool = False) -> tuple[float, float]:
+def _limit_pair(name: str, pair: Any, unit: str, *, open_: bool = False) -> tuple[float, float]:
     """Lowest and highest value of an input; of a state (``open_``) one side may be infinite."""
     try:
         low, high = (float(value) for value in pair)

@@ -106,17 +106,13 @@ def replan(
 ) -> Plan:
     """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``; what is NaN was not measured."""
     model = frame.key.model.bind(setting.values)
-    missed = {
-        n: jnp.where(jnp.isnan(measured[n]), 0.0, measured[n] - plan.state[n]) for n in SPEEDS
-    }
-    blind = (
-        jnp.isnan(measured["surge"]) | jnp.isnan(measured["sway"]) | jnp.isnan(measured["yaw_rate"])
-    )
+    blind = {name: jnp.isnan(measured[name]) for name in AT_SEA}
+    state = {**plan.state}
+    state |= {n: jnp.where(blind[n], plan.state[n], measured[n]) for n in AT_SEA}
     # the error has grown since the last sample that was measured
     since = setting.period * (1.0 + plan.unseen)
+    missed = {n: jnp.where(blind[n], 0.0, measured[n] - plan.state[n]) for n in SPEEDS}
     push = _estimate(plan, missed, since, setting.lag) if frame.estimating else plan.push
-    state = {**plan.state}
-    state |= {n: jnp.where(jnp.isnan(measured[n]), plan.state[n], measured[n]) for n in AT_SEA}
     previous = jnp.stack([plan.inputs[name] for name in model.inputs])
     previous = (previous - setting.low) / (setting.high - setting.low)
     ahead = _Horizon(frame, setting, model, state, push, previous, place, plan.planned.shape)
@@ -129,45 +125,32 @@ def replan(
     nearest = jnp.clip(previous, 0.0, 1.0)
     # the interior point method fulfils rates to its tolerance; what is applied fulfils them exactly
     first = jnp.clip(planned[0], nearest - setting.reach, nearest + setting.reach)
-    planned = planned.at[0].set(first)
-    expected = ahead.after(state, planned[0])
-    unseen = jnp.where(blind, plan.unseen + 1.0, 0.0)
+    unmeasured = blind["surge"] | blind["sway"] | blind["yaw_rate"]
     return Plan(
-        ahead.inputs_of(planned[0]),
-        planned,
-        expected,
-        push,
-        ahead.cost(flat),
-        count,
-        settled,
-        unseen,
-        plan.late + ahead.waiting(flat),
+        inputs=ahead.inputs_of(first),
+        planned=planned.at[0].set(first),
+        state=ahead.after(state, first),
+        push=push,
+        cost=ahead.cost(flat),
+        iterations=count,
+        settled=settled,
+        unseen=jnp.where(unmeasured, plan.unseen + 1.0, 0.0),
+        late=plan.late + ahead.waiting(flat),
     )
 
 
 @dataclass(frozen=True, eq=False)  # by identity: JAX hashes methods, and arrays have no hash
 class _Horizon:
-    """The problem of one sample: inputs over the horizon, as shares of their ranges, in one row.
-
-    Args:
-        frame: of the controller.
-        setting: of the controller.
-        model: with its values.
-        state: at the sample.
-        push: unexplained accelerations, taken to last.
-        previous: inputs before the sample, as shares of their ranges.
-        place: of the path, ``(horizon, 2)``.
-        shape: of the inputs, ``(horizon, inputs)``.
-    """
+    """The problem of one sample: inputs over the horizon, as shares of their ranges, in one row."""
 
     frame: Frame
     setting: Setting
-    model: Model
-    state: State
-    push: dict[str, Array]
-    previous: Array
-    place: Array
-    shape: tuple[int, ...]
+    model: Model  # with its values
+    state: State  # at the sample
+    push: dict[str, Array]  # unexplained accelerations, taken to last
+    previous: Array  # inputs before the sample, as shares of their ranges
+    place: Array  # of the path, (horizon, 2)
+    shape: tuple[int, ...]  # of the inputs, (horizon, inputs)
 
     def inputs_of(self, shares: Array) -> dict[str, Array]:
         """Inputs at one sample, by name, within their limits."""
@@ -177,10 +160,9 @@ class _Horizon:
 
     def after(self, state: State, shares: Array) -> State:
         """The state one sample later."""
-        zero = jnp.zeros(())  # models do not read the time of day
-        period, substeps = self.setting.period, self.frame.substeps
-        inputs = self.inputs_of(shares)
-        return one_sample(self.model, state, inputs, zero, period, substeps, self.push)
+        now = jnp.zeros(())  # models do not read the time of day
+        inputs, period = self.inputs_of(shares), self.setting.period
+        return one_sample(self.model, state, inputs, now, period, self.frame.substeps, self.push)
 
     def foreseen(self, flat: Array) -> tuple[Array, Array]:
         """What is squared, and by how much states are beyond their limits; negative within."""
@@ -282,8 +264,7 @@ class _Horizon:
         # at a kink of the force law no slope is level, and yet no step helps, however small
         corner = (now - costs[best] <= _SETTLED**2 * now) & (damping >= 1.0)
         settled = jnp.isfinite(now) & (level | short | corner)
-        # Levenberg-Marquardt: no damping while Gauss-Newton helps, more where even its tenth does
-        # not
+        # Levenberg-Marquardt: no damping while Gauss-Newton helps, more where its tenth does not
         damping = jnp.where(better, 0.1 * damping, jnp.maximum(10.0 * damping, 1e-3))
         return jnp.where(better, tried[best], flat), count + 1, damping, settled
 

@@ -63,17 +63,10 @@ def one_sample(
     substeps: int,
     push: Mapping[str, Array] | None = None,
 ) -> State:
-    """The states one period later; traceable.
+    """All states one period [s] later, with inputs held over it; traceable.
 
-    Args:
-        model: with its (possibly traced) parameters.
-        state: all states at the sample.
-        inputs: held over the period.
-        time: of the sample [s].
-        period: [s].
-        substeps: steps of the integrator within it.
-        push: accelerations that the model does not know: ``north`` and ``east`` [m/s^2] and ``yaw``
-            [rad/s^2], constant over ground.
+    A ``push`` are accelerations that the model does not know: ``north`` and ``east`` [m/s^2] and
+    ``yaw`` [rad/s^2], constant over ground.
     """
     held = arriving(model, time, inputs)
     step = period / substeps
@@ -90,9 +83,6 @@ def one_sample(
         }
         return {**slope, **{name: slope[name] + a for name, a in more.items()}}
 
-    def given(instants: tuple[Array, Array]) -> dict[str, tuple[Array, ...]]:
-        return {**{name: (value,) for name, value in held.items()}, "time": instants}
-
     # inputs are held over the sample, so decays are constant and their exponentials are taken once
     slopes = rates(state, {**held, "time": time})
     decays = {name: k.decay for name, k in slopes.items() if isinstance(k, Relaxing)}
@@ -100,7 +90,8 @@ def one_sample(
 
     def body(count: Array, state: State) -> State:
         now = time + step * count
-        return advance(rates, state, given((now, now + step)), step, weights)
+        instants = {**{name: (value,) for name, value in held.items()}, "time": (now, now + step)}
+        return advance(rates, state, instants, step, weights)
 
     return jax.lax.fori_loop(0, substeps, body, dict(state))
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust.control._base import Controller
+from diffthrust.control._compensators import Compensator
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals, expect
@@ -96,6 +99,54 @@ class Plant:
                 f'Give a constant: given={{"{absent[0]}": ...}}.',
             )
 
+    def check_blocks(self, controller: Any, compensator: Any) -> None:
+        """Raise `InputError` for blocks that do not fit each other or the plant."""
+        if not isinstance(controller, Controller):
+            raise InputError(
+                f"Loop: expected a controller, found {controller!r}.",
+                "Give an instance, such as dft.control.PD().",
+            )
+        if compensator is not None and not isinstance(compensator, Compensator):
+            raise InputError(
+                f"Loop: expected a compensator, found {compensator!r}.",
+                "Give an instance, such as dft.control.Lead(), or None.",
+            )
+        name = type(controller).__name__
+        if controller.gives == "command" and compensator is not None:
+            raise InputError(
+                f"Loop: {name} gives a command; a compensator expects a thrust.",
+                "Leave the compensator out, or use a controller that gives a thrust.",
+            )
+        if controller.of not in self.channels:
+            raise InputError(
+                f"Loop: the reference of {name} is for '{controller.of}', which nothing in the "
+                f"loop gives; there are {listing(self.channels)}.",
+                "Add a vehicle, or use a controller of one of these.",
+            )
+        for block in (controller, compensator):
+            for channel in block.reads if block is not None else ():
+                self._check_channel(channel, type(block).__name__)
+
+    def _check_channel(self, channel: str, reader: str) -> None:
+        if channel not in self.channels:
+            raise InputError(
+                f"Loop: {reader} reads '{channel}', which nothing in the loop gives; there are "
+                f"{listing(self.channels)}.",
+                "Add a vehicle, or use a block that reads one of these.",
+            )
+        for effect in (effect for model in self.models for effect in model.effects):
+            if effect.memory and channel in effect.ports:
+                raise InputError(
+                    f"The effect '{effect.name}' acts on whole records of '{channel}', which "
+                    f"{reader} reads: it cannot run within a loop.",
+                    "Leave it out, or use a block that does not read this channel.",
+                )
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """The thruster, and the vehicle where there is one."""
+        return (self.thruster,) if self.vehicle is None else (self.thruster, self.vehicle)
+
     @property
     def _own(self) -> tuple[str, ...]:
         """Inputs of the thruster that the loop itself gives."""
@@ -106,12 +157,12 @@ class Plant:
     @property
     def channels(self) -> dict[str, str]:
         """Everything that can be measured, with its unit."""
-        return {**self.thruster.outputs, **(self.vehicle.outputs if self.vehicle else {})}
+        return {n: unit for model in self.models for n, unit in model.outputs.items()}
 
     @property
     def states(self) -> dict[str, str]:
         """All states by their own names, with their units."""
-        return {**self.thruster.all_states, **(self.vehicle.all_states if self.vehicle else {})}
+        return {n: unit for model in self.models for n, unit in model.all_states.items()}
 
     def bind(self, values: Mapping[str, Array]) -> Plant:
         """The plant reading (possibly traced) values by full name."""
@@ -144,7 +195,7 @@ class Plant:
         """Rates of all states, outputs as they are, and outputs as the sensors report them.
 
         Elementwise: with numbers inside the integration, with whole arrays for a record. Effects
-        with memory on an output are left to `sensed`.
+        with memory on an output count in the latter only.
         """
         channel = driven(self.thruster)
         signals: dict[str, Array] = {channel: command, "time": time, **self.given}

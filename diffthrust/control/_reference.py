@@ -45,10 +45,7 @@ class Sinusoid:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "frequency"):
-            finite(f"Sinusoid, {name}", getattr(self, name), lambda x: x > 0, "a positive number")
-        for name in ("offset", "phase"):
-            finite(f"Sinusoid, {name}", getattr(self, name), lambda x: True, "a number")
+        _check(self, "amplitude", "frequency", expected="a positive number")
 
     def at(self, time: np.ndarray) -> Followed:
         """Value, rate and acceleration at instants [s]."""
@@ -77,8 +74,7 @@ class Step:
     before: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("value", "time", "before"):
-            finite(f"Step, {name}", getattr(self, name), lambda x: True, "a number")
+        _check(self)
 
     def at(self, time: np.ndarray) -> Followed:
         """Value, rate and acceleration at instants [s]."""
@@ -122,9 +118,9 @@ class Trajectory(Brief):
         rate = self._series("rate", rate, time)
         curve = np.gradient(rate, time) if self.acceleration is None else self.acceleration
         curve = self._series("acceleration", curve, time)
-        for name, series in zip(("time", "value", "rate", "acceleration"),
-                                (time, value, rate, curve), strict=True):  # fmt: skip
-            object.__setattr__(self, name, series)
+        series = {"time": time, "value": value, "rate": rate, "acceleration": curve}
+        for name, values in series.items():
+            object.__setattr__(self, name, values)
 
     @staticmethod
     def _series(name: str, values: Any, time: np.ndarray | None) -> np.ndarray:
@@ -217,7 +213,7 @@ class StraightPath(Path):
     east: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, positive=("speed",), finite_fields=("course", "north", "east"))
+        _check(self, "speed")
 
     def at(self, time: np.ndarray) -> Wanted:
         """Where to be at instants [s]."""
@@ -255,7 +251,7 @@ class HarmonicPath(Path):
     east: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, ("speed", "amplitude", "wavelength"), ("course", "north", "east"))
+        _check(self, "speed", "amplitude", "wavelength")
 
     def at(self, time: np.ndarray) -> Wanted:
         """Where to be at instants [s]."""
@@ -264,8 +260,7 @@ class HarmonicPath(Path):
         slope = self.amplitude * wave * np.cos(wave * along)
         pace = np.hypot(1.0, slope)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(along))])
-        # arc length has no closed form (an elliptic integral): one wave is tabulated, whole waves
-        # repeat
+        # arc length, an elliptic integral, has no closed form: one wave is tabulated, and repeats
         waves, remaining = np.divmod(self.speed * np.asarray(time, float), arc[-1])
         x = waves * self.wavelength + np.interp(remaining, arc, along)
         aside = self.amplitude * np.sin(wave * x)
@@ -297,12 +292,14 @@ def wanted_at(path: Path, time: np.ndarray) -> Wanted:
     return Wanted(*rows)
 
 
-def _check(path: Path, positive: tuple[str, ...], finite_fields: tuple[str, ...]) -> None:
-    kind = type(path).__name__
-    for name in positive:
-        finite(f"{kind}, {name}", getattr(path, name), lambda x: x > 0, "a number above zero")
-    for name in finite_fields:
-        finite(f"{kind}, {name}", getattr(path, name), lambda x: True, "a number")
+def _check(reference: Any, *positive: str, expected: str = "a number above zero") -> None:
+    """Raise `InputError` for a field that is not finite, or not positive where it has to be."""
+    for name, value in vars(reference).items():
+        where = f"{type(reference).__name__}, {name}"
+        if name in positive:
+            finite(where, value, lambda x: x > 0, expected)
+        else:
+            finite(where, value, lambda x: True, "a number")
 
 
 def _turned(

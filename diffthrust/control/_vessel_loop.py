@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,12 +17,15 @@ from jaxtyping import Array
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
-from diffthrust.control._assembly import VesselAssembly, seeded
-from diffthrust.control._one_sample import State, begin, one_sample, readings
+from diffthrust.control._base import check_noise, mapping, seeded
+from diffthrust.control._mpc import MPC
+from diffthrust.control._one_sample import State, begin, check_vessel, one_sample, readings
 from diffthrust.control._recorded import RUN_AWAY, RunSignals, bounded
 from diffthrust.control._reference import Path, Reference, wanted_at
 from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import checked_initial
 from diffthrust.simulation._trajectory import Key
 
@@ -104,7 +107,7 @@ class TrackRun(RunSignals):
         >>> figure = track.plot()
     """
 
-    loop: VesselAssembly
+    loop: VesselLoop
     path: Path
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
@@ -155,44 +158,15 @@ class TrackRun(RunSignals):
         """The path over the water; errors, inputs with their limits, and estimates over time."""
         from diffthrust.control._figures import track_figure
 
-        return track_figure(self, self.loop)
-
-
-def track_run_of(
-    loop: VesselAssembly,
-    path: Path,
-    time: np.ndarray,
-    signals: Mapping[str, np.ndarray],
-    compiling: float,
-) -> TrackRun:
-    """The run with its errors, cut where it ran away."""
-    wanted = path.at(time - signals["late"])
-    ahead, heading = loop.controller.point, signals["heading"]
-    place = signals["north"] + ahead * np.cos(heading), signals["east"] + ahead * np.sin(heading)
-    north, east = place[0] - wanted.north, place[1] - wanted.east
-    cos, sin = np.cos(wanted.course), np.sin(wanted.course)
-    series = {
-        **signals,
-        "reference.north": wanted.north,
-        "reference.east": wanted.east,
-        "point.north": place[0],
-        "point.east": place[1],
-        "along": north * cos + east * sin,
-        "across": east * cos - north * sin,
-    }
-    cost = series.pop("cost")  # of a start far away it is large, and nothing has run away
-    time, series, diverged = bounded(
-        time, series, "Look at the units of the initial states and inputs, and at the path."
-    )
-    series["cost"] = cost[: time.size]
-    return TrackRun(loop, path, time, series, diverged, compiling)
+        return track_figure(self, self.loop.vessel, self.loop.controller)
 
 
 _STEP = 0.05
 """Seconds: the longest step with which the vessel is integrated."""
 
 
-class VesselLoop(VesselAssembly):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class VesselLoop:
     """A vessel that follows a path under a predictive controller.
 
     The vessel may carry effects that the controller's model does not: that is the disturbance. What
@@ -214,6 +188,38 @@ class VesselLoop(VesselAssembly):
         >>> print(vessel_loop.vessel)
         vessel + water_current
     """
+
+    vessel: Model
+    controller: MPC
+    noise: Mapping[str, float] = field(default_factory=dict)
+    given: Mapping[str, float | Reference] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_vessel(self.vessel, "VesselLoop")
+        if not isinstance(self.controller, MPC):
+            raise InputError(
+                f"VesselLoop: expected an MPC as controller, found {self.controller!r}.",
+                "Write controller=dft.control.MPC(model=..., limits=...).",
+            )
+        if tuple(self.vessel.inputs) != tuple(self.controller.model.inputs):
+            raise InputError(
+                f"VesselLoop: the vessel has the inputs {listing(self.vessel.inputs)}, the "
+                f"controller's model {listing(self.controller.model.inputs)}.",
+                "Give both the same drive.",
+            )
+        check_noise("VesselLoop", self.noise, self.vessel.outputs)
+        example = '{"wind_speed": 3.0, "wind_direction": 0.0}'
+        mapping("VesselLoop, given", self.given, example, self.vessel.optional_inputs)
+        expected = "a number or a Sinusoid, Step or Trajectory"
+        for name, value in self.given.items():
+            if not isinstance(value, Reference):
+                finite(f"VesselLoop, given '{name}'", value, lambda x: True, expected)
+        if len({"wind_speed", "wind_direction"} & {*self.given}) == 1:
+            raise InputError(
+                "VesselLoop, given: expected wind_speed and wind_direction, found "
+                f"{listing(self.given)}.",
+                f"Write given={example}.",
+            )
 
     def simulate(
         self,
@@ -259,15 +265,21 @@ class VesselLoop(VesselAssembly):
         mpc, rate, rng = self.controller, self.controller.rate, seeded(seed)
         time = np.arange(max(1, round(duration * rate)) + 1) / rate
         wanted_at(path, time)
-        rows = self._given(time)
-        state, start = self._beginning(path, initial, rows)
+        rows = {
+            name: value.at(time)[0] if isinstance(value, Reference)
+            else np.full(time.size, float(value))
+            for name, value in self.given.items()
+        }  # fmt: skip
+        inputs = {name: 0.5 * (low + high) for name, (low, high) in mpc.input_limits.items()}
+        start = {**self._pose(path), **checked_initial(self.vessel, initial)}
+        first = {name: row[0] for name, row in rows.items()}
+        state = begin(self.vessel, {**inputs, **first}, start)
         noise = {
             name: self.noise.get(name, 0.0) * rng.standard_normal(time.size)
             for name in self.vessel.outputs
         }
         values = {name: jnp.asarray(p.value, float) for name, p in self.vessel.parameters.items()}
         ship = Key(self.vessel), max(1, math.ceil(1.0 / (rate * _STEP) - 1e-9))
-        inputs = {name: 0.5 * (low + high) for name, (low, high) in mpc.input_limits.items()}
         plan, records, compiling = None, [], 0.0
         for k, now in enumerate(time):
             constants = {name: row[k] for name, row in rows.items()}
@@ -304,49 +316,53 @@ class VesselLoop(VesselAssembly):
             })  # fmt: skip
             state = _moved(*ship, values, state, {**inputs, **constants}, now, 1.0 / rate)
         signals = {name: np.array([row[name] for row in records]) for name in records[0]}
-        return track_run_of(self, path, time[: len(records)], signals, compiling)
+        return self._run(path, time[: len(records)], signals, compiling)
 
-    def _given(self, time: np.ndarray) -> dict[str, np.ndarray]:
-        return {
-            name: value.at(time)[0] if isinstance(value, Reference)
-            else np.full(time.size, float(value))
-            for name, value in self.given.items()
-        }  # fmt: skip
-
-    def _beginning(
-        self, path: Path, initial: Any, rows: Mapping[str, np.ndarray]
-    ) -> tuple[State, dict[str, Array]]:
-        """All states at the start, and those of them that were given."""
+    def _pose(self, path: Path) -> dict[str, float]:
+        """Where the controller's point is at the path's beginning, heading along it."""
         start = wanted_at(path, np.zeros(1))
         course, back = start.course[0], self.controller.point
         north = start.north[0] - back * math.cos(course)
-        pose = {"north": north, "east": start.east[0] - back * math.sin(course), "heading": course}
-        limits = self.controller.input_limits
-        middle = {name: 0.5 * (low + high) for name, (low, high) in limits.items()}
-        first = {name: row[0] for name, row in rows.items()}
-        start_state = {**pose, **checked_initial(self.vessel, initial)}
-        return begin(self.vessel, {**middle, **first}, start_state), start_state
+        return {"north": north, "east": start.east[0] - back * math.sin(course), "heading": course}
+
+    def _run(
+        self, path: Path, time: np.ndarray, signals: Mapping[str, np.ndarray], compiling: float
+    ) -> TrackRun:
+        """The run with its errors, cut where it ran away."""
+        wanted = path.at(time - signals["late"])
+        ahead, heading = self.controller.point, signals["heading"]
+        place = (
+            signals["north"] + ahead * np.cos(heading),
+            signals["east"] + ahead * np.sin(heading),
+        )
+        north, east = place[0] - wanted.north, place[1] - wanted.east
+        cos, sin = np.cos(wanted.course), np.sin(wanted.course)
+        series = {
+            **signals,
+            "reference.north": wanted.north,
+            "reference.east": wanted.east,
+            "point.north": place[0],
+            "point.east": place[1],
+            "along": north * cos + east * sin,
+            "across": east * cos - north * sin,
+        }
+        cost = series.pop("cost")  # of a start far away it is large, and nothing has run away
+        mend = "Look at the units of the initial states and inputs, and at the path."
+        time, series, diverged = bounded(time, series, mend)
+        series["cost"] = cost[: time.size]
+        return TrackRun(self, path, time, series, diverged, compiling)
 
 
 @program(2)
 def _moved(
-    key: Key,
-    substeps: int,
-    values: Mapping[str, Array],
-    state: State,
-    inputs: Mapping[str, Array],
-    now: Array,
-    period: Array,
-) -> State:
+    key: Key, substeps: int, values: Mapping[str, Array], state: State,
+    inputs: Mapping[str, Array], now: Array, period: Array,
+) -> State:  # fmt: skip
     return one_sample(key.model.bind(values), state, inputs, now, period, substeps)
 
 
 @program(1)
 def _readings(
-    key: Key,
-    values: Mapping[str, Array],
-    state: State,
-    inputs: Mapping[str, Array],
-    now: Array,
+    key: Key, values: Mapping[str, Array], state: State, inputs: Mapping[str, Array], now: Array
 ) -> State:
     return readings(key.model.bind(values), state, inputs, now)

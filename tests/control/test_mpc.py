@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from bounded_squares import least_squares_within
 from compilations import compilations
+from paper_vessel import AT_SEA, CALM, EAST, LIMITS, PAPER, mpc, rates, tracked
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear, minimize
 
@@ -14,26 +15,9 @@ import diffthrust as dft
 from diffthrust import InputError, control, effects
 from diffthrust.control import MPC, HarmonicPath, StraightPath, VesselLoop
 
-RUDDER = math.radians(24.0)
-LIMITS = {"propeller_speed": (0.0, 150.0), "rudder_angle": (-RUDDER, RUDDER)}
-EAST = StraightPath(0.8, course=math.pi / 2)
-CALM = dft.Vessel()
 # from the north, as in the paper; 4 m/s lie within its gusts of 5 to 10 mph, and the force is that
 # on some 0.2 m^2 from the side, for a mass of 8 kg and an eighth of it in added mass
 WINDY = CALM + effects.Wind(along=0.05, across=0.08, turning=0.0, direction=0.0, speed=4.0)
-PAPER = {"north": -0.75, "east": -0.2, "surge": 0.7}
-"""Errors at the start as in figure 17; how fast the vessel was then is not printed."""
-AT_SEA = ("surge", "sway", "yaw_rate", "north", "east", "heading")
-
-
-def mpc(**more):
-    return MPC(**{"model": CALM, "limits": LIMITS, **more})
-
-
-def tracked(vessel=CALM, path: control.Path = EAST, duration=60.0, initial=PAPER, noise=None,
-            **more):  # fmt: skip
-    loop = VesselLoop(vessel=vessel, controller=mpc(**more), noise=noise or {})
-    return loop.simulate(path, duration, initial=initial, seed=3)
 
 
 # -- least squares within limits -------------------------------------------------------------------
@@ -79,18 +63,6 @@ def independent_cost(controller, start, before, wanted, flat):
     """The same cost with the equations of the paper written out and DOP853."""
     low, high = np.array(list(LIMITS.values())).T
     rows = low + flat.reshape(-1, 2) * (high - low)
-
-    def rates(_, x, n, a):
-        u, v, r, _, _, psi = x
-        push = n**0.27
-        return [
-            (push * np.cos(a) + 5.93 * v * r - 4.03 * u) / 5.23,
-            (push * np.sin(a) - 5.23 * u * r - 5.48 * v) / 5.93,
-            (-0.5 * push * np.sin(a) - (5.93 - 5.23) * u * v - 1.13 * r) / 1.25,
-            u * np.cos(psi) - v * np.sin(psi),
-            u * np.sin(psi) + v * np.cos(psi),
-            r,
-        ]
 
     state, total = np.array(start), 0.0
     for k, (n, a) in enumerate(rows):
@@ -148,7 +120,7 @@ def test_calm_water_ends_on_the_path_at_the_papers_propeller_speed():
 
 @pytest.mark.thorough
 def test_the_straight_line_in_wind_keeps_the_papers_errors():
-    run = tracked(WINDY)
+    run = tracked(vessel=WINDY)
     assert within_limits(run)
     assert run.along(0.0).largest <= 0.3
     across = run.across(20.0)
@@ -161,8 +133,8 @@ def test_the_straight_line_in_wind_keeps_the_papers_errors():
 @pytest.mark.slow
 @pytest.mark.parametrize("vessel", [WINDY, CALM + effects.WaterCurrent(to_north=-0.1, to_east=0.0)])
 def test_an_estimated_disturbance_leaves_no_steady_error(vessel):
-    plain = tracked(vessel).across(40.0).mean
-    estimating = tracked(vessel, disturbance=2.0).across(40.0).mean
+    plain = tracked(vessel=vessel).across(40.0).mean
+    estimating = tracked(vessel=vessel, disturbance=2.0).across(40.0).mean
     assert abs(estimating) < 0.01 < 0.05 < abs(plain)
 
 
@@ -170,7 +142,7 @@ def test_an_estimated_disturbance_leaves_no_steady_error(vessel):
 @pytest.mark.parametrize("vessel", [CALM, WINDY])
 def test_the_harmonic_path(vessel):
     path = HarmonicPath(0.8, amplitude=1.5, wavelength=15.0, course=math.pi / 2)
-    run = tracked(vessel, path)
+    run = tracked(path, vessel=vessel)
     assert within_limits(run)
     limit = 0.1 if vessel is CALM else 0.5  # along it, too: the head wind comes and goes
     assert run.across(20.0).largest < limit
@@ -191,7 +163,7 @@ def test_a_run_is_a_log_that_can_be_fitted():
              "heading": 0.01}  # fmt: skip
     path = HarmonicPath(0.8, amplitude=1.5, wavelength=15.0)
     current = effects.WaterCurrent(to_north=0.1, to_east=-0.08)
-    run = tracked(CALM + current, path, initial=None, noise=noise)
+    run = tracked(path, vessel=CALM + current, initial=None, noise=noise)
     assert run.log.hold["propeller_speed"] == "zero"
     ratios = ("m11", "m22", "i33", "d11", "d22", "d33", "exponent")
     fit = dft.fit(CALM.fix(*ratios) + effects.WaterCurrent(), run.log)
@@ -203,14 +175,14 @@ def test_a_run_is_a_log_that_can_be_fitted():
 
 @pytest.mark.slow
 def test_a_controller_that_knows_the_wind_is_better():
-    knowing = tracked(WINDY, model=WINDY)
-    assert abs(knowing.across(40.0).mean) < 0.01 < abs(tracked(WINDY).across(40.0).mean)
+    knowing = tracked(vessel=WINDY, model=WINDY)
+    assert abs(knowing.across(40.0).mean) < 0.01 < abs(tracked(vessel=WINDY).across(40.0).mean)
 
 
 @pytest.mark.slow
 def test_lags_within_the_vessel_are_kept_from_sample_to_sample():
     lagged = CALM + effects.RudderLag(time_constant=0.3)
-    run = tracked(lagged, model=lagged)
+    run = tracked(vessel=lagged, model=lagged)
     assert run.across(30.0).largest < 1e-3
     assert np.ptp(run["rudder_lag.response"]) > 0.01
 
@@ -247,7 +219,7 @@ def test_gusts_over_time():
 
 @pytest.mark.thorough
 def test_the_figure_names_what_it_shows():
-    figure = tracked(WINDY, duration=3.0, disturbance=2.0).plot()
+    figure = tracked(vessel=WINDY, duration=3.0, disturbance=2.0).plot()
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[0] == "north [m]"
     assert figure.axes[-1].get_xlabel() == "time [s]"
@@ -307,7 +279,7 @@ def test_columns_that_cannot_be_told_apart_do_no_harm(rank):
 
 @pytest.mark.slow
 def test_the_rate_of_the_controller_hardly_matters():
-    slow, fast = tracked(WINDY, duration=25.0), tracked(WINDY, duration=25.0, rate=15.0)
+    slow, fast = (tracked(vessel=WINDY, duration=25.0, rate=rate) for rate in (5.0, 15.0))
     assert fast.across(20.0).mean == pytest.approx(slow.across(20.0).mean, rel=0.15)
     assert fast.along(20.0).largest < 0.1
 
@@ -336,9 +308,8 @@ def test_speeds_that_drop_out_do_not_shake_the_estimate():
 
 
 def test_a_record_with_a_lag_simulated_anew_is_the_run():
-    run = tracked(
-        CALM + effects.RudderLag(time_constant=0.3), duration=30.0, initial={"east": 0.75}
-    )
+    lagged = CALM + effects.RudderLag(time_constant=0.3)
+    run = tracked(vessel=lagged, duration=30.0, initial={"east": 0.75})
     again = dft.simulate(run.loop.vessel, run.log, initial={"east": 0.75}, substeps=8)
     for name in ("north", "east", "heading", "rudder_lag.response"):
         np.testing.assert_allclose(again[name], run[name], atol=1e-4)
@@ -346,7 +317,7 @@ def test_a_record_with_a_lag_simulated_anew_is_the_run():
 
 def test_a_run_that_runs_away_is_cut_and_says_when():
     torn = CALM.replace(d33={"value": -3.0, "bounds": (None, None), "transform": "linear"})
-    run = tracked(torn, duration=60.0)
+    run = tracked(vessel=torn, duration=60.0)
     assert run.diverged is not None
     assert run.diverged == pytest.approx(run.time[-1] + 0.2)
     assert all(np.isfinite(run[name]).all() for name in run.signals if name != "cost")

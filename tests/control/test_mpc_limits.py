@@ -6,35 +6,20 @@ import jax
 import numpy as np
 import pytest
 from bounded_squares import least_squares_below
+from paper_vessel import AT_SEA, LIMITS, PAPER, mpc, rates, tracked
 from scipy.integrate import solve_ivp
 from scipy.optimize import LinearConstraint, minimize
 
-import diffthrust as dft
-from diffthrust import InputError, control
-from diffthrust.control import MPC, HarmonicPath, StraightPath, VesselLoop
+from diffthrust import InputError
+from diffthrust.control import HarmonicPath, StraightPath
 
-RUDDER = math.radians(24.0)
-LIMITS = {"propeller_speed": (0.0, 150.0), "rudder_angle": (-RUDDER, RUDDER)}
 SLEW = {"propeller_speed": 40.0, "rudder_angle": 0.3}
-EAST = StraightPath(0.8, course=math.pi / 2)
-CALM = dft.Vessel()
-ASIDE = {"north": -0.75, "east": -0.2, "surge": 0.7}
-AT_SEA = ("surge", "sway", "yaw_rate", "north", "east", "heading")
-
-
-def mpc(**more):
-    return MPC(**{"model": CALM, "limits": LIMITS, **more})
 
 
 def wide(**states):
     """Limits of states of which those that are not named do not matter: one compilation for all."""
     far = {"surge": (-math.inf, 9.0), "yaw_rate": (-9.0, 9.0), "north": (-math.inf, 99.0)}
     return {**LIMITS, **far, **states}
-
-
-def tracked(path: control.Path = EAST, duration=25.0, initial=ASIDE, **more):
-    loop = VesselLoop(vessel=CALM, controller=mpc(**more))
-    return loop.simulate(path, duration, initial=initial)
 
 
 # -- least squares with limits on combinations -----------------------------------------------------
@@ -82,20 +67,6 @@ def test_a_limit_that_is_none_and_a_column_without_slope_do_no_harm():
 
 
 # -- one plan against an independent optimum -------------------------------------------------------
-
-
-def rates(_, x, n, a):
-    """The equations of the paper written out."""
-    u, v, r, _, _, psi = x
-    push = n**0.27
-    return [
-        (push * np.cos(a) + 5.93 * v * r - 4.03 * u) / 5.23,
-        (push * np.sin(a) - 5.23 * u * r - 5.48 * v) / 5.93,
-        (-0.5 * push * np.sin(a) - (5.93 - 5.23) * u * v - 1.13 * r) / 1.25,
-        u * np.cos(psi) - v * np.sin(psi),
-        u * np.sin(psi) + v * np.cos(psi),
-        r,
-    ]
 
 
 @pytest.mark.thorough
@@ -158,7 +129,7 @@ def test_a_limited_plan_is_the_best_one_there_is(point):
 
 @pytest.mark.thorough
 def test_rates_of_inputs_are_kept_and_cost_no_precision_in_the_end():
-    free, slow = tracked(), tracked(slew=SLEW)
+    free, slow = tracked(duration=25.0), tracked(duration=25.0, slew=SLEW)
     for name, fastest in SLEW.items():
         most = [np.max(np.abs(np.diff(run[name]))) * 5.0 for run in (free, slow)]
         assert most[0] > 1.3 * fastest  # otherwise the limit would be none
@@ -170,7 +141,7 @@ def test_rates_of_inputs_are_kept_and_cost_no_precision_in_the_end():
 @pytest.mark.thorough
 def test_limits_of_states_are_kept_where_the_model_is_right():
     limits = wide(yaw_rate=(-0.1, 0.1), surge=(-math.inf, 0.84))
-    free, kept = tracked(), tracked(limits=limits)
+    free, kept = tracked(duration=25.0), tracked(duration=25.0, limits=limits)
     assert np.max(np.abs(free["yaw_rate"])) > 0.15
     assert 0.0999 < np.max(np.abs(kept["yaw_rate"])) < 0.1001
     assert np.max(free["surge"]) > 0.842
@@ -216,14 +187,14 @@ def test_a_path_that_is_too_fast_waits_and_the_vessel_stays_on_it():
 
 
 def test_a_path_does_not_wait_for_a_vessel_that_catches_up():
-    run = tracked(initial={"surge": 0.0}, limits=wide())
+    run = tracked(duration=25.0, initial={"surge": 0.0}, limits=wide())
     assert run["along"].min() < -0.6  # from rest
     assert not run["late"].any()
     assert run.along(20.0).largest < 0.05
 
 
 def test_a_state_that_begins_beyond_its_limit_comes_back():
-    run = tracked(initial={**ASIDE, "surge": 1.1}, duration=15.0,
+    run = tracked(initial={**PAPER, "surge": 1.1}, duration=15.0,
                   limits=wide(surge=(-math.inf, 0.82)))  # fmt: skip
     assert run["surge"][0] == pytest.approx(1.1)
     assert np.max(run["surge"][run.time > 3.0]) < 0.8202
