@@ -241,10 +241,10 @@ def _judged(
 ) -> tuple[Oscillation | None, bool | None, str]:
     """The course on the cycle in numbers, whether its neighbours come back, and this in words."""
     on, *sides = runs
-    ends = [_end(run, cycle) for run in sides]
-    back = [abs(end - 1.0) < _BACK for end in ends]
-    away = [abs(end - 1.0) > _AWAY for end in ends]
-    lasts = True if all(back) else False if all(away) else None
+    fates = [_fate(run, cycle, periods) for run in sides]
+    away = [abs(end - 1.0) for end, _ in fates]
+    stays, goes = all(x < _BACK for x in away), all(x > _AWAY for x in away)
+    lasts = True if stays else False if goes else None
     # an unstable cycle is left sooner or later: only its first turns show it
     count = on.time.size if lasts else math.ceil(3.5 * cycle.period / on.time[1]) + 1
     oscillation = measured(on.time[:count], on.input[:count], turns=4 if lasts else 2)
@@ -253,30 +253,22 @@ def _judged(
     if lasts:
         words = "simulations from 10 % below and above come back to it"
     else:
-        sides_said = [
-            f"from 10 % {side} it {_fate(run, end, cycle, periods)}"
-            for side, run, end in zip(("below", "above"), sides, ends, strict=True)
-        ]
-        words = ("the simulation leaves it: " if lasts is False else "") + ", ".join(sides_said)
+        below, above = (f"it {fate}" for _, fate in fates)
+        words = f"from 10 % below {below}, from 10 % above {above}"
+        words = f"the simulation leaves it: {words}" if lasts is False else words
     return oscillation, lasts, words
 
 
-def _end(run: LoopCourse, cycle: Oscillation) -> float:
-    """Height of the last two turns over that of the cycle; inf where it fled."""
+def _fate(run: LoopCourse, cycle: Oscillation, periods: int) -> tuple[float, str]:
+    """Height of the last two turns over the cycle's (inf where it fled), and this in words."""
     if run.fled:
-        return math.inf
-    return float(envelope(run.time, run.input, cycle.period)[-2:].mean()) / cycle.peak
-
-
-def _fate(run: LoopCourse, end: float, cycle: Oscillation, periods: int) -> str:
-    if run.fled:
-        return "grows a thousandfold"
-    if end < 0.1:
-        return "dies out"
-    if abs(end - 1.0) < _BACK:
-        return "comes back"
+        return math.inf, "grows a thousandfold"
     height = envelope(run.time, run.input, cycle.period)
-    settled = abs(height[-1] / height[-3] - 1.0) < 1e-3
-    if settled:
-        return f"goes to a peak of {height[-1]:.4g}"
-    return f"has a peak of {height[-1]:.4g} after {periods} periods"
+    end = float(height[-2:].mean()) / cycle.peak
+    if end < 0.1:
+        return end, "dies out"
+    if abs(end - 1.0) < _BACK:
+        return end, "comes back"
+    if abs(height[-1] / height[-3] - 1.0) < 1e-3:
+        return end, f"goes to a peak of {height[-1]:.4g}"
+    return end, f"has a peak of {height[-1]:.4g} after {periods} periods"

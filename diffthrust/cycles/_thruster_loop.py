@@ -203,10 +203,7 @@ class ThrusterLoop(Result):
             c, k = self.cycle, self.newton
             sentences = [f"The cycle is {c.verdict}: {c.simulation}."]
             rows.append(_row("describing function", k * c.amplitude, None, c.frequency))
-            for name, o in (
-                ("balance of harmonics", c.refined),
-                ("simulation", c.simulated),
-            ):
+            for name, o in {"balance of harmonics": c.refined, "simulation": c.simulated}.items():
                 if o is not None:
                     rows.append(_row(name, k * o.amplitude, k * o.peak, o.frequency))
         if self.as_in_paper:
@@ -230,13 +227,11 @@ class ThrusterLoop(Result):
         if simulated_cycle is None:
             return []
         off = self.newton * simulated_cycle.peak / PAPER["simulated"] - 1.0
-        away = self.printed / PAPER["predicted"] - 1.0
-        also = self.consistent / PAPER["predicted"] - 1.0
-        simulated = "is reproduced" if abs(off) <= 0.01 else "is not reproduced"
-        predicted = "is reproduced" if abs(away) <= 0.01 else "is not reproduced"
+        away, also = (x / PAPER["predicted"] - 1.0 for x in (self.printed, self.consistent))
+        words = ["is reproduced" if abs(x) <= 0.01 else "is not reproduced" for x in (off, away)]
         return [
-            f"The paper's simulation {simulated} within 1 % (peak {100 * off:+.1f} %).",
-            f"Its printed prediction {predicted}: its formula with these parameters gives "
+            f"The paper's simulation {words[0]} within 1 % (peak {100 * off:+.1f} %).",
+            f"Its printed prediction {words[1]}: its formula with these parameters gives "
             f"{100 * away:+.0f} %, the consistent one {100 * also:+.1f} %.",
         ]
 
@@ -254,7 +249,8 @@ class ThrusterLoop(Result):
             InputError: something that is no positive number.
         """
         x, end = positive("displacement", displacement), positive("duration", duration)
-        element, k = _element(self.model, self.mass, self.drag), self.newton
+        element, k = self.found.element, self.newton
+        assert isinstance(element, ModelElement)  # `thruster_loop_cycle` has made it
         force = self.mass * self.natural_frequency**2 * x
         period = 2.0 * math.pi / self.natural_frequency
         run = element.course(self.found.transfer, force / k, period, end)
@@ -343,7 +339,8 @@ def thruster_loop_cycle(
         positive(f"{name} of the thruster", value)
     newton = plain.thrust_per_command
     gains = [2.0 * zeta * wn * mass / newton, wn**2 * mass / newton]
-    element = _element(thruster, mass, drag)
+    # with drag the element ends at the velocity, so that what is left of the loop is linear
+    element = PropelledAxis(thruster, mass=mass, drag=drag) if drag else ModelElement(thruster)
     linear = (gains, [1.0, 0.0] if drag else [mass, 0.0, 0.0])
     if frequencies is None:
         frequencies = (0.1 * wn, 10.0 * wn)
@@ -363,11 +360,6 @@ def _of_inertia(thruster: QuadraticLoad, w: float, damping: float) -> float:
     """
     lag = w / (2.0 * damping)
     return thruster.thrust_gain * lag * math.hypot(lag, w) / (thruster.sine_load * thruster.load)
-
-
-def _element(thruster: Model, mass: float, drag: float) -> ModelElement:
-    """With drag it ends at the velocity, so that what is left of the loop is linear."""
-    return PropelledAxis(thruster, mass=mass, drag=drag) if drag else ModelElement(thruster)
 
 
 def _row(
