@@ -140,9 +140,8 @@ def balancing_step(
     back, is held. NaN where the rest is not finite.
     """
     shape, slope = residual.shape, slope.copy()
-    residual = residual.reshape(slope.shape[:2])
+    residual = residual.reshape(slope.shape[:2]).copy()
     fine = np.asarray(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
-    residual = residual.copy()
     held_fast(slope, residual, drifting(slope) & fine[:, None])
     # rows have the units of different states
     size = np.abs(slope).max(axis=2) + TINY

@@ -239,7 +239,7 @@ def some(of_lanes: Any, who: np.ndarray) -> Any:
 
 def front(lanes: Lane, x: np.ndarray, who: np.ndarray) -> tuple[Lane, np.ndarray]:
     """Some lanes moved to the front, the last of them repeated behind."""
-    order = np.concatenate([who, np.full(x.shape[0] - who.size, who[-1])])
+    order = _padded(who, x.shape[0])
     return some(lanes, order), x[order]
 
 
