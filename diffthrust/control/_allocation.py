@@ -101,14 +101,16 @@ def allocation(
     size = level * full
     rows = _moving_rows(model)
 
-    def forces(values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        return _of_mixer(thrusts, mixer.matrix, size, values)
+    def forces(values: Mapping[str, float]) -> np.ndarray:
+        return thrusts.mixed(mixer.matrix, size, values)[0]
 
-    odd, even = forces({})
-    errors = _errors(craft, thrusts.parameters, lambda values: forces(values)[0])
-    factors = _corrected(thrusts, mixer, size, rows)
-    remaining, _ = _of_mixer(thrusts, factors, size, {})
-    chords = _chords(thrusts, _largest(mixer, size))
+    odd, even = thrusts.mixed(mixer.matrix, size)
+    errors = _errors(craft, thrusts.parameters, forces)
+    most = np.abs(mixer.matrix).max(axis=1)
+    # at the largest command of each thruster; at a full one where it is never sent any
+    chords = thrusts.chords(size * np.where(most > 0, most, 1.0))
+    factors = _corrected(thrusts, mixer, size, rows, odd, chords)
+    remaining, _ = thrusts.mixed(factors, size)
     uncorrected = _uncorrected(mixer, factors, (odd, remaining), chords, level)
     as_they_were = [k for k, name in enumerate(mixer.commands) if name in uncorrected]
     factors[:, as_they_were] = mixer.matrix[:, as_they_were]
@@ -158,55 +160,34 @@ def _check_names(craft: Craft, mixer: Mixer) -> None:
         )
 
 
-def _of_mixer(
-    thrusts: _ThrustMap, factors: np.ndarray, size: float, values: Mapping[str, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Forces ``(6, commands)``: half the difference of both directions, and what both share."""
-    commands = size * factors.T
-    ahead, astern = thrusts(np.stack([commands, -commands]), values).sum(axis=2)
-    return 0.5 * (ahead - astern).T, 0.5 * (ahead + astern).T
-
-
-def _chords(thrusts: _ThrustMap, commands: np.ndarray) -> np.ndarray:
-    """Force and moment of each thruster per unit of its command, ``(..., 6, thrusters)``."""
-    ahead, astern = thrusts(np.stack([commands, -commands]))
-    slopes = 0.5 * (ahead - astern) / commands[..., None]
-    return np.swapaxes(slopes, -1, -2)
-
-
-def _largest(mixer: Mixer, size: float) -> np.ndarray:
-    """The largest command that the mixer sends to each thruster; a full one where it never does."""
-    most = np.abs(mixer.matrix).max(axis=1)
-    return size * np.where(most > 0, most, 1.0)
-
-
 def _slopes(thrusts: _ThrustMap, commands: np.ndarray, chords: np.ndarray) -> np.ndarray:
     """Slopes of the curves at commands, ``(..., 6, thrusters)``, where they are not too small."""
     around = np.where(np.abs(commands) > 1e-9, commands, 1e-9)
-    high, low = _chords(thrusts, np.stack([1 + _NEARBY, 1 - _NEARBY])[:, None, None] * around)
+    high, low = thrusts.chords(np.stack([1 + _NEARBY, 1 - _NEARBY])[:, None, None] * around)
     slopes = (high * (1 + _NEARBY) - low * (1 - _NEARBY)) / (2 * _NEARBY)
     # both have the direction of the thruster: their lengths are compared
     lengths = np.linalg.norm(slopes, axis=-2), _LEAST * np.linalg.norm(chords, axis=-2)
     return np.where((lengths[0] > lengths[1])[..., None, :], slopes, _LEAST * chords)
 
 
-def _corrected(thrusts: _ThrustMap, mixer: Mixer, size: float, rows: list[int]) -> np.ndarray:
-    """The factors that lead to the same force along each axis, and to as little beside it."""
+def _corrected(
+    thrusts: _ThrustMap, mixer: Mixer, size: float, rows: list[int], forces: np.ndarray,
+    chords: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """The factors that lead to the same forces along each axis, and to as little beside it."""
     factors = mixer.matrix.copy()
     used = [k for k in range(len(mixer.commands)) if np.any(factors[:, k])]
     own = [AXES.index(name) for name in mixer.commands]
     commanded = [own[k] for k in used if own[k] in rows]
     others = [k for k in rows if k not in commanded]
-    begin, _ = _of_mixer(thrusts, factors, size, {})
-    most = np.abs(_chords(thrusts, size * np.where(factors.T, factors.T, 1.0))[:, own, :])
+    most = np.abs(thrusts.chords(size * np.where(factors.T, factors.T, 1.0))[:, own, :])
     wanted = {}
     for k in used:
         could = float(size * most[k, k] @ np.abs(factors[:, k]))
-        if own[k] in rows and abs(begin[own[k], k]) > _NONE * could:
-            wanted[k] = abs(begin[own[k], k])
-    chords = _chords(thrusts, _largest(mixer, size))
+        if own[k] in rows and abs(forces[own[k], k]) > _NONE * could:
+            wanted[k] = abs(forces[own[k], k])
     for _ in range(_ROUNDS):
-        now, _ = _of_mixer(thrusts, factors, size, {})
+        now, _ = thrusts.mixed(factors, size)
         slopes = _slopes(thrusts, size * factors.T, chords)
         changes = np.zeros_like(factors)
         for k, force in wanted.items():
@@ -383,3 +364,16 @@ class _ThrustMap:
         centre = np.array([now.get(n, 0.0) for n in _CENTRE])
         forces[..., 3:] -= np.cross(centre, forces[..., :3])
         return forces
+
+    def mixed(
+        self, factors: np.ndarray, size: float, values: Mapping[str, float] = {}
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Forces ``(6, commands)``: half the difference of both directions, and what both share."""
+        commands = size * factors.T
+        ahead, astern = self(np.stack([commands, -commands]), values).sum(axis=2)
+        return 0.5 * (ahead - astern).T, 0.5 * (ahead + astern).T
+
+    def chords(self, commands: np.ndarray) -> np.ndarray:
+        """Force and moment of each thruster per unit of its command, ``(..., 6, thrusters)``."""
+        ahead, astern = self(np.stack([commands, -commands]))
+        return np.swapaxes(0.5 * (ahead - astern) / commands[..., None], -1, -2)
