@@ -71,7 +71,7 @@ def _panel(axes: Axes, run: RunSignals, names: tuple[str, ...], label: str, unit
         axes.plot(*thinned(run.time, run[name]), label=shown, **style)
     styled(axes, "", "", label + (f"\n[{unit}]" if unit else ""))
     if len(names) == 2:
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=2)
+        _legend(axes, 2)
 
 
 def track_figure(run: RunSignals, vessel: Model, mpc: MPC) -> Figure:
@@ -84,12 +84,16 @@ def track_figure(run: RunSignals, vessel: Model, mpc: MPC) -> Figure:
     grid = figure.add_gridspec(1 + below, 1, height_ratios=[2.0] + [1.0] * below)
     _over_the_water(figure.add_subplot(grid[0]), run, mpc.point)
     first = figure.add_subplot(grid[1])
-    _errors(first, run)
+    errors = {"along": "along (ahead +)", "across": "across (starboard +)"}
+    _lines(first, run, errors, "error\n[m]")
+    first.axhline(0.0, color="0.4", linewidth=0.6)
     rows = [figure.add_subplot(grid[2 + i], sharex=first) for i in range(below - 1)]
     for axes, name in zip(rows, limited, strict=False):
         _limited(axes, run, vessel, name, mpc.limits[name])
     if estimating:
-        _estimates(rows[-1], run)
+        units = {"north": "m/s²", "east": "m/s²", "yaw": "rad/s²"}
+        pushes = {f"push.{name}": f"{name} [{unit}]" for name, unit in units.items()}
+        _lines(rows[-1], run, pushes, "unexplained\nacceleration")
     for axes in (first, *rows)[:-1]:
         axes.tick_params(labelbottom=False)
     (first, *rows)[-1].set_xlabel("time [s]", fontsize=9)
@@ -103,25 +107,28 @@ def _titled(figure: Figure, title: str, run: RunSignals | None = None) -> Figure
     return figure
 
 
+def _lines(axes: Axes, run: RunSignals, names: Mapping[str, str], label: str) -> None:
+    """Signals by name with their labels."""
+    styles = (_OTHER, _THIN, {"color": "0.3", "linewidth": 1.1, "linestyle": ":"})
+    for (name, words), style in zip(names.items(), styles, strict=False):
+        axes.plot(run.time, run[name], label=words, **style)
+    styled(axes, "", "", label)
+    _legend(axes, len(names))
+
+
+def _legend(axes: Axes, columns: int) -> None:
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=columns)
+
+
 def _over_the_water(axes: Axes, run: RunSignals, point: float) -> None:
-    axes.plot(run["reference.east"], run["reference.north"], color=GREY, linewidth=2.4,
-              label="path")  # fmt: skip
-    axes.plot(run["point.east"], run["point.north"], color=VERMILLION, linewidth=1.2,
-              label="control point" if point else "vessel")  # fmt: skip
-    axes.plot(run["point.east"][0], run["point.north"][0], "o", color=VERMILLION, markersize=5,
-              label="start")  # fmt: skip
+    axes.plot(run["reference.east"], run["reference.north"], label="path", **_WIDE)
+    east, north = run["point.east"], run["point.north"]
+    name = "control point" if point else "vessel"
+    axes.plot(east, north, color=VERMILLION, linewidth=1.2, label=name)
+    axes.plot(east[0], north[0], "o", color=VERMILLION, markersize=5, label="start")
     axes.set_aspect("equal", adjustable="datalim")
     styled(axes, "", "east [m]", "north [m]")
     axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-
-
-def _errors(axes: Axes, run: RunSignals) -> None:
-    axes.plot(run.time, run["along"], color=BLUE, linewidth=1.2, label="along (ahead +)")
-    axes.plot(run.time, run["across"], color=VERMILLION, linewidth=1.2,
-              label="across (starboard +)")  # fmt: skip
-    axes.axhline(0.0, color="0.4", linewidth=0.6)
-    styled(axes, "", "", "error\n[m]")
-    _legend(axes, 2)
 
 
 def _limited(
@@ -138,19 +145,6 @@ def _limited(
         axes.axhline(float(convert(np.asarray(float(limit)), unit, shown, where=name)), color="0.3",
                      linewidth=0.9, linestyle="--")  # fmt: skip
     styled(axes, "", "", f"{name.replace('_', ' ')}\n[{shown}], limits dashed")
-
-
-def _estimates(axes: Axes, run: RunSignals) -> None:
-    axes.plot(run.time, run["push.north"], color=BLUE, linewidth=1.1, label="north [m/s²]")
-    axes.plot(run.time, run["push.east"], color=VERMILLION, linewidth=1.1, label="east [m/s²]")
-    axes.plot(run.time, run["push.yaw"], color="0.3", linewidth=1.1, linestyle=":",
-              label="yaw [rad/s²]")  # fmt: skip
-    styled(axes, "", "", "unexplained\nacceleration")
-    _legend(axes, 3)
-
-
-def _legend(axes: Axes, columns: int) -> None:
-    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=columns)
 
 
 def allocation_figure(

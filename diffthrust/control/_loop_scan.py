@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,8 +24,6 @@ from diffthrust.control._faults import FaultNumbers
 from diffthrust.control._plant import Plant, named
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._runge_kutta import advance, exponential_weights
-
-_Tree = TypeVar("_Tree")
 
 
 @dataclass(frozen=True)
@@ -117,22 +116,18 @@ def loop_signals(
         noisy = {n: v + x[f"noise.{n}"] if f"noise.{n}" in x else v for n, v in reported.items()}
         wanted = {n: x[n] for n in ("wanted", "wanted_rate", "wanted_acceleration")}
         s = Signals({**noisy, **wanted, "time": now})
-        kept = {n: carry[n] for n in ("kept", "output", "wanted_thrust")}
-        control = _when(
-            x["tick"], timing.samples * timing.substeps, _controlled(blocks, s, kept, period), kept
-        )
-        previous = {n: carry[n] for n in ("line", "command", "taken", "motor_command", "path")}
-        line = jnp.concatenate([control["output"][None], previous["line"][:-1]])
+        control = _controlled(blocks, s, carry["kept"], period)
+        control = _when(x["tick"], timing.samples * timing.substeps, control, carry)
+        line = jnp.concatenate([control["output"][None], carry["line"][:-1]])
         # a line of outputs and not an index into the past: the loop's body stays one kernel
         command = line[timing.late]
-        # faults act on what arrives, after the dead time and before the motor controller's own
-        # effects
-        taken = faults.command(command, previous["taken"], now)
+        # faults act on what arrives, after the dead time and before the motor controller's effects
+        taken = faults.command(command, carry["taken"], now)
         inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
         inputs = {**inflow, **signals, "time": now, parts.path.channel: taken}
-        motor, path = parts.path(plant.thruster.effects, inputs, previous["path"], x["first"], step)
+        motor, path = parts.path(plant.thruster.effects, inputs, carry["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
-        sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, previous)
+        sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, carry)
         # a record of the loop that is simulated again begins settled at its first command
         if settling:
             settled = plant.start(start, sent["motor_command"])
@@ -145,13 +140,11 @@ def loop_signals(
             **{f"{b}.{n}": v for b, memory in control["kept"].items() for n, v in memory.items()},
         }
         held = {"motor": (sent["motor_command"],), "time": (now, now + short)}
-        state = advance(
-            lambda state, u: plant.equations(state, u["motor"], u["time"])[0],
-            state,
-            held,
-            short,
-            x.get("weights", weights),
-        )
+
+        def rates(state: Mapping[str, Array], u: Mapping[str, Array]) -> dict[str, Array]:
+            return plant.equations(state, u["motor"], u["time"])[0]
+
+        state = advance(rates, state, held, short, x.get("weights", weights))
         return {"state": state, **control, **sent}, row
 
     zero = jnp.zeros(())
@@ -192,7 +185,7 @@ def _turns(
 
 
 def _controlled(
-    blocks: Mapping[str, Any], s: Signals, kept: Mapping[str, Any], period: Array
+    blocks: Mapping[str, Any], s: Signals, kept: Mapping[str, Kept], period: Array
 ) -> dict[str, Any]:
     """What controller and compensator make of one sample."""
     memory: dict[str, Kept] = {}
@@ -200,7 +193,7 @@ def _controlled(
     def evaluate(name: str, *before: Array) -> Array:
         where = type(blocks[name]).__name__
         with elementwise(where):
-            value, after = blocks[name](*before, s, kept["kept"][name], period)
+            value, after = blocks[name](*before, s, kept[name], period)
         expect(where, "value to remember for", blocks[name].states, after)
         memory[name] = {n: jnp.asarray(after[n], float) for n in blocks[name].states}
         return jnp.asarray(value, float)
@@ -222,11 +215,11 @@ def _read(plant: Plant, path: Mapping[str, Array], rows: Mapping[str, Array]) ->
     return {**outputs, **noisy}
 
 
-def _when(flag: Array, every: int, new: _Tree, old: _Tree) -> _Tree:
-    # every turn is one of its samples: no select is needed
-    if every == 1:
+def _when(flag: Array, every: int, new: dict[str, Any], carry: Mapping[str, Any]) -> dict[str, Any]:
+    """What is new, at turns with the flag, and else what was carried to here."""
+    if every == 1:  # no select is needed
         return new
-    return jax.tree.map(lambda a, b: jnp.where(flag, a, b), new, old)
+    return jax.tree.map(partial(jnp.where, flag), new, {name: carry[name] for name in new})
 
 
 def _memory(block: Block) -> dict[str, Array]:

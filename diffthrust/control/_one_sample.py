@@ -14,7 +14,7 @@ from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Relaxing, Signals
 from diffthrust.simulation._runge_kutta import advance, exponential_weights
-from diffthrust.simulation._trajectory import arriving, rates_of, read_out, starting_point
+from diffthrust.simulation._trajectory import arriving, rates_of, starting_point
 
 State = dict[str, Array]
 PLACE = ("north", "east")
@@ -94,8 +94,3 @@ def one_sample(
         return advance(rates, state, instants, step, weights)
 
     return jax.lax.fori_loop(0, substeps, body, dict(state))
-
-
-def readings(model: Model, state: State, inputs: Mapping[str, Array], time: Array) -> State:
-    """What the sensors report at one sample, without noise; traceable."""
-    return read_out(model, Signals({**state, **arriving(model, time, inputs), "time": time}))

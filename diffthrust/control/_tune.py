@@ -243,17 +243,10 @@ class _Evaluated:
 
 @program(4)
 def _linearized(
-    parts: Parts,
-    of: str,
-    names: tuple[str, ...],
-    cost: Cost,
-    gains: Mapping[str, Array],
-    values: Mapping[str, Array],
-    constants: Mapping[str, Array],
-    faults: FaultNumbers,
-    rows: Mapping[str, Array],
-    start: Mapping[str, Array],
-) -> tuple[Array, Array]:
+    parts: Parts, of: str, names: tuple[str, ...], cost: Cost, gains: Mapping[str, Array],
+    values: Mapping[str, Array], constants: Mapping[str, Array], faults: FaultNumbers,
+    rows: Mapping[str, Array], start: Mapping[str, Array],
+) -> tuple[Array, Array]:  # fmt: skip
     """Residuals ``(m,)`` and their derivatives with respect to each gain, ``(m, k)``."""
 
     def residuals(gains: Mapping[str, Array]) -> tuple[Array, Array]:

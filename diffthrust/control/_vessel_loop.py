@@ -21,13 +21,14 @@ from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
 from diffthrust.control._base import check_noise, mapping, seeded
 from diffthrust.control._mpc import MPC
-from diffthrust.control._one_sample import State, begin, check_vessel, one_sample, readings
+from diffthrust.control._one_sample import State, begin, check_vessel, one_sample
 from diffthrust.control._recorded import RUN_AWAY, RunSignals, bounded
 from diffthrust.control._reference import Path, Reference, wanted_at
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._fixed_step import checked_initial
-from diffthrust.simulation._trajectory import Key
+from diffthrust.simulation._trajectory import Key, arriving, read_out
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -365,4 +366,6 @@ def _moved(
 def _readings(
     key: Key, values: Mapping[str, Array], state: State, inputs: Mapping[str, Array], now: Array
 ) -> State:
-    return readings(key.model.bind(values), state, inputs, now)
+    """What the sensors report at one sample, without noise."""
+    model = key.model.bind(values)
+    return read_out(model, Signals({**state, **arriving(model, now, inputs), "time": now}))
