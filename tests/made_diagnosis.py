@@ -165,6 +165,13 @@ def undecided() -> dft.Diagnosis:
     )
 
 
+def with_fit(diag: dft.Diagnosis, stage: int = -1, **changes) -> dft.Diagnosis:
+    """The same with another fit of a stage."""
+    stages = [*diag.stages]
+    stages[stage] = replace(stages[stage], fit=replace(stages[stage].fit, **changes))
+    return replace(diag, stages=tuple(stages))
+
+
 def _candidate(
     stage: int, effect: str, ratio: float, p_value: float, fit: dft.Fit | None
 ) -> TriedEffect:

@@ -121,22 +121,14 @@ def test_the_summary_has_the_errors_of_the_fits(full):
 
 
 def test_an_error_that_rises_is_said_to_rise(full):
-    worse = replace(full.stages[0].fit, holdout=Errors(9.0, _worse(full.stages[1].fit)))
-    stages = (replace(full.stages[0], fit=full.stages[1].fit), replace(full.stages[1], fit=worse))
-    assert "rises from" in replace(made.found(), stages=stages).details
-
-
-def _worse(fit: dft.Fit) -> dict[str, ChannelError]:
-    assert fit.holdout is not None
-    return {
-        name: replace(e, rmse=3 * e.rmse, nrmse=3 * e.nrmse)
-        for name, e in fit.holdout.channels.items()
-    }
+    channels = full.stages[0].fit.holdout.channels.items()
+    larger = {name: replace(e, rmse=3 * e.rmse, nrmse=3 * e.nrmse) for name, e in channels}
+    assert "rises from" in made.with_fit(made.found(), holdout=Errors(9.0, larger)).details
 
 
 def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
-    bad = replace(full.fit, status=dft.Status.NOT_CONVERGED, message="The error still falls.")
-    diag = replace(full, stages=(*full.stages[:2], replace(full.stages[2], fit=bad)))
+    message = "The error still falls."
+    diag = made.with_fit(full, status=dft.Status.NOT_CONVERGED, message=message)
     stage = "The fit of stage 2 (+ actuator lag) has the status"
     words = f"{stage} 'not_converged': The error still falls."
     answer = " ".join(diag.report().partition("Details")[0].split())
@@ -150,8 +142,7 @@ def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     assert sum(line.startswith("Perhaps: ") for line in lines) == 2
     assert not any(line.startswith(("Found: ", "Copy: ")) for line in lines)
     assert claims.contradictions(diag, text=diag.summary) == []
-    converged = replace(bad, status=dft.Status.CONVERGED)
-    diag = replace(full, stages=(*full.stages[:2], replace(full.stages[2], fit=converged)))
+    diag = made.with_fit(full, status=dft.Status.CONVERGED, message=message)
     assert claims.contradictions(diag, text="\n".join(lines)) != []
 
 
@@ -309,12 +300,8 @@ def test_a_failed_simulation_and_a_formula_in_a_name_can_be_drawn(full):
     }
     errors = Errors(np.inf, {n: ChannelError(np.inf, np.inf, -np.inf, 9) for n in endless})
     failed = replace(run, name="run $x_$", channels=endless, errors=errors)
-    stage = replace(full.stages[0], fit=replace(full.stages[0].fit, holdout=errors, train=errors))
-    diag = replace(
-        full,
-        before=replace(full.before, runs=(failed,), errors=errors),
-        stages=(stage, *full.stages[1:]),
-    )
+    before = replace(full.before, runs=(failed,), errors=errors)
+    diag = made.with_fit(replace(full, before=before), 0, holdout=errors, train=errors)
     stages_figure(diag).savefig(BytesIO(), dpi=40)
     assert "falls from inf to" in diag.details
 

@@ -89,13 +89,10 @@ def test_what_is_not_so_is_seen(old, new, why):
 def test_a_fit_that_ended_early_and_a_false_name_are_seen():
     diag, page = made.found(), page_of_a_dead_band()
     other = {**diag.fit.parameters, "beta": replace(diag.fit.parameters["beta"], value=60.0)}
-    worse = replace(diag.fit, parameters=other)
-    stages = (diag.stages[0], replace(diag.stages[1], fit=worse))
-    wrong = claims.contradictions(replace(diag, stages=stages), page)
+    wrong = claims.contradictions(made.with_fit(diag, parameters=other), page)
     assert any("by an independent simulation" in words for words in wrong)
     early = replace(diag.stages[0].train, nrmse=1.2 * diag.stages[0].train.nrmse)
-    fit = replace(diag.stages[0].fit, train=early)
-    wrong = claims.contradictions(replace(diag, stages=(Stage((), fit), diag.stages[1])), page)
+    wrong = claims.contradictions(made.with_fit(diag, 0, train=early), page)
     assert any("a plain least squares reaches" in words for words in wrong)
     wrong = claims.contradictions(diag, replace(page, hidden=frozenset({"actuator_lag"})))
     assert any("nothing of command_deadband is hidden" in words for words in wrong)
@@ -355,16 +352,12 @@ def test_a_parameter_that_a_bound_stopped_is_told_with_the_mend():
 
 def at_bound(diag, index, **values):
     """A diagnosis in which some parameters of a stage were stopped at these values."""
-    stage = diag.stages[index]
-    fit = stage.fit
+    fit = diag.stages[index].fit
     known = {n: replace(fit.parameters[n], value=v, at_bound=True) for n, v in values.items()}
     model = fit.model.replace(
         {n: {"value": v, "bounds": (0.5 * v, v)} for n, v in values.items() if v > 0}
     )
-    fit = replace(fit, model=model, parameters={**fit.parameters, **known})
-    stages = [*diag.stages]
-    stages[index] = replace(stage, fit=fit)
-    return replace(diag, stages=tuple(stages))
+    return made.with_fit(diag, index, model=model, parameters={**fit.parameters, **known})
 
 
 def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
@@ -444,8 +437,7 @@ def test_a_term_of_the_model_that_effects_have_brought_to_zero_is_told():
     diag = made.found()
     fit = diag.stages[1].fit
     gone = {**fit.parameters, "alpha": replace(fit.parameters["alpha"], value=1e-19, at_bound=True)}
-    without = replace(fit, parameters=gone, model=fit.model.replace(alpha=1e-19))
-    diag = replace(diag, stages=(diag.stages[0], replace(diag.stages[1], fit=without)))
+    diag = made.with_fit(diag, parameters=gone, model=fit.model.replace(alpha=1e-19))
     words = (
         "Beside a command dead band alpha goes to zero: the model does as well without its term."
     )
@@ -458,8 +450,7 @@ def test_a_term_of_the_model_that_effects_have_brought_to_zero_is_told():
 
 def test_a_last_fit_with_too_coarse_steps_is_a_caution():
     diag = made.found()
-    rough = replace(diag.fit, coarse=("At the optimum the model needs more steps.",))
-    rough = replace(diag, stages=(diag.stages[0], replace(diag.stages[1], fit=rough)))
+    rough = made.with_fit(diag, coarse=("At the optimum the model needs more steps.",))
     assert "Caution: the last fit needs finer integrator steps." in rough.summary
     assert claims.contradictions(rough) == []
     assert claims.contradictions(diag, text="Caution: the last fit needs finer integrator steps.")

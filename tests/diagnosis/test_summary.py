@@ -99,6 +99,20 @@ def test_what_is_not_so_is_seen(made_up, old, new, why):
 UNSURE, HARMFUL = Worth(0.37, -0.97, 0.93), Worth(-0.4, -0.6, -0.2)
 
 
+def doubted(diag, doubt):
+    return made.with_fit(diag, 0, doubts=(doubt,))
+
+
+def with_law(diag, **changes):
+    """A diagnosis that has learned a curve of speed in the drive."""
+    curve = dft.effects.Curve("drive", "speed", -60.0, 60.0, unit="rad/s^2", shape=(3.0,))
+    law = LearnedLaw(
+        curve, made.found().fit, SURE, 9.0, samples=np.linspace(-50.0, 50.0, 101),
+        signal_unit="rad/s", port_unit="rad/s^2",
+    )  # fmt: skip
+    return replace(diag, laws=(replace(law, **changes),))
+
+
 def with_a_mend(diag):
     reading = dft.soundness.Reading(
         "thrust and speed exchanged", '[channels.thrust] column = "speed", or ...'
@@ -108,14 +122,11 @@ def with_a_mend(diag):
 
 def mended(diag, readings):
     """A doubt with these readings, of which the first was measured, and helps."""
-    reading = readings[0]
     doubt = dft.soundness.Doubt("thrust", "exchanged", "It is odd.", "look", readings)
-    first = diag.stages[0].fit
-    stages = (replace(diag.stages[0], fit=replace(first, doubts=(doubt,))), *diag.stages[1:])
-    before = first.holdout or first.train
+    before = diag.stages[0].holdout or diag.stages[0].train
     after = replace(before, nrmse=0.4 * before.nrmse)
-    mends = tuple(MeasuredMend(doubt, reading, before, after, SURE, True) for _ in range(1))
-    return replace(diag, mends=mends, stages=stages)
+    mend = MeasuredMend(doubt, readings[0], before, after, SURE, True)
+    return replace(doubted(diag, doubt), mends=(mend,))
 
 
 def with_odd_logs(diag):
@@ -133,8 +144,7 @@ def with_possible_effects(diag):
 
 
 def not_converged(diag):
-    fit = replace(diag.fit, status=dft.Status.NOT_CONVERGED)
-    return replace(diag, stages=(*diag.stages[:-1], replace(diag.stages[-1], fit=fit)))
+    return made.with_fit(diag, status=dft.Status.NOT_CONVERGED)
 
 
 def with_grown_errors(diag):
@@ -174,26 +184,16 @@ def test_the_mend_of_a_log_leads_and_is_what_is_copied():
 @pytest.mark.parametrize(
     ("worth", "error", "said"),
     [
-        (
-            None,
-            1.0,
-            ", with thrust and speed exchanged it was not tried: look which of them is true",
-        ),
-        (
-            UNSURE,
-            0.7,
-            ", with thrust and speed exchanged it falls by 30 %: look which of them is true",
-        ),
-        (
-            UNSURE,
-            1.2,
-            ", with thrust and speed exchanged it does not fall: look which of them is true",
-        ),
+        (None, 1.0, "was not tried"),
+        (UNSURE, 0.7, "falls by 30 %"),
+        (UNSURE, 1.2, "does not fall"),
         (HARMFUL, 1.2, ""),
     ],
 )
 def test_another_mistake_that_a_doubt_may_come_from_is_told(worth, error, said):
     """A boat with exchanged sides was told to turn its gyroscope, which errs least."""
+    if said:
+        said = f", with thrust and speed exchanged it {said}: look which of them is true"
     words = ("the sign of thrust reversed", "thrust and speed exchanged")
     diag = mended(made.found(), tuple(dft.soundness.Reading(w, "[channels.a] b") for w in words))
     if worth:
@@ -256,10 +256,7 @@ def test_an_input_is_named_with_the_effects_that_it_has_gone_through():
 
 @pytest.mark.parametrize(("mend", "leads"), [("none is needed: it is held.", False), ("x", True)])
 def test_a_doubt_leads_unless_nothing_is_to_be_mended(mend, leads):
-    doubt = dft.soundness.Doubt("speed", "stuck", "It changes seldom.", mend)
-    diag = made.found()
-    first = replace(diag.stages[0], fit=replace(diag.stages[0].fit, doubts=(doubt,)))
-    told = replace(diag, stages=(first, *diag.stages[1:]))
+    told = doubted(made.found(), dft.soundness.Doubt("speed", "stuck", "It changes seldom.", mend))
     assert told.summary.startswith("Check the logs: readings of speed are repeated.") is leads
     assert claims.contradictions(told, text=told.summary) == []
 
@@ -269,15 +266,13 @@ def test_a_sign_that_looks_wrong_may_be_an_exchange_and_nothing_is_undecided_bef
     words = ("the sign of speed reversed", "thrust and speed exchanged")
     readings = tuple(dft.soundness.Reading(w, "[channels.a] b") for w in words)
     doubt = dft.soundness.Doubt("speed", "sign", "It is odd.", "look", readings)
-    diag = made.undecided()
-    first = replace(diag.stages[0], fit=replace(diag.stages[0].fit, doubts=(doubt,)))
-    told = replace(diag, stages=(first, *diag.stages[1:]))
+    told = doubted(made.undecided(), doubt)
     line = "Check the logs: the sign of speed looks wrong, or thrust and speed exchanged."
     assert told.summary.splitlines()[0] == line
     assert "Undecided as long as the doubts on the logs stand: mend them first." in told.details
     assert "disturbance" not in told.details
     assert claims.contradictions(told) == []
-    assert "disturbance" in diag.details
+    assert "disturbance" in made.undecided().details
 
 
 def test_of_many_effects_those_without_a_size_are_named():
@@ -288,12 +283,8 @@ def test_of_many_effects_those_without_a_size_are_named():
         model = model + name
     width = diag.fit.parameters["command_deadband.half_width"]
     estimates = {n: replace(width, value=p.value) for n, p in model.parameters.items()}
-    fit = replace(diag.fit, model=model, parameters={**estimates, **diag.fit.parameters})
-    best = tuple(effect for effect in model.effects)
-    many = replace(
-        diag, best=best, groups=tuple((e.name,) for e in best),
-        stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
-    )  # fmt: skip
+    many = replace(diag, best=model.effects, groups=tuple((e.name,) for e in model.effects))
+    many = made.with_fit(many, model=model, parameters={**estimates, **diag.fit.parameters})
     assert "Also: command delay, thrust sensor lag and Coulomb friction." in many.summary
     assert words_in(many.summary) <= 60
     assert figures_in(many.summary) <= 4
@@ -327,12 +318,7 @@ def test_what_adds_little_is_told_behind_the_error_that_another_effect_removes()
 
 def test_what_adds_little_is_told_behind_the_error_that_a_law_removes():
     """An EMPS had a thrust "reported 0.0056 s late" above a friction that removes 98 %."""
-    curve = dft.effects.Curve("drive", "speed", -60.0, 60.0, unit="rad/s^2", shape=(3.0,))
-    law = LearnedLaw(
-        curve, made.found().fit, SURE, 9.0, samples=np.linspace(-50.0, 50.0, 101),
-        signal_unit="rad/s", port_unit="rad/s^2",
-    )  # fmt: skip
-    told = replace(made.found(), worth={"command_deadband": WEAK}, laws=(law,))
+    told = with_law(replace(made.found(), worth={"command_deadband": WEAK}))
     lines = told.summary.splitlines()
     small = "Adds little: commands within ±0.398 V do nothing."
     assert not any(line.startswith("Found: ") for line in lines)
@@ -345,21 +331,17 @@ def test_what_adds_little_is_told_behind_the_error_that_a_law_removes():
 def test_the_number_of_an_effect_beside_a_law_is_told_where_it_is_another():
     """An EMPS's delay of 0.0056 s stood in for its friction: 0.0030 s beside the curve of it."""
     first = made.found()
-    curve = dft.effects.Curve("drive", "speed", -60.0, 60.0, unit="rad/s^2", shape=(3.0,))
     width = "command_deadband.half_width"
     estimate = replace(first.fit.parameters[width], value=0.2)
     beside = replace(first.fit, parameters={**first.fit.parameters, width: estimate})
-    law = LearnedLaw(
-        curve, first.fit, SURE, 9.0, samples=np.linspace(-50.0, 50.0, 101),
-        signal_unit="rad/s", port_unit="rad/s^2",
-    )  # fmt: skip
-    diag = replace(first, verdict="unexplained", remaining=made.unexplained().remaining,
-                   worth={"command_deadband": SURE}, laws=(replace(law, fit=beside),))  # fmt: skip
+    open_ = replace(first, verdict="unexplained", remaining=made.unexplained().remaining,
+                    worth={"command_deadband": SURE})  # fmt: skip
+    diag = with_law(open_, fit=beside)
     assert "Estimated anew beside what was learned: a command dead band of ±0.20 V." in diag.details
     said = "Estimated anew beside what was learned: "
     assert claims.contradictions(diag, text=f"{said}a command dead band of ±0.30 V.") != []
     assert claims.contradictions(diag, text=f"{said}an actuator lag of 0.20 s.") != []
-    assert said not in replace(diag, laws=(law,)).details
+    assert said not in with_law(open_).details
 
 
 def test_what_looks_alike_stands_in_the_brackets_of_an_effect():
@@ -401,8 +383,7 @@ def test_a_signal_that_explains_next_to_nothing_is_not_told_as_the_cause(share, 
 
 def test_logs_that_nobody_looked_at_are_not_called_sound():
     diag = made.found()
-    first = replace(diag.stages[0].fit, doubts_sought=False)
-    unseen = replace(diag, stages=(replace(diag.stages[0], fit=first), *diag.stages[1:]))
+    unseen = made.with_fit(diag, 0, doubts_sought=False)
     assert "sound" not in unseen.summary
     assert claims.contradictions(unseen, text=diag.summary) != []
     train, _ = made.logs()
@@ -473,13 +454,13 @@ def test_a_channel_that_nobody_measured_is_named_beside_what_it_could_look_like(
     model = diag.fit.model + "reverse_thrust_asymmetry"
     change = replace(diag.fit.parameters["command_deadband.half_width"], value=-0.2)
     estimates = {**diag.fit.parameters, "reverse_thrust_asymmetry.change": change}
-    fit = replace(diag.fit, model=model, parameters=estimates)
     reason = "needs the channel 'inflow', which no log has"
     told = replace(
-        diag, best=model.effects, groups=tuple((e.name,) for e in model.effects),
-        stages=(diag.stages[0], replace(diag.stages[1], fit=fit)),
+        made.with_fit(diag, model=model, parameters=estimates),
+        best=model.effects,
+        groups=tuple((e.name,) for e in model.effects),
         untestable={"inflow_thrust_loss": reason, "inflow_load_relief": reason},
-    )  # fmt: skip
+    )
     words = "The inflow was not measured: it could look like a reverse thrust asymmetry."
     assert words in told.summary.splitlines()[2:4]  # beside what was found
     still = replace(told, one_step={n: e.rmse for n, e in told.after.errors.channels.items()})
@@ -500,10 +481,9 @@ def test_what_is_left_is_named_rather_than_said_of_the_inflow_at_length():
     for name in effects:
         model += name
     sizes = {n: diag.fit.parameters["command_deadband.half_width"] for n in model.parameters}
-    fit = replace(diag.fit, model=model, parameters=sizes, free=())
     told = replace(
-        diag, best=model.effects, groups=tuple((n,) for n in effects), remaining=remaining,
-        stages=(diag.stages[0], replace(diag.stages[1], fit=fit)), verdict="unexplained",
+        made.with_fit(diag, model=model, parameters=sizes, free=()), verdict="unexplained",
+        best=model.effects, groups=tuple((n,) for n in effects), remaining=remaining,
         untestable={"inflow_load_relief": "needs the channel 'inflow', which no log has"},
     )  # fmt: skip
     assert "Unmeasured inflow could look like a load exponent." in told.summary
@@ -543,15 +523,7 @@ def test_a_change_is_more_or_less():
 
 
 def test_a_law_is_told_in_one_form_and_by_what_it_does():
-    curve = dft.effects.Curve(
-        "drive", "speed", -60.0, 60.0, unit="rad/s^2", pieces=4, size=50.0, shape=(3.0,)
-    )
-    fit = made.found().fit
-    law = LearnedLaw(
-        curve, fit, SURE, 9.0, samples=np.linspace(-50.0, 50.0, 101), signal_unit="rad/s",
-        port_unit="rad/s^2",
-    )  # fmt: skip
-    diag = replace(made.unexplained(), laws=(law,))
+    diag = with_law(made.unexplained())
     _, first, second, *_ = diag.summary.splitlines()
     assert first.startswith("Found in the drive: a term that is a curve of speed, up to 3.0")
     assert second == F
@@ -564,11 +536,7 @@ def test_a_curve_has_a_size_where_no_parameter_of_the_model_takes_it_up(monkeypa
     place = np.linspace(-60.0, 60.0, 121)
     drawn = place, 3.0 * np.sign(place), np.full(121, error)
     monkeypatch.setattr(LearnedLaw, "drawn", lambda law: drawn)
-    curve = dft.effects.Curve("drive", "speed", -60.0, 60.0, unit="rad/s^2", shape=(3.0,))
-    law = LearnedLaw(
-        curve, made.found().fit, SURE, 9.0, samples=place, signal_unit="rad/s", port_unit="rad/s^2"
-    )
-    summary = replace(made.unexplained(), laws=(law,)).summary
+    summary = with_law(made.unexplained(), samples=place).summary
     assert ("up to 3.0 rad/s^2" in summary) is told
 
 
@@ -585,8 +553,7 @@ def test_a_fit_that_ran_away_is_told_first_and_nothing_is_found_by_it():
     diag = made.found()
     first, last = diag.stages
     far = replace(last.fit.parameters["beta"], value=2e5 * first.fit.guess["beta"])
-    fit = replace(last.fit, parameters={**last.fit.parameters, "beta": far})
-    away = replace(diag, stages=(first, replace(last, fit=fit)))
+    away = made.with_fit(diag, parameters={**last.fit.parameters, "beta": far})
     lines = away.summary.splitlines()
     assert lines[0].startswith("No fit is to be believed: beta ran away to ")
     assert lines[1:] == [
@@ -596,8 +563,7 @@ def test_a_fit_that_ran_away_is_told_first_and_nothing_is_found_by_it():
     assert claims.contradictions(away, text=away.summary) == []
     ends = last.fit.parameters["command_deadband.half_width"]
     wide = {**last.fit.parameters, "command_deadband.half_width": replace(ends, value=1e9)}
-    of_an_effect = replace(last, fit=replace(last.fit, parameters=wide))
-    assert "ran away" not in replace(diag, stages=(first, of_an_effect)).summary
+    assert "ran away" not in made.with_fit(diag, parameters=wide).summary
     assert claims.contradictions(diag, text=lines[0])  # not said of values that are near
 
 
