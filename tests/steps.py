@@ -1,13 +1,12 @@
+# ruff: noqa: F401  (what is imported here, tests import from here)
 """Steps of a diagnosis by themselves: on states, results and errors that no log gives so exactly.
 
 What a diagnosis decides is tested by what `dft.diagnose` returns; what stands here is held against
 closed forms, or at the edge of a threshold.
 """
 
-from diffthrust.diagnosis import (  # private: how a search begins
-    _admission as admission_module,
-)
-from diffthrust.diagnosis import _beside_others as beside_others_module
+from diffthrust.diagnosis import _admission as admission_module
+from diffthrust.diagnosis import _effect_shares as effect_shares_module
 from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
 from diffthrust.diagnosis import _residual_structure as residual_structure_module
@@ -47,13 +46,14 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     noises,
     wald,
 )
+from diffthrust.diagnosis._effect_shares import shares_by_effect  # private: made by hand
 from diffthrust.diagnosis._equivalence import (  # private: the rule alone, and on given trials
     near_over_whole_runs,
+    refitted_rivals,
     told_apart,
     unrefuted,
     with_equivalents,
 )
-from diffthrust.diagnosis._exchange import refitted_rivals  # private: on given trials
 from diffthrust.diagnosis._explainable import (  # private: the regressions alone
     ErrorRecord,
     Rung,
@@ -80,15 +80,17 @@ from diffthrust.diagnosis._explained_share import (  # private: the share and it
 from diffthrust.diagnosis._findings import (  # private: made by hand
     HeldValue,
     OddLog,
+    OtherModel,
     Refusal,
     Stage,
     TriedEffect,
-    headroom_between,
     verdict_evidence,
 )
-from diffthrust.diagnosis._headroom import (  # private: made by hand
+from diffthrust.diagnosis._headroom import (  # private: made by hand, and without a diagnosis
     ChannelHeadroom,
     Headroom,
+    headroom_between,
+    recurring_shares,
 )
 from diffthrust.diagnosis._innovations_fit import (  # private: as a diagnosis makes them
     CandidateFitter,
@@ -97,10 +99,7 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
     LearnedLaw,
     TriedForm,
 )
-from diffthrust.diagnosis._mended import (  # private: made by hand
-    MeasuredMend,
-    mends_lead,
-)
+from diffthrust.diagnosis._mended import MeasuredMend, mends_lead  # private: made by hand
 from diffthrust.diagnosis._missing import (  # private: made by hand
     Missing,
     Remaining,
@@ -113,48 +112,38 @@ from diffthrust.diagnosis._missing_signal import (  # private: against a known l
     dependence_of,
     smoothed_signals,
 )
-from diffthrust.diagnosis._other_models import (  # private: made by hand
-    OtherModel,
-)
-from diffthrust.diagnosis._outcome import (  # private: a search that never ran
-    untested,
-)
+from diffthrust.diagnosis._outcome import untested, upheld  # private: a search that never ran
 from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
     Slopes,
     deviations,
     no_longer_odd,
     odd_logs,
 )
-from diffthrust.diagnosis._periodic_stage import (  # private: without a search
-    unexplained_line,
-)
+from diffthrust.diagnosis._periodic_stage import unexplained_line  # private: without a search
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
     added,
     error_changes,
     predicted_gains,
     shift_of,
 )
-from diffthrust.diagnosis._probes import (  # private: points without a screen
-    edge_of,
-    probes,
-)
+from diffthrust.diagnosis._probes import edge_of, probes  # private: points without a screen
 from diffthrust.diagnosis._rating import (  # private: one step alone
     other_values,
     plainest_first,
     stopped,
     why_untestable,
 )
-from diffthrust.diagnosis._recurrence import recurring_shares  # private: its coverage
 from diffthrust.diagnosis._report.budget import (  # private: words and figures alone
     Wording,
     figures_in,
     within_budget,
     words_in,
 )
-from diffthrust.diagnosis._report.effect_words import effect_words  # private: each effect alone
-from diffthrust.diagnosis._report.error_text import (  # private: each sentence alone
-    growth_words,
+from diffthrust.diagnosis._report.details import (  # private: one sentence alone
+    missing_words,
+    odd_words,
 )
+from diffthrust.diagnosis._report.error_text import growth_words  # private: each sentence alone
 from diffthrust.diagnosis._report.figures import (  # private: each figure alone
     missing_figure,
     ranking_figure,
@@ -162,13 +151,7 @@ from diffthrust.diagnosis._report.figures import (  # private: each figure alone
 )
 from diffthrust.diagnosis._report.learned import (  # private: a law's sentence alone
     form_words,
-)
-from diffthrust.diagnosis._report.own_effect import (  # private: a class without its page
     own_effect,
-)
-from diffthrust.diagnosis._report.remaining_text import (  # private: one sentence alone
-    missing_words,
-    odd_words,
 )
 from diffthrust.diagnosis._report.sections import (  # private: sentences alone, the page
     beginnings,
@@ -178,13 +161,11 @@ from diffthrust.diagnosis._report.sections import (  # private: sentences alone,
 from diffthrust.diagnosis._report.summary import (  # private: which error it tells
     channel_that_counts,
 )
-from diffthrust.diagnosis._report.tables import (  # private: its cells
-    log_rows,
-    worth_rows,
-)
+from diffthrust.diagnosis._report.tables import log_rows, worth_rows  # private: its cells
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     added_bound_words,
     an_effect,
+    effect_words,
     parameter_words,
     sized_words,
     stage_words,
@@ -195,10 +176,7 @@ from diffthrust.diagnosis._residual_structure import (  # private: the basis of 
     knots_of,
     scores_at_port,
 )
-from diffthrust.diagnosis._score_test import (  # private: the test alone
-    project_out,
-    score_test,
-)
+from diffthrust.diagnosis._score_test import project_out, score_test  # private: the test alone
 from diffthrust.diagnosis._screening import (  # private: the screen alone
     fitted_from_fallback,
     is_at_null,
@@ -218,12 +196,7 @@ from diffthrust.diagnosis._search_state import (  # private: trials without a di
     SearchContext,
     SearchState,
 )
-from diffthrust.diagnosis._set_aside import (  # private: with a fit that ended badly
-    upheld,
-)
-from diffthrust.diagnosis._settings import (  # private: what is held here
-    SETTINGS,
-)
+from diffthrust.diagnosis._settings import SETTINGS  # private: what is held here
 from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnosis around them
     change_between,
     fitted_beside,
@@ -234,9 +207,6 @@ from diffthrust.diagnosis._spectral_line import (  # private: spectra without a 
     height_at,
     height_over_turns,
     strongest_line,
-)
-from diffthrust.diagnosis._stage_shares import (  # private: of stages made by hand
-    shares_by_effect,
 )
 from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
@@ -249,12 +219,8 @@ from diffthrust.diagnosis._stepwise import (  # private: one step alone
     step,
     still_refused,
 )
-from diffthrust.diagnosis._trial_programs import (  # private: as a diagnosis makes them
-    Programs,
-)
-from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
-    evidence,
-)
+from diffthrust.diagnosis._trial_programs import Programs  # private: as a diagnosis makes them
+from diffthrust.diagnosis._unknown_term import evidence
 from diffthrust.diagnosis._unknown_term import fit as curve_fits
 from diffthrust.diagnosis._unknown_term import form_fits as fitting
 from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms without a diagnosis
@@ -267,9 +233,7 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     ranked_matches,
     with_companion,
 )
-from diffthrust.diagnosis._unknown_term.jumps import (  # private: evidence of one term
-    with_jump,
-)
+from diffthrust.diagnosis._unknown_term.jumps import with_jump  # private: evidence of one term
 from diffthrust.diagnosis._unknown_term.state_terms import (  # private: without a whole search
     library,
     state_terms,
@@ -280,204 +244,8 @@ from diffthrust.diagnosis._unknown_term.terms import (  # private: a part alone
     regressors_of,
     term_along,
 )
-from diffthrust.diagnosis._verdict import (  # private: from numbers alone
-    far_above_noise,
-    verdict_of,
-)
+from diffthrust.diagnosis._verdict import far_above_noise, verdict_of  # private: from numbers alone
 from diffthrust.estimation._fit import FitRuns  # private: made by hand
-from diffthrust.simulation._commands import (  # private: the unit that a fit takes
-    adopted,
-)
-from diffthrust.simulation._errors import (  # private: errors of no run
-    ChannelError,
-    Errors,
-)
-from diffthrust.simulation._record import (  # private: logs as a fit reads them
-    bind,
-)
-
-__all__ = [
-    "FORMS",
-    "NONE",
-    "SCREENS",
-    "SETTINGS",
-    "BeforeAfter",
-    "CandidateFitter",
-    "ChangedSize",
-    "ChannelError",
-    "ChannelHeadroom",
-    "Clock",
-    "CurrentModel",
-    "ErrorRecord",
-    "Errors",
-    "FitRuns",
-    "FittedStage",
-    "Headroom",
-    "HeldValue",
-    "LearnedLaw",
-    "LinearErrors",
-    "Match",
-    "MeasuredMend",
-    "Missing",
-    "OddLog",
-    "OtherModel",
-    "PortSeries",
-    "Programs",
-    "Refit",
-    "Refusal",
-    "Remaining",
-    "Rung",
-    "SearchContext",
-    "SearchState",
-    "SignalForm",
-    "Size",
-    "Slopes",
-    "Stage",
-    "TriedEffect",
-    "TriedForm",
-    "Wording",
-    "Worth",
-    "added",
-    "added_bound_words",
-    "admission_module",
-    "adopted",
-    "after_effects",
-    "an_effect",
-    "as_estimated",
-    "as_formula",
-    "beginnings",
-    "beside_others_module",
-    "best_match",
-    "bind",
-    "candidates_of",
-    "caution_words",
-    "change_between",
-    "changed_size",
-    "channel_of",
-    "channel_that_counts",
-    "chosen",
-    "compiled_fitter",
-    "constants_in",
-    "constants_of",
-    "criterion",
-    "curve_fits",
-    "dependence_of",
-    "deviations",
-    "diagnosis_page",
-    "done",
-    "edge_of",
-    "effect_words",
-    "error_changes",
-    "evidence",
-    "explainable",
-    "explained_share",
-    "far_above_noise",
-    "features_for",
-    "figures_in",
-    "fitted_beside",
-    "fitted_from_fallback",
-    "fitted_to_runs",
-    "fitting",
-    "form_values",
-    "form_words",
-    "from_simulation",
-    "growth_words",
-    "harms",
-    "hats",
-    "headroom_between",
-    "height_at",
-    "height_over_turns",
-    "helps",
-    "idle_bounds",
-    "is_at_null",
-    "knots_of",
-    "learners_for",
-    "levels_of",
-    "library",
-    "log_rows",
-    "matters",
-    "mend_trials_module",
-    "mends_lead",
-    "missed",
-    "missing_figure",
-    "missing_words",
-    "models_fed_by",
-    "near_over_whole_runs",
-    "negligible",
-    "next_stage",
-    "no_better",
-    "no_longer_odd",
-    "noises",
-    "odd_logs",
-    "odd_words",
-    "of_effect",
-    "other_values",
-    "own_effect",
-    "pairs_module",
-    "parameter_words",
-    "place_words",
-    "places_of",
-    "plainest_first",
-    "pooled_sums",
-    "predicted_gains",
-    "probes",
-    "project_out",
-    "promising_constants",
-    "ranked",
-    "ranked_matches",
-    "ranking_figure",
-    "recurring_shares",
-    "refitted_rivals",
-    "refusing",
-    "regression",
-    "regressors_of",
-    "residual_structure_module",
-    "ridge_solution",
-    "rival_models_module",
-    "runs_lead",
-    "score_test",
-    "scores_at_port",
-    "screened",
-    "screening_module",
-    "search_start_module",
-    "shares_by_effect",
-    "shift_of",
-    "simulation_fitter",
-    "sized_words",
-    "smoothed_signals",
-    "stage_words",
-    "stages_figure",
-    "state_terms",
-    "step",
-    "still_refused",
-    "stopped",
-    "stopped_by_bound",
-    "strongest_line",
-    "sure_share",
-    "surely_less",
-    "term_along",
-    "through_filters",
-    "told_apart",
-    "trial_programs_module",
-    "unexplained_line",
-    "unrefuted",
-    "untested",
-    "unused_channels",
-    "unused_notes",
-    "upheld",
-    "vanished_parameters",
-    "verdict_evidence",
-    "verdict_of",
-    "verdict_words",
-    "wald",
-    "why_untestable",
-    "with_candidates",
-    "with_companion",
-    "with_equivalents",
-    "with_finer_steps",
-    "with_jump",
-    "within_budget",
-    "words_in",
-    "worth_rows",
-    "worths_between",
-]
+from diffthrust.simulation._commands import adopted  # private: the unit that a fit takes
+from diffthrust.simulation._errors import ChannelError, Errors  # private: errors of no run
+from diffthrust.simulation._record import bind  # private: logs as a fit reads them

@@ -9,13 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust.diagnosis._candidates import with_candidates
-from diffthrust.diagnosis._criteria import (
-    criterion,
-    missed,
-    no_better,
-    price_of,
-    unseen_gain,
-)
+from diffthrust.diagnosis._criteria import criterion, missed, no_better, price_of, unseen_gain
 from diffthrust.diagnosis._explained_share import (
     BeforeAfter,
     Worth,

@@ -24,23 +24,11 @@ _MARGIN = 0.05
 
 
 def beyond_others(model: Model, run: Run, others: Sequence[Run]) -> tuple[str, ...]:
-    """Where a log goes and most of the other logs do not, in words.
+    """Where a log goes and most of the other logs do not, in words: "command below 0.3 V".
 
+    The signals that are for long beyond what the others reach, or half of them, the plainest first.
     Inputs are held against each other and states as the model follows them: what was measured may
     itself be what is odd about the log.
-
-    Args:
-        model: of the runs.
-        run: of the log.
-        others: the runs of the logs that it is held against.
-
-    Returns:
-        The signals that are for long beyond what the others reach, or half of them, the plainest
-        first.
-
-    Example:
-        >>> beyond_others(model, astern, ahead)
-        ('command below 0.3 V',)
     """
     words = []
     by_log = [signals_of(model, peer) for peer in others]

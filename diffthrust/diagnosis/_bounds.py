@@ -62,8 +62,8 @@ def _falls_short(
 ) -> bool:
     """Whether the model as given, without these bounds, errs more than with all that was found."""
     freed = _without(context, first, names)
-    errors, found = (stage.holdout or stage.train for stage in (freed, last))
-    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * found.nrmse
+    errors, least = (stage.holdout or stage.train for stage in (freed, last))
+    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * least.nrmse
 
 
 def _without(context: SearchContext, stage: FittedStage, names: Sequence[str]) -> FittedStage:
@@ -105,12 +105,7 @@ def _is_high(fit: Fit, name: str) -> bool:
 
 
 def is_whole(effect: str, name: str, value: float) -> bool:
-    """Whether a number of a known effect is a share at its natural end: a full sag, a swap.
-
-    Example:
-        >>> is_whole("supply_voltage_sag", "share", 1.0), is_whole("load_exponent", "exponent", 4.0)
-        (True, False)
-    """
+    """Whether a number of a known effect is a share at its natural end: a full sag, a swap."""
     declared = EFFECTS[effect].declared.get(name) if effect in EFFECTS else None
     ends = declared.bounds if declared and not declared.unit else ()
     return value in ends and value in (-1.0, 0.0, 1.0)

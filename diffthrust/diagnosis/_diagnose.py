@@ -10,18 +10,12 @@ from diffthrust._support._running.blas import one_blas_thread
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
-from diffthrust.diagnosis._beside_others import with_shares_beside_others
 from diffthrust.diagnosis._bounds import idle_bounds
 from diffthrust.diagnosis._candidates import Candidates, asks_for_all
 from diffthrust.diagnosis._channel_use import unused_channels, unused_notes
-from diffthrust.diagnosis._equivalence import (
-    SearchResult,
-    proposal,
-    with_equivalents,
-)
-from diffthrust.diagnosis._findings import (
-    verdict_evidence,
-)
+from diffthrust.diagnosis._effect_shares import with_shares_beside_others
+from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
+from diffthrust.diagnosis._findings import verdict_evidence
 from diffthrust.diagnosis._mend_trials import measured_mends
 from diffthrust.diagnosis._mended import MeasuredMend, mends_lead, undone_by
 from diffthrust.diagnosis._outcome import (

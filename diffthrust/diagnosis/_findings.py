@@ -7,18 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._changed_size import ChangedSize
 from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._headroom import Headroom, headroom_of
+from diffthrust.diagnosis._headroom import Headroom, headroom_between
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._mended import MeasuredMend, best_mends
+from diffthrust.diagnosis._mended import MeasuredMend, best_mends, mends_of
 from diffthrust.diagnosis._missing import Missing, Remaining
-from diffthrust.diagnosis._other_models import OtherModel
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
@@ -117,8 +115,7 @@ class OddLog:
         log: its name.
         channel: the measured channel in which it shows most.
         evidence: a sentence that says how it differs.
-        share: share of the squared whole-run error of the channel, over all logs, that is this
-            log's.
+        share: its share of the channel's squared whole-run error, over all logs.
         beyond: where it goes and most of the other logs do not, in words: what the model lacks may
             show there alone, and the log is as sound as they are.
     """
@@ -155,6 +152,50 @@ class HeldValue:
     wanted: float
     std_error: float
     unit: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class OtherModel(Brief):
+    """A model of the library that the same channels feed, fitted to the same logs.
+
+    Args:
+        plain: the model as it is, with those effects of the diagnosed one that act in it.
+        extended: with the effects of a short search of its own; ``None`` where that found nothing,
+            or none was made.
+        worth: share that it removes of the squared whole-run error of the diagnosed model with all
+            that was found; below 0 it errs more.
+    """
+
+    plain: Fit
+    extended: Fit | None
+    worth: Worth
+
+    @property
+    def name(self) -> str:
+        """Of the model."""
+        return self.plain.model.name
+
+    @property
+    def best(self) -> Fit:
+        """The last fit of the model."""
+        return self.extended or self.plain
+
+    @property
+    def better(self) -> bool:
+        """Whether it surely errs less, and clearly, than the diagnosed model with all its terms."""
+        return self.worth.low > 0 and self.worth.share > SETTINGS.rival_models.clear_share
+
+    def to_json(self) -> dict[str, Any]:
+        """Both fits' effects and errors as plain data."""
+
+        def data(fit: Fit) -> dict[str, Any]:
+            effects, train = [effect.name for effect in fit.model.effects], fit.train.to_json()
+            holdout = fit.holdout and fit.holdout.to_json()
+            return {"effects": effects, "train": train, "holdout": holdout}
+
+        fits = {"plain": data(self.plain), "extended": self.extended and data(self.extended)}
+        worth = self.worth.to_json()
+        return {"model": self.name, **fits, "worth": worth, "better": self.better}
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -212,13 +253,12 @@ class Assessment(Brief):
         before: the model as given, held against the logs (unseen ones, if any): where it fails.
         after: the last stage, held against the same.
         trained: the model as given and the last stage, held against the training logs.
-        one_step: scale of the last stage's one-step errors, by channel, of which a few that are
-            large count no more than others: most lie within.
+        one_step: by channel, within what most one-step errors of the last stage lie.
         remaining: structure that none of the effects tried explains.
         odd_logs: logs that disagree with the others.
         apart: where something is open and odd logs carry much of the error, the last stage without
-            these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against
-            the other training logs, and against the other logs that count.
+            these, on which the verdict, ``remaining`` and ``one_step`` then rest: held against the
+            other training logs, and the other logs that count.
         changed: where nothing else is left, a size of an added effect that changes in time or at a
             level of a signal.
         room: how much any flexible model could explain of the errors on which the verdict rests;
@@ -317,8 +357,7 @@ class Findings(Selection, Assessment):
 
     def mends_of(self, doubt: Doubt) -> list[MeasuredMend]:
         """The mends of one doubt that were measured."""
-        key = doubt.channel, doubt.kind
-        return [mend for mend in self.mends if (mend.doubt.channel, mend.doubt.kind) == key]
+        return mends_of(doubt, self.mends)
 
     @property
     def far(self) -> tuple[str, ...]:
@@ -351,14 +390,6 @@ class Findings(Selection, Assessment):
             return last and (last, last)
         first = headroom_between(self.trained[0], self.before if unseen else None)
         return first and (first, last)
-
-
-def headroom_between(training: Comparison, unseen: Comparison | None) -> Headroom | None:
-    """`headroom_of` two comparisons; ``None`` where they have no channel in common."""
-    try:
-        return headroom_of(training, unseen)
-    except InputError:
-        return None
 
 
 def verdict_evidence(selection: Selection, assessment: Assessment) -> VerdictEvidence:

@@ -1,23 +1,23 @@
-"""Headroom: how much of the remaining error any model could explain, on unseen records."""
+"""What of the remaining error any model could explain on unseen records, and what recurs.
+
+Where logs repeat their inputs physics recurs, and a disturbance does not. Of two runs with the same
+inputs the errors of a model have a part in common, which the inputs make, and a part of their own.
+The share of the common part is the correlation within pairs (Fisher 1925, Statistical Methods for
+Research Workers, section 38), with an interval as that of any share of the squared error.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from diffthrust._support._running.blas import one_blas_thread
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import (
-    Progress,
-    ProgressOption,
-    progressing,
-    reporter,
-    subtask,
-)
+from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter, subtask
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
@@ -29,6 +29,7 @@ from diffthrust.diagnosis._explainable import (
     explainable,
     independent_samples,
 )
+from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -44,6 +45,8 @@ _FEWEST_RECORDS = 3
 """Numerics: with at least this number of records none is cut."""
 _MOST_SAMPLES = 20_000
 """Numerics: above this number samples are thinned, so that the regressions stay quick."""
+_FEWEST_COMMON = 100
+"""Numerics: samples in common from which two runs are compared; fewer give no mean square."""
 
 
 @dataclass(frozen=True)
@@ -180,6 +183,14 @@ def headroom(
     return headroom_of(learn, judge, seed, subtask(report, 0.1, 1.0))
 
 
+def headroom_between(learn: Comparison, judge: Comparison | None) -> Headroom | None:
+    """`headroom_of` two comparisons; ``None`` where they have no channel in common."""
+    try:
+        return headroom_of(learn, judge)
+    except InputError:
+        return None
+
+
 @one_blas_thread()
 def headroom_of(
     learn: Comparison, judge: Comparison | None, seed: int = 0, progress: Progress | None = None
@@ -292,3 +303,43 @@ def _words(name: str, c: ChannelHeadroom, judged_on: str) -> str:
         f"{start}a flexible model ({rung}) explains {share} ({interval}): the NRMSE could fall "
         f"from {physics} to about {corrected}, or further by the right physics."
     )
+
+
+# -- what recurs -----------------------------------------------------------------------------------
+
+
+def recurring_shares(model: Model, runs: Sequence[Run]) -> dict[str, Worth]:
+    """By channel the share of the squared error that recurs, from all runs that repeat others.
+
+    The inputs of a model are compared over whole logs; empty where no two have the same.
+    """
+    repeats = [(a, b, n) for a, b in combinations(runs, 2) if (n := _common(model, a, b))]
+    pairs: dict[str, list[dict[str, BeforeAfter]]] = {}
+    for a, b, n in repeats:
+        for name in (name for name in a.channels if name in b.channels):
+            pairs.setdefault(name, []).extend({name: pair} for pair in _halved(a, b, name, n))
+    return {name: explained_share(halves) for name, halves in pairs.items() if halves}
+
+
+def _common(model: Model, first: Run, second: Run) -> int:
+    """The number of samples over which two runs have the same inputs; 0 if they have not."""
+    size = min(first.time.size, second.time.size)
+    steps = [np.median(np.diff(run.time)) for run in (first, second)]
+    if size < _FEWEST_COMMON or not np.isclose(*steps, rtol=1e-2):
+        return 0
+    for name in model.inputs:
+        a, b = (run.signals[name][:size] for run in (first, second))
+        if not np.std(a - b) <= SETTINGS.verdict.repeated_input * np.std(a):
+            return 0
+    return size
+
+
+def _halved(first: Run, second: Run, name: str, size: int) -> Iterator[BeforeAfter]:
+    """The errors of two runs, and half their difference's square: what does not recur."""
+    errors = [run.channels[name].residual[:size] for run in (first, second)]
+    both = np.isfinite(errors[0]) & np.isfinite(errors[1])
+    if np.count_nonzero(both) < _FEWEST_COMMON:
+        return
+    measured = np.where(both, first.channels[name].measured[:size], np.nan)
+    mean = np.sqrt(0.5 * (errors[0] ** 2 + errors[1] ** 2))
+    yield BeforeAfter(measured, mean, (errors[0] - errors[1]) / np.sqrt(2.0))

@@ -21,14 +21,7 @@ from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._trial_programs import Compiled, Programs
 from diffthrust.estimation._likelihood import Quadratic
-from diffthrust.estimation._observer import (
-    CLIP,
-    REAL,
-    WIDE,
-    guesses,
-    is_memory,
-    uncorrected,
-)
+from diffthrust.estimation._observer import CLIP, REAL, WIDE, guesses, is_memory, uncorrected
 from diffthrust.estimation._one_step import (
     Pass,
     cost,

@@ -111,18 +111,14 @@ class LearnedLaw(Brief):
         """Other closed forms with no more parameters that these logs cannot tell from it."""
         if self.form is None:
             return ()
-        first, size = self.form, len(self.form.formula.declared)
-        near = (
+        first, apart = self.form, SETTINGS.closed_form.most_bic_apart
+        return tuple(
             form
             for form in self.forms[1:]
-            if form.bic <= first.bic + SETTINGS.closed_form.most_bic_apart
+            if form.bic <= first.bic + apart
+            and form.one_step <= first.one_step + apart
+            and len(form.formula.declared) <= len(first.formula.declared)
         )
-        near = (
-            form
-            for form in near
-            if form.one_step <= first.one_step + SETTINGS.closed_form.most_bic_apart
-        )
-        return tuple(form for form in near if len(form.formula.declared) <= size)
 
     @property
     def reported(self) -> Fit:
@@ -183,5 +179,5 @@ class LearnedLaw(Brief):
             "form": self.form.title if self.form else None,
             "alike": [form.title for form in self.alike],
             "worth": self.worth.to_json(),
-            "holdout": self.reported.holdout.to_json() if self.reported.holdout else None,
+            "holdout": self.reported.holdout and self.reported.holdout.to_json(),
         }

@@ -34,10 +34,6 @@ def measured_mends(context: SearchContext, first: FittedStage) -> tuple[Measured
     ended in 0.95, an exchange of the thrusters that ended in 0.76 was credited with what more
     starts do to the logs as they are. No two of their starts need to agree: with a mistake in them
     a model may have no optimum that is worth the name.
-
-    Args:
-        context: what the search works with.
-        first: the model as given, fitted to the logs as they are; with its doubts.
     """
     used = {*context.given.inputs, *context.given.optional_inputs, *first.fit.train.channels}
     tried = (
@@ -84,13 +80,8 @@ def _fitted_to_mended(
         bind(context.given, doubt.mended([record.log for record in records], k))
         for records in (context.fitter.records, context.unseen)
     )
-    return context.refit(
-        first.fit.model,
-        guesses=guesses,
-        starts=_STARTS,
-        records=(train, unseen),
-        segments=True,
-    )
+    model, records = first.fit.model, (train, unseen)
+    return context.refit(model, guesses, starts=_STARTS, records=records, segments=True)
 
 
 def _as_they_are(

@@ -58,13 +58,18 @@ class MeasuredMend(Brief):
         }
 
 
+def mends_of(doubt: Doubt, mends: Sequence[MeasuredMend]) -> list[MeasuredMend]:
+    """The mends of one doubt."""
+    key = doubt.channel, doubt.kind
+    return [mend for mend in mends if (mend.doubt.channel, mend.doubt.kind) == key]
+
+
 def best_mends(mends: Sequence[MeasuredMend]) -> tuple[MeasuredMend, ...]:
     """The reading of each doubt with which whole runs err least, those that help most first."""
-    best: dict[tuple[str, str], MeasuredMend] = {}
+    best = {}
     for mend in mends:
-        key = mend.doubt.channel, mend.doubt.kind
-        if key not in best or mend.after.nrmse < best[key].after.nrmse:
-            best[key] = mend
+        least = min(mends_of(mend.doubt, mends), key=lambda mend: mend.after.nrmse)
+        best[mend.doubt.channel, mend.doubt.kind] = least
     return tuple(sorted(best.values(), key=lambda mend: -mend.worth.share))
 
 
@@ -78,11 +83,8 @@ def mends_lead(doubts: Sequence[Doubt], mends: Sequence[MeasuredMend], failing: 
     0.02 kg m^2; and of a Kingfisher, whose heading turned against its thrusters in 14 runs, it
     depended on which of many optima a fit ended in whether that was told.
 
-    Args:
-        doubts: on the logs.
-        mends: the mends that were measured.
-        failing: whether the model moves opposite to channels over whole runs, its fit ran away, or
-            is none to rely on.
+    ``failing``: whether the model moves opposite to channels over whole runs, its fit ran away, or
+    is none to rely on.
     """
     contrary = [mend for mend in mends if mend.doubt.contrary]
     if not failing:
@@ -93,8 +95,7 @@ def mends_lead(doubts: Sequence[Doubt], mends: Sequence[MeasuredMend], failing: 
 
 def unjudged(doubt: Doubt, mends: Sequence[MeasuredMend]) -> list[Reading]:
     """The mistakes that a doubt may come from whose mend no fit has judged."""
-    key = doubt.channel, doubt.kind
-    judged = [m.reading.words for m in mends if (m.doubt.channel, m.doubt.kind) == key]
+    judged = [mend.reading.words for mend in mends_of(doubt, mends)]
     return [reading for reading in doubt.readings if reading.words not in judged]
 
 

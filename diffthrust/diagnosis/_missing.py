@@ -56,13 +56,8 @@ def after_effects(model: Model, effects: Iterable[Effect], signals: Collection[s
     """Through which effects inputs have gone before they are what the model reads, in words.
 
     With the thrusters of a BlueBoat exchanged a curve of left_force is one of the logged
-    right_force, and was checked against the other. Effects on channels act on readings, not on
-    states.
-
-    Example:
-        >>> swapped = [dft.effects.SwappedThrusters()]
-        >>> after_effects(dft.Vessel(drive="twin"), swapped, ["left_force"])
-        ' (after swapped thrusters)'
+    right_force, and was checked against the other: " (after swapped thrusters)". Effects on
+    channels act on readings, not on states.
     """
     inputs = ({*signals} & {*model.inputs, *model.optional_inputs}) - {*model.states}
     names = [humanize(effect.name) for effect in effects if {*effect.ports} & inputs]

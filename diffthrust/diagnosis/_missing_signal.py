@@ -18,15 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._candidates import DrivingPort, slopes_along, words_and_unit
-from diffthrust.diagnosis._innovations_fit import (
-    CandidateFitter,
-    TrialFit,
-    with_values,
-)
-from diffthrust.diagnosis._missing import (
-    Missing,
-    SignalForm,
-)
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
+from diffthrust.diagnosis._missing import Missing, SignalForm
 from diffthrust.diagnosis._residual_structure import (
     candidate_signals,
     hat_bases,

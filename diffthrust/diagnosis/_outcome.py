@@ -6,45 +6,38 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from diffthrust.comparison._compare import Comparison, comparison_of
 from diffthrust.diagnosis._changed_size import changed_size
 from diffthrust.diagnosis._criteria import held_values
+from diffthrust.diagnosis._effect_shares import shares_by_effect
 from diffthrust.diagnosis._equivalence import SearchResult
 from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._findings import (
-    Assessment,
-    OddLog,
-    Selection,
-    Stage,
-    headroom_between,
-    verdict_evidence,
-)
-from diffthrust.diagnosis._innovations_fit import TrialFit
+from diffthrust.diagnosis._findings import Assessment, OddLog, Selection, Stage, verdict_evidence
+from diffthrust.diagnosis._headroom import headroom_between, recurring_shares
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._missing import (
-    Missing,
-)
+from diffthrust.diagnosis._missing import Missing
 from diffthrust.diagnosis._missing_signal import missing_signals
-from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
-from diffthrust.diagnosis._recurrence import recurring_shares
-from diffthrust.diagnosis._search_state import LEARNING, SearchContext, SearchState
-from diffthrust.diagnosis._set_aside import one_step_sizes, set_aside, upheld
-from diffthrust.diagnosis._stage_shares import shares_by_effect
+from diffthrust.diagnosis._outlier_logs import error_ratio, no_longer_odd, odd_logs
+from diffthrust.diagnosis._residual_structure import remaining_structure
+from diffthrust.diagnosis._search_start import compiled_fitter
+from diffthrust.diagnosis._search_state import LEARNING, FittedStage, SearchContext, SearchState
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._unknown_term.fit import quick_fit, worth_between_fits
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._unknown_term.state_terms import state_terms
 from diffthrust.estimation._result import Fit
-from diffthrust.simulation._runs import Run, runs_over
+from diffthrust.simulation._runs import Run, pooled_errors, runs_over
+
+_STARTS = 2
+"""Numerics: starts of a fit without the odd logs, or with all: its model is fitted already, and one
+more tells whether these had bent it into another valley."""
+_SAME = 1.01
+"""Numerics: a fit has reached another's error over the same logs where it is larger by no more."""
 
 
 class Outcome(NamedTuple):
-    """A search and what follows from it.
-
-    Args:
-        search: where it ended, and what the logs cannot tell apart.
-        selection: its effects, as the result lists them.
-        assessment: its last model against the logs.
-        laws: what no known effect expresses: a curve, or terms of states that are not measured.
-    """
+    """A search and what follows from it: its effects, its last model against the logs, and laws."""
 
     search: SearchResult
     selection: Selection
@@ -52,40 +45,28 @@ class Outcome(NamedTuple):
     laws: tuple[LearnedLaw, ...] = ()
 
 
-def assessed(
-    context: SearchContext, search: SearchResult, no_longer_odd: Sequence[str] = ()
-) -> Outcome:
+def assessed(context: SearchContext, search: SearchResult, cleared: Sequence[str] = ()) -> Outcome:
     """The effects that a search has selected, and its last model against the logs.
 
-    Args:
-        context: what the search worked with.
-        search: where it ended.
-        no_longer_odd: logs that a learned law has shown to agree with the others.
+    Without accusing logs that a learned law has ``cleared``: it made them agree with the others.
     """
-    fitter, unseen, state = context.fitter, context.unseen, search.state
-    trial, first, last = state.current.trial, state.stages[0], state.stages[-1]
-    runs = (*last.trained.runs, *(last.judged.runs if unseen else ()))
+    state, last = search.state, search.state.stages[-1]
     with context.clock("remaining"):
         remaining = state.current.remaining
-    odd = odd_logs(fitter, trial, runs, structure=remaining is not None)
-    odd = tuple(log for log in odd if log.log not in no_longer_odd)
-    odd, others = upheld(context, last, odd)
+    trial, runs = state.current.trial, _all_runs(context, last.trained, last.judged)
+    odd = odd_logs(context.fitter, trial, runs, structure=remaining is not None)
+    odd, others = upheld(context, last, tuple(log for log in odd if log.log not in cleared))
     selection = selection_of(context, search)
-    assessment = Assessment(
-        before=first.judged,
+    assessment = replace(
+        _assessment(context, state),
         after=last.judged,
-        trained=(first.trained, last.trained),
-        one_step=one_step_sizes(fitter, trial),
+        trained=(state.stages[0].trained, last.trained),
         remaining=remaining,
         odd_logs=odd,
     )
-    is_open = (
-        remaining is not None
-        or bool(assessment.after.hints)
-        or bool(verdict_evidence(selection, assessment).far)
-    )
-    if is_open:
-        assessment = set_aside(context, last, assessment, others)
+    far = verdict_evidence(selection, assessment).far
+    if remaining is not None or assessment.after.hints or far:
+        assessment = _set_aside(context, last, assessment, others)
     return Outcome(search, selection, assessment)
 
 
@@ -94,16 +75,131 @@ def as_given(context: SearchContext, state: SearchState) -> dict[str, Any]:
 
     No log is accused, and no structure is told: both may be the mistake.
     """
-    first = state.stages[0]
     selection = selection_of(context, SearchResult(state, (), ()))
-    assessment = Assessment(
+    return {**vars(selection), **vars(_assessment(context, state)), "verdict": "unexplained"}
+
+
+def _assessment(context: SearchContext, state: SearchState) -> Assessment:
+    first = state.stages[0]
+    return Assessment(
         before=first.judged,
         after=first.judged,
         trained=(first.trained, first.trained),
-        one_step=one_step_sizes(context.fitter, state.current.trial),
+        one_step=_one_step_sizes(context.fitter, state.current.trial),
         remaining=None,
     )
-    return {**vars(selection), **vars(assessment), "verdict": "unexplained"}
+
+
+def _one_step_sizes(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
+    """Standard deviations of the one-step errors of a trial, by channel."""
+    return dict(zip(fitter.channels, map(float, trial.quadratic.sigma), strict=True))
+
+
+def _all_runs(context: SearchContext, training: Comparison, judged: Comparison) -> tuple[Run, ...]:
+    return *training.runs, *(judged.runs if context.unseen else ())
+
+
+# -- logs that are set aside -----------------------------------------------------------------------
+
+
+def upheld(
+    context: SearchContext, last: FittedStage, odd: tuple[OddLog, ...]
+) -> tuple[tuple[OddLog, ...], FittedStage | None]:
+    """The odd logs less those whose accusation another fit does not bear out.
+
+    A fit follows the logs that it is made of, and may end badly: one that has lost a log it needed
+    errs more on the others, and would accuse these of what it did itself. So a log is called unlike
+    the others only where it is so by the best fit of all logs and by that of the others, and where
+    the latter is as good on the others as the former.
+
+    Returns:
+        The odd logs, and the last stage fitted without the accused ones; none where no training
+        log is accused.
+    """
+    accused = {log.log for log in odd if log.accused}
+    if not accused:
+        return odd, None
+    records, unseen = context.fitter.records, context.unseen
+    kept, kept_unseen = (
+        [record for record in logs if record.name not in accused] for logs in (records, unseen)
+    )
+    sound = tuple(log for log in odd if not log.accused)
+    if not kept:  # nothing would be left to fit
+        return sound, None
+    runs: list[Sequence[Run]] = []
+    others = None
+    if len(kept) < len(records):
+        context.say("without the odd logs", 1.0)
+        refitted = context.refit(last.fit.model, starts=_STARTS, records=(kept, kept_unseen))
+        others = FittedStage(last.effects, *refitted)
+        if not _is_as_good(others, last, accused):
+            return sound, None
+        runs.append(runs_over(others.fit.model, (*records, *unseen)))
+    if len(kept_unseen) < len(unseen):  # the fit has not seen these
+        context.say("with the odd logs", 1.0)
+        all_logs = (*records, *unseen), ()
+        runs.append(context.refit(last.fit.model, starts=_STARTS, records=all_logs).runs)
+    baseline = _all_runs(context, last.trained, last.judged)
+    least = SETTINGS.outlier_logs.least_error_ratio
+    cleared = {
+        log.log
+        for log in odd
+        if log.accused
+        and error_ratio(log, baseline) > least
+        and not all(error_ratio(log, by_fit) > least for by_fit in runs)
+    }
+    if not cleared:
+        return odd, others
+    return upheld(context, last, tuple(log for log in odd if log.log not in cleared))
+
+
+def _is_as_good(others: FittedStage, last: FittedStage, accused: set[str]) -> bool:
+    """Whether a fit without some logs errs no more on the others than the fit of all logs does."""
+    pairs = [(others.runs, last.runs, _SAME)]
+    if others.unseen_runs:
+        pairs.append((others.unseen_runs, last.unseen_runs, SETTINGS.admission.most_unseen_growth))
+    return all(
+        pooled_errors(without).nrmse
+        <= most * pooled_errors([run for run in every if run.name not in accused]).nrmse
+        for without, every, most in pairs
+    )
+
+
+def _set_aside(
+    context: SearchContext, last: FittedStage, assessment: Assessment, others: FittedStage | None
+) -> Assessment:
+    """The assessment without the odd logs that carry much of the error.
+
+    A log that disagrees with the others may say nothing about what all of them lack, and bends the
+    parameters that they share: where one is among the training logs the last stage is fitted
+    without it (``others``), and tested for structure once more. The same where no log is so odd,
+    and where no unseen log would be left: what is odd about the only one may be what the model
+    lacks.
+    """
+    odd = {log.log for log in assessment.odd_logs if log.accused}
+    if not odd:
+        return assessment
+    records, unseen = context.fitter.records, context.unseen
+    trained, judged = (
+        tuple(run for run in runs if run.name not in odd)
+        for runs in (last.trained.runs, last.judged.runs if unseen else ())
+    )
+    removed = len(records) + len(unseen) - len(trained) - len(judged)
+    if removed > len(odd) or (unseen and not judged):  # several logs may bear one name
+        return assessment
+    if others is None:
+        return replace(assessment, apart=(last.trained, comparison_of(last.fit, judged)))
+    kept = [run.record for run in trained], [run.record for run in judged]
+    fitter, trial = compiled_fitter(others.fit, (), (), *kept)
+    return replace(
+        assessment,
+        remaining=remaining_structure(fitter, trial),
+        one_step=_one_step_sizes(fitter, trial),
+        apart=(others.trained, others.judged),
+    )
+
+
+# -- effects, laws and changes ---------------------------------------------------------------------
 
 
 def selection_of(context: SearchContext, search: SearchResult) -> Selection:
@@ -161,7 +257,7 @@ def add_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Out
         return outcome
     updated, law = learned
     odd = [log for log in assessment.odd_logs if log.accused] if assessment.apart else []
-    agree = agrees_with_law(context, odd, assessment, law.reported)
+    agree = _agrees_with_law(context, odd, assessment, law.reported)
     if not agree and assessment.remaining is None:
         return outcome
     if updated is not search or (odd and agree):
@@ -193,18 +289,17 @@ def add_state_terms(context: SearchContext, outcome: Outcome) -> Outcome:
     return outcome._replace(assessment=assessment, laws=terms)
 
 
-def agrees_with_law(
+def _agrees_with_law(
     context: SearchContext, odd: Sequence[OddLog], assessment: Assessment, fit: Fit
 ) -> bool:
     """Whether logs that were odd err no more than the others in a fit with the law."""
     if not odd or assessment.trained is None:
         return not odd
-    before: tuple[Run, ...] = assessment.trained[1].runs
-    after = runs_over(fit.model, context.fitter.records, initial=fit.initial)
+    baseline = _all_runs(context, assessment.trained[1], assessment.after)
+    updated = runs_over(fit.model, context.fitter.records, initial=fit.initial)
     if context.unseen:
-        before = (*before, *assessment.after.runs)
-        after = (*after, *runs_over(fit.model, context.unseen, noise=fit.noise_of_runs))
-    return no_longer_odd(odd, before, after)
+        updated += runs_over(fit.model, context.unseen, noise=fit.noise_of_runs)
+    return no_longer_odd(odd, baseline, updated)
 
 
 def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
@@ -217,8 +312,7 @@ def add_headroom(context: SearchContext, outcome: Outcome) -> Outcome:
     training, judged = assessment.apart or (assessment.trained[1], assessment.after)
     with context.clock("headroom"):
         room = headroom_between(training, judged if context.unseen else None)
-    runs = (*training.runs, *(judged.runs if context.unseen else ()))
-    recurring = recurring_shares(context.given, runs)
+    recurring = recurring_shares(context.given, _all_runs(context, training, judged))
     return outcome._replace(assessment=replace(assessment, room=room, recurring=recurring))
 
 

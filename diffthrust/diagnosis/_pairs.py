@@ -27,11 +27,7 @@ from diffthrust.diagnosis._admission import (
 )
 from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth, adds_little, explained_share
-from diffthrust.diagnosis._innovations_fit import (
-    CandidateFitter,
-    TrialFit,
-    side_by_side,
-)
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._predicted_gain import Point
 from diffthrust.diagnosis._probes import probes
 from diffthrust.diagnosis._screening import levels_of

@@ -10,18 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._candidates import of_effect
-from diffthrust.diagnosis._criteria import (
-    criterion,
-    price_of,
-    simulation_errors,
-    unseen_gain,
-)
+from diffthrust.diagnosis._criteria import criterion, price_of, simulation_errors, unseen_gain
 from diffthrust.diagnosis._findings import TriedEffect
-from diffthrust.diagnosis._innovations_fit import (
-    CandidateFitter,
-    TrialFit,
-    side_by_side,
-)
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._screening import is_at_null, levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,13 +62,8 @@ class Diagnosis(Result, Findings):
         return details(self)
 
     def _line(self) -> str:
-        from diffthrust.diagnosis._report.error_text import (
-            gain_words,
-        )
-        from diffthrust.diagnosis._report.text import (
-            model_words,
-            verdict_words,
-        )
+        from diffthrust.diagnosis._report.error_text import gain_words
+        from diffthrust.diagnosis._report.text import model_words, verdict_words
 
         added = f" ({', '.join(self.added)}); {gain_words(self)}" if self.added else ""
         return f"{model_words(self.model)}: {verdict_words(self)}{added}"
@@ -154,15 +150,15 @@ class Diagnosis(Result, Findings):
             "added": list(self.added),
             "detectable": list(self.detectable),
             "detectable_groups": [list(group) for group in self.detectable_groups],
-            "worth": {name: worth.to_json() for name, worth in self.worth.items()},
-            "possible": {name: worth.to_json() for name, worth in self.possible.items()},
+            "worth": _by_name(self.worth),
+            "possible": _by_name(self.possible),
             "groups": [list(group) for group in self.groups],
             "stages": [
                 {
                     "effects": [n for n in stage.effects if n not in self.held],
-                    "parameters": {n: e.to_json() for n, e in stage.fit.parameters.items()},
+                    "parameters": _by_name(stage.fit.parameters),
                     "train": stage.train.to_json(),
-                    "holdout": stage.holdout.to_json() if stage.holdout else None,
+                    "holdout": stage.holdout and stage.holdout.to_json(),
                 }
                 for stage in self.stages
             ],
@@ -178,14 +174,9 @@ class Diagnosis(Result, Findings):
                 }
                 for c in self.ranking
             ],
-            "remaining": {
-                "port": remaining.port,
-                "depends_on": remaining.depends_on,
-                "share": remaining.share,
-            }
-            if remaining
-            else None,
-            "changed": self.changed.to_json() if self.changed else None,
+            "remaining": remaining
+            and {n: getattr(remaining, n) for n in ("port", "depends_on", "share")},
+            "changed": self.changed and self.changed.to_json(),
             "learned": [law.to_json() for law in self.laws],
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
             "held": {name: asdict(value) for name, value in self.held.items()},
@@ -194,10 +185,9 @@ class Diagnosis(Result, Findings):
             "untestable": dict(self.untestable),
             "other_models": [other.to_json() for other in self.other_models],
             "unused": dict(self.unused),
-            "recurring": {name: share.to_json() for name, share in self.recurring.items()},
-            "headroom": {"before": headroom[0].to_json(), "after": headroom[1].to_json()}
-            if headroom
-            else None,
+            "recurring": _by_name(self.recurring),
+            "headroom": headroom
+            and {"before": headroom[0].to_json(), "after": headroom[1].to_json()},
         }
 
 
@@ -218,3 +208,7 @@ def _size(estimate: Estimate) -> dict[str, Any]:
     value, _, unit = estimate.shown
     written = {"value": value, "unit": unit}
     return {"value": estimate.value, "unit": estimate.unit, "written": written}
+
+
+def _by_name(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value.to_json() for name, value in values.items()}

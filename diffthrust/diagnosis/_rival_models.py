@@ -22,8 +22,8 @@ from diffthrust.diagnosis._admission import errors_between
 from diffthrust.diagnosis._candidates import candidates_of
 from diffthrust.diagnosis._channel_use import models_fed_by
 from diffthrust.diagnosis._explained_share import explained_share
+from diffthrust.diagnosis._findings import OtherModel
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._other_models import OtherModel, errors_of
 from diffthrust.diagnosis._search_start import start_search
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
@@ -44,7 +44,6 @@ _OPEN = {Status.NOT_IDENTIFIABLE, Status.NOT_CONVERGED}
 class _Rival(NamedTuple):
     """A model of the same logs, as it is."""
 
-    model: Model
     train: tuple[Record, ...]
     unseen: tuple[Record, ...]
     stage: FittedStage
@@ -56,13 +55,8 @@ def other_models(
     """Other models of the same logs, the one that errs least first.
 
     None where whole runs of the diagnosed model, with all that was found and learned, err hardly
-    more than the noise: no other can then do better.
-
-    Args:
-        context: what the search worked with.
-        state: where it ended.
-        law: what was learned besides.
-        catalogue: whether the whole catalogue was tried, and may be on another model.
+    more than the noise: no other can then do better. The whole ``catalogue`` is tried on another
+    model only if it was on this one.
     """
     first, last = state.stages[0], state.stages[-1]
     if not simulation_is_poor(context, state, law.reported if law else last):
@@ -75,18 +69,18 @@ def other_models(
         baseline = _runs_of(context, last, law)
         results = []
         for place, rival in enumerate(rivals):
-            found = None
-            fit = rival.stage.fit
+            fit, searched = rival.stage.fit, None
             if not place and fit.status not in _OPEN and _error(fit) <= reach:
-                found = _searched(context, state, rival, catalogue)
-            runs = (found or rival.stage).unseen_runs or (found or rival.stage).runs
+                searched = _searched(context, state, rival, catalogue)
+            last_stage = searched or rival.stage
+            runs = last_stage.unseen_runs or last_stage.runs
             worth = explained_share(errors_between(baseline, runs))
-            results.append(OtherModel(fit, found.fit if found else None, worth))
+            results.append(OtherModel(fit, searched and searched.fit, worth))
     return tuple(sorted(results, key=lambda other: _error(other.best)))
 
 
 def _error(fit: Fit) -> float:
-    return errors_of(fit).nrmse
+    return (fit.holdout or fit.train).nrmse
 
 
 def _rivals_of(context: SearchContext) -> list[Model]:
@@ -135,7 +129,7 @@ def _as_it_is(context: SearchContext, model: Model) -> _Rival:
         for records in (context.fitter.records, context.unseen)
     )
     refit = replace(context.refit, train=train, unseen=unseen, first_substeps=None, horizon=None)
-    return _Rival(model, train, unseen, FittedStage((), *refit(model, starts=_STARTS)))
+    return _Rival(train, unseen, FittedStage((), *refit(model, starts=_STARTS)))
 
 
 def _with(model: Model, effect: Effect) -> Model:
@@ -159,8 +153,9 @@ def _searched(
     candidates = [context.fitter.candidates[name] for name in sorted(names)]
     # where a periodic force begins, the rival's records do not say: its trials would have more
     # initial states than the rest, and fail
-    candidates = [effect for effect in candidates if not effect.free_starts]
-    candidates = [e for e in candidates if _with(fit.model, e) is not fit.model]
+    candidates = [
+        e for e in candidates if not e.free_starts and _with(fit.model, e) is not fit.model
+    ]
     if catalogue:
         alone, _ = candidates_of(fit.model, (*rival.train, *rival.unseen))
         candidates += [e for e in alone if _with(context.given, e) is context.given]
@@ -169,7 +164,7 @@ def _searched(
     seed = context.refit.options["seed"]
 
     def say(message: str, share: float) -> None:
-        context.say(f"{rival.model.name}: {message}", 0.95 + 0.05 * share)
+        context.say(f"{fit.model.name}: {message}", 0.95 + 0.05 * share)
 
     searching, found = start_search(fit, rival.train, rival.unseen, candidates, seed, say)
     while not (done(found) or _is_behind(found, state) or _is_even(found, state)):

@@ -14,15 +14,9 @@ from diffthrust._support.progress import Progress
 from diffthrust.comparison._compare import Comparison, comparison_of
 from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._findings import (
-    Refusal,
-    Stage,
-    TriedEffect,
-)
+from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._missing import (
-    Remaining,
-)
+from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._arguments import FitOptions

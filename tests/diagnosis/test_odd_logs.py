@@ -230,7 +230,7 @@ def test_what_a_log_does_alone_is_said_and_it_is_not_set_aside():
 def test_only_a_log_that_carries_much_of_the_error_is_to_be_checked():
     """Three of six runs of steps were, which a fit to ramps had not seen."""
     few, much = (OddLog("a.csv", "speed", "its errors are large", share) for share in (0.2, 0.5))
-    sentences = odd_words(replace(made.unexplained(), odd_logs=(few, much)))
+    sentences = [odd_words(odd) for odd in (few, much)]
     assert [s.endswith("Check how it was recorded.") for s in sentences] == [False, True]
 
 

@@ -19,9 +19,9 @@ from steps import (
     TriedEffect,
     Worth,
     admission_module,
-    beside_others_module,
     bind,
     done,
+    effect_shares_module,
     from_simulation,
     helps,
     next_stage,
@@ -381,8 +381,8 @@ class Sizes:
 
     def __init__(self, monkeypatch, sizes):
         self.sizes, self.fitted = sizes, []
-        monkeypatch.setattr(beside_others_module, "refitted_stage", self.refitted)
-        monkeypatch.setattr(beside_others_module, "_without", self.without)
+        monkeypatch.setattr(effect_shares_module, "refitted_stage", self.refitted)
+        monkeypatch.setattr(effect_shares_module, "_without", self.without)
 
     def stage(self, *effects):
         (made,) = stages_of((effects, self.sizes[effects]))
@@ -404,7 +404,7 @@ class Sizes:
         stages = tuple(self.stage(*effects[:k]) for k in range(len(effects) + 1))
         trial = SimpleNamespace(effects=(*effects, *detectable))
         state = SearchState(SimpleNamespace(trial=trial), stages, {}, detectable=detectable)
-        return beside_others_module.with_shares_beside_others(self, state)
+        return effect_shares_module.with_shares_beside_others(self, state)
 
 
 def test_each_effect_is_left_out_of_the_last_model_whatever_came_first(monkeypatch):
@@ -459,7 +459,7 @@ def test_what_a_later_effect_made_superfluous_is_only_detectable(monkeypatch, wi
 
 def test_an_effect_held_at_its_null_is_left_out_and_nothing_is_compiled_for_it():
     """Each share beside others took 5 s of processor time to compile before."""
-    held_at_null = beside_others_module._held_at_null
+    held_at_null = effect_shares_module._held_at_null
     base = dft.Thruster() + dft.effects.CommandDeadband(half_width=0.4)
     model = base + dft.effects.ReverseThrustAsymmetry(change=-0.2)
     time, rng = 0.05 * np.arange(400), np.random.default_rng(3)
@@ -495,7 +495,7 @@ def test_a_fit_without_an_effect_begins_at_the_last_stage_and_at_the_given_model
     context = SimpleNamespace(fitter=SimpleNamespace(candidates=effects), given=given,
                               refit=refit, say=lambda *_: None)  # fmt: skip
     state = SearchState(SimpleNamespace(), (last,), {})
-    fewer = beside_others_module._without(context, state, "coulomb_friction")
+    fewer = effect_shares_module._without(context, state, "coulomb_friction")
     assert fewer.effects == ("load_exponent",)
     ((held, guesses, substeps),) = asked
     assert held.parameters["coulomb_friction.level"].value == 0.0

@@ -6,11 +6,11 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-MOST_WORDS = 60
+_MOST_WORDS = 60
 """Display: of a summary. More is not read to its end on a ship; less cannot say what to do next."""
-MOST_FIGURES = 4
+_MOST_FIGURES = 4
 """Display: of a summary: one size, an error before and after, and what is left of it."""
-FIGURE = re.compile(r"(?<![\w.^*])[-±]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)(?!/)")
+_FIGURE = re.compile(r"(?<![\w.^*])[-±]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)(?!/)")
 """A number that is read: none in a name ("run_2.csv", "14V") or in a unit ("m/s^2", "1/s")."""
 _MORE = "More below."
 
@@ -41,33 +41,17 @@ def as_part(*wordings: tuple[int, str]) -> Part:
 
 
 def words_in(text: str) -> int:
-    """How many words a text has, each that is set off by blanks.
-
-    Example:
-        >>> words_in("Unseen thrust error 0.10 -> 0.052 kgf.")
-        7
-    """
+    """How many words a text has, each that is set off by blanks."""
     return len(text.split())
 
 
 def figures_in(text: str) -> int:
-    """How many figures a text has.
-
-    Example:
-        >>> figures_in("run_2.csv: 0.10 -> 0.052 m/s^2, 1e-3 V at 14V")
-        3
-    """
-    return len(FIGURE.findall(text))
+    """How many figures a text has: "run_2.csv: 0.10 -> 0.052 m/s^2, 1e-3 V at 14V" has three."""
+    return len(_FIGURE.findall(text))
 
 
 def within_budget(parts: Sequence[Part]) -> str:
-    r"""The parts as lines of at most `MOST_WORDS` and `MOST_FIGURES`, and whether more was to say.
-
-    Example:
-        >>> lost = [Wording("Lost " * 60, 1), Wording("Lost.", 3)]
-        >>> within_budget([lost, [Wording("Thrust fails.", 2)]])
-        'Lost.\nThrust fails.'
-    """
+    """The parts as lines of at most sixty words and four figures, and whether more was to say."""
     parts = [part for part in parts if part]
     chosen = [0] * len(parts)
 
@@ -76,7 +60,7 @@ def within_budget(parts: Sequence[Part]) -> str:
         return "\n".join([*filter(None, lines), *[_MORE] * (not all(lines))])
 
     # words last: leaving out a part for its figures adds that there is more
-    for at, most in ((1, MOST_FIGURES), (0, MOST_WORDS)):
+    for at, most in ((1, _MOST_FIGURES), (0, _MOST_WORDS)):
         while _sizes(worded())[at] > most:
             shorter = {k: _shorter(part, chosen[k], at) for k, part in enumerate(parts)}
             # a part that is left out loses all its wordings, not its longest alone

@@ -14,20 +14,11 @@ import numpy as np
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, thinned, unboxed
 from diffthrust._support.words import humanize, number, percent
 from diffthrust.comparison._figures import draw_drive, drives_of
-from diffthrust.diagnosis._findings import (
-    Findings,
-    Stage,
-    TriedEffect,
-)
+from diffthrust.diagnosis._findings import Findings, Stage, TriedEffect
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._missing import (
-    Missing,
-)
-from diffthrust.diagnosis._report.learned import manner_words, signal_words
-from diffthrust.diagnosis._report.text import (
-    stage_words,
-)
-from diffthrust.diagnosis._unknown_term.closed_forms import form_of, form_values
+from diffthrust.diagnosis._missing import Missing
+from diffthrust.diagnosis._report.learned import form_over, manner_words, signal_words
+from diffthrust.diagnosis._report.text import stage_words
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.simulation._runs import Run
 
@@ -37,8 +28,11 @@ if TYPE_CHECKING:
 
 _COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
 _PALE = "#B3D5E8"
+_TRAINING = ("training", "--", "s", "white", 1.1)
 _BAND = 2.0
 """Half width of bands, in standard errors."""
+_PORTS = 2
+"""Ports at which the missing signal is drawn."""
 _CANDIDATES = 8
 """Bars of a stage in the ranking."""
 _BINS = 60
@@ -61,12 +55,10 @@ def stages_figure(diag: Findings) -> Figure:
     Filled markers and full lines are unseen logs, open markers and broken lines training logs. The
     log is the unseen one that the model as given fits worst (a training log where there is none).
     """
-    from matplotlib.figure import Figure
-
     baseline, updated = _worst(diag)
     names = list(baseline.channels)
     several = len(diag.stages) > 1
-    figure = Figure(figsize=(11.0, 1.2 + 2.6 * max(1, len(names))), layout="constrained")
+    figure = _figure(1.2 + 2.6 * max(1, len(names)))
     traces: Figure | SubFigure = figure
     if several:
         falling, traces = figure.subfigures(1, 2, width_ratios=[1, 1.9], squeeze=False)[0]
@@ -86,17 +78,13 @@ def stages_figure(diag: Findings) -> Figure:
     return figure
 
 
-def missing_figure(diag: Findings, count: int = 2) -> Figure:
+def missing_figure(diag: Findings) -> Figure:
     """The missing signal at the ports that explain most: over time, and over what it depends on.
 
-    Args:
-        diag: the diagnosis; at least one signal of ``diag.missing`` shows.
-        count: ports to show.
+    At least one signal of ``diag.missing`` shows.
     """
-    from matplotlib.figure import Figure
-
-    signals = diag.shown([missing for missing in diag.missing if missing.shows][:count])
-    figure = Figure(figsize=(11.0, 0.6 + 2.9 * len(signals)), layout="constrained")
+    signals = diag.shown([missing for missing in diag.missing if missing.shows][:_PORTS])
+    figure = _figure(0.6 + 2.9 * len(signals))
     axes = figure.subplots(len(signals), 2, squeeze=False, width_ratios=[1.9, 1])
     for (time_panel, signal_panel), missing in zip(axes, signals, strict=True):
         _over_time(time_panel, missing)
@@ -106,16 +94,42 @@ def missing_figure(diag: Findings, count: int = 2) -> Figure:
 
 def ranking_figure(diag: Findings) -> Figure:
     """Likelihood ratio of the best candidates of each stage; the added one is filled."""
-    from matplotlib.figure import Figure
-
     stages = sorted({c.stage for c in diag.ranking})
     longest = max(sum(c.stage == stage for c in diag.ranking) for stage in stages)
-    figure = Figure(figsize=(11.0, 1.1 + 0.28 * min(longest, _CANDIDATES)), layout="constrained")
+    figure = _figure(1.1 + 0.28 * min(longest, _CANDIDATES))
     axes = figure.subplots(1, len(stages), squeeze=False)[0]
     for panel, stage in zip(axes, stages, strict=True):
         _bars(panel, [c for c in diag.ranking if c.stage == stage][:_CANDIDATES], diag)
-        panel.set_title(f"tried at stage {stage}", loc="left", fontsize=10)
     return figure
+
+
+def learned_figure(diag: Findings) -> Figure:
+    """A column for each learned law: the curve above, below it how often the logs were there."""
+    count = len(diag.laws)
+    figure = _figure(5.2, width=7.5 * count)
+    axes = figure.subplots(2, count, squeeze=False, sharex="col", height_ratios=[3.2, 1])
+    for (curve, density), law in zip(axes.T, diag.laws, strict=True):
+        _curve(curve, law)
+        density.hist(law.shown.value * law.samples, bins=_BINS, color=GREY)
+        _dress(density, _labelled(signal_words(law), law.place_unit), "samples")
+    return figure
+
+
+def _figure(height: float, width: float = 11.0) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _dress(panel: Axes, x: str = "", y: str = "", title: str = "") -> None:
+    panel.set_xlabel(x, fontsize=9)
+    panel.set_ylabel(y, fontsize=9)
+    panel.set_title(title, loc="left", fontsize=10)
+    unboxed(panel)
+
+
+def _labelled(words: str, unit: str) -> str:
+    return f"{words} [{unit}]" if unit else words
 
 
 def _worst(diag: Findings) -> tuple[Run, Run]:
@@ -138,28 +152,20 @@ def _falling(panel: Axes, diag: Findings) -> None:
             if np.isnan(values).all():
                 continue
             top = max(top, float(np.nanmax(np.where(np.isfinite(values), values, np.nan))))
-            style = (
-                {"marker": "o", "markerfacecolor": colour, "linestyle": "-", "linewidth": 1.6}
-                if unseen
-                else {
-                    "marker": "s",
-                    "markerfacecolor": "white",
-                    "linestyle": "--",
-                    "linewidth": 1.1,
-                }
-            )
-            label = f"{humanize(name)}, {'unseen' if unseen else 'training'}"
-            panel.plot(where, values, color=colour, markersize=6, label=label, **style)
+            look = ("unseen", "-", "o", colour, 1.6)
+            kind, line, marker, face, width = look if unseen else _TRAINING
+            panel.plot(
+                where, values, line, color=colour, linewidth=width, marker=marker, markersize=6,
+                markerfacecolor=face, label=f"{humanize(name)}, {kind}",
+            )  # fmt: skip
     panel.set_ylim(0.0, 1.12 * top if top > 0 else 1.0)
     panel.set_xlim(-0.4, len(where) - 0.6)
     many = len(where) > 3  # side by side their names would run into each other
     words = [textwrap.fill(stage_words(diag, int(i)), 24 if many else 16) for i in where]
     slanted = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"} if many else {}
     panel.set_xticks(where, words, **slanted)
-    panel.set_title("error by stage", loc="left", fontsize=10)
-    panel.set_ylabel("NRMSE [-]", fontsize=9)
     panel.legend(fontsize=8, frameon=True, framealpha=0.9)
-    unboxed(panel)
+    _dress(panel, y="NRMSE [-]", title="error by stage")
 
 
 def _nrmse(stage: Stage, name: str, unseen: bool) -> float:
@@ -183,9 +189,7 @@ def _traces(panel: Axes, baseline: Run, updated: Run | None, name: str) -> None:
     if updated:
         last = thinned(updated.time, updated.shown_channels[name].modelled)
         panel.plot(*last, color=BLUE, linewidth=1.1, label="last stage")
-    panel.set_ylabel(_labelled(humanize(name), first.unit), fontsize=9)
-    panel.margins(x=0.01)
-    unboxed(panel)
+    _dress(panel, y=_labelled(humanize(name), first.unit))
 
 
 def _banded(panel: Axes, x: np.ndarray, mean: np.ndarray, error: np.ndarray, colour: str) -> None:
@@ -201,16 +205,10 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     name = literal(missing.logs[index]) if missing.logs else f"training log {index + 1}"
     _banded(panel, time, signal, error, BLUE)
     panel.plot(*thinned(time, signal), color=BLUE, linewidth=1.1, label="missing signal")
-    panel.set_xlabel("time [s]", fontsize=9)
-    panel.set_ylabel(_labelled(missing.port, missing.unit), fontsize=9)
-    panel.set_title(f"missing at '{missing.port}', {name}", loc="left", fontsize=10)
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
-    panel.margins(x=0.01, y=0.2)
-    unboxed(panel)
-
-
-def _labelled(words: str, unit: str) -> str:
-    return f"{words} [{unit}]" if unit else words
+    panel.margins(y=0.2)
+    title = f"missing at '{missing.port}', {name}"
+    _dress(panel, "time [s]", _labelled(missing.port, missing.unit), title)
 
 
 def _over_signal(panel: Axes, missing: Missing) -> None:
@@ -224,11 +222,9 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
     panel.plot(x, mean, color=VERMILLION, linewidth=1.6, label="its mean")
     panel.legend(loc="upper right", fontsize=8, framealpha=0.9)
     panel.margins(y=0.2)
-    panel.set_xlabel(_labelled(missing.depends_on, missing.dependence_unit), fontsize=9)
-    panel.set_ylabel(_labelled(missing.port, missing.unit), fontsize=9)
     title = f"{missing.depends_on} explains {percent(missing.share)} of it"
-    panel.set_title(title, loc="left", fontsize=10)
-    unboxed(panel)
+    place = _labelled(missing.depends_on, missing.dependence_unit)
+    _dress(panel, place, _labelled(missing.port, missing.unit), title)
 
 
 def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
@@ -246,21 +242,7 @@ def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
     panel.set_yticks(where, [humanize(c.effect) for c in tried])
     panel.invert_yaxis()
     panel.set_xlim(0.0, 1.2 * max(ratios) or 1.0)
-    panel.set_xlabel("likelihood ratio [-]", fontsize=9)
-    unboxed(panel)
-
-
-def learned_figure(diag: Findings) -> Figure:
-    """A column for each learned law: the curve above, below it how often the logs were there."""
-    from matplotlib.figure import Figure
-
-    count = len(diag.laws)
-    figure = Figure(figsize=(7.5 * count, 5.2), layout="constrained")
-    axes = figure.subplots(2, count, squeeze=False, sharex="col", height_ratios=[3.2, 1])
-    for k, law in enumerate(diag.laws):
-        _curve(axes[0, k], law)
-        _density(axes[1, k], law)
-    return figure
+    _dress(panel, "likelihood ratio [-]", title=f"tried at stage {tried[0].stage}")
 
 
 def _curve(panel: Axes, law: LearnedLaw) -> None:
@@ -277,16 +259,13 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
             style = {"color": colour, "linewidth": width, "linestyle": "--"}
             panel.plot(position, values, label=f"{tried.title}{note}", **style)
     panel.legend(fontsize=8, framealpha=0.9)
-    panel.set_ylabel(_labelled("curve", law.curve.unit or "-"), fontsize=9)
     title = textwrap.fill(f"at '{law.curve.port}' {manner_words(law, law.curve.times)}", _TITLE)
-    panel.set_title(title, loc="left", fontsize=10)
-    unboxed(panel)
+    _dress(panel, y=f"curve [{law.curve.unit or '-'}]", title=title)
 
 
 def _form_over(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | None:
     """A form over the signal, as what the curve is; ``None`` where it is that of no one curve."""
-    form = form_of(tried.name, tried.companion)
-    values = form.over(x, {**form_values(form, tried.formula), "r": tried.reference})
+    values = form_over(tried, x)
     if tried.times != law.curve.times:
         if tried.times or law.factors is None:
             return None
@@ -326,10 +305,3 @@ def _factor_over(x: np.ndarray, samples: np.ndarray, factors: np.ndarray) -> np.
     centres, means = (np.add.reduceat(series, starts) / sizes for series in (signal, factor))
     residual = factor - np.interp(signal, centres, means)
     return np.interp(x, centres, means) if np.var(residual) < _FOLLOWS * np.var(factor) else None
-
-
-def _density(panel: Axes, law: LearnedLaw) -> None:
-    panel.hist(law.shown.value * law.samples, bins=_BINS, color=GREY)
-    panel.set_ylabel("samples", fontsize=9)
-    panel.set_xlabel(_labelled(signal_words(law), law.place_unit), fontsize=9)
-    unboxed(panel)

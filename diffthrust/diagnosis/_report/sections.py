@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -23,15 +24,11 @@ from diffthrust._support.report import (
 from diffthrust._support.words import capitalised, humanize, joined
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._bounds import is_whole
-from diffthrust.diagnosis._findings import (
-    Findings,
-)
+from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._report import figures, tables
-from diffthrust.diagnosis._report.details import details
+from diffthrust.diagnosis._report.details import details, missing_words, odd_words, remaining_words
 from diffthrust.diagnosis._report.doubts import doubt_bullets
-from diffthrust.diagnosis._report.learned import learned_words
-from diffthrust.diagnosis._report.own_effect import EFFECT_NAME, own_effect
-from diffthrust.diagnosis._report.remaining_text import missing_words, odd_words, remaining_words
+from diffthrust.diagnosis._report.learned import EFFECT_NAME, learned_words, own_effect
 from diffthrust.diagnosis._report.summary import TO_COPY, summary
 from diffthrust.diagnosis._report.text import (
     an_effect,
@@ -76,52 +73,36 @@ _GLOSSARY = {
 
 def diagnosis_report(diag: Findings) -> Report:
     """All sections; pages add the figures, and explanations for readers without the library."""
-    rivals = rival_words(diag)
+    seconds = ", ".join(f"{step} {time:.1f} s" for step, time in diag.seconds.items())
     folded = (
         Section("Details", details(diag)),
         Section("Doubts on the logs", Bullets(doubt_bullets(diag))),
         _stages(diag),
-        Section(
-            "What each effect removes of the squared error over whole runs",
-            *_explained(
-                tables.worth_rows(diag),
-                "As given: of the model without any of them, in the order in which they were "
-                "added. Beside the others: of the model without this one, the others fitted again. "
-                "Where channels stand together, each is in units of its own spread. The interval "
-                "comes from resampled logs and blocks of time.",
-            ),
-        ),
-        _headroom(diag),
-        Section(
-            "Other models of these logs",
-            *_explained(
-                tables.other_model_rows(diag),
-                "Models of the library that the same channels feed, fitted as they are; where one "
-                "errs about as little as the model as given did, also with effects found by a "
-                "short search of its own. They remove that share of the squared error over whole "
-                "runs that the diagnosed model leaves with all that was found; below zero they err "
-                "more.",
-            ),
-        ),
+        *_shares(diag),
         *_failures(diag),
         _missing(diag),
         _tried(diag),
-        Section(
-            "What these logs cannot tell apart",
-            *(
-                f"{capitalised(channel)}, which no log has, could look like {an_effect(n)}."
-                for n, channel in unmeasured_rivals(diag).items()
-            ),
-            *(f"These logs cannot tell {an_effect(n)} from {rivals[n]}." for n in rivals),
-        ),
+        _alike(diag),
         _experiment(diag),
         _remaining(diag),
         _learned(diag),
         Section("Parameters", tables.stage_parameter_rows(diag)),
         per_log_section(diag.fit.per_log, "Numbers by log, last stage"),
         Section("Not testable by these logs", tables.untestable_rows(diag)),
-        _cautions(diag),
-        closing_section(_closing(diag)),
+        Section(
+            "How far to trust this",
+            OnPage(tables.check_rows(diag)),
+            *notes(caution_words(diag)),
+            OnPage(f"Time spent: {seconds}."),
+        ),
+        closing_section(
+            [
+                *(diag.origin.sentences if diag.origin else ()),
+                f"{TO_COPY}, and into Python:",
+                spec_lines(diag.improved),
+                python_lines(diag.improved),
+            ]
+        ),
     )
     return Report(_answer(diag), *(section.fold() for section in folded))
 
@@ -136,32 +117,28 @@ def _answer(diag: Findings) -> Section:
         OnPage(f"{TO_COPY}:"),
         OnPage(spec_lines(diag.improved)),
         Picture(
-            partial(figures.stages_figure, diag), _stages_caption(diag), partial(live_stages, diag)
+            partial(figures.stages_figure, diag),
+            "Left: the error of each channel at each stage. Right: the log that the model as given "
+            "fits worst, with the first and the last model."
+            if len(diag.stages) > 1
+            else "The log that the model fits worst.",
+            partial(_live_stages, diag),
         ),
     )
 
 
-def live_stages(diag: Findings) -> Live | None:
+def _live_stages(diag: Findings) -> Live | None:
     """The logs with the model of each stage, to switch between, and how their errors fell."""
     from diffthrust.comparison._run_plots import live_runs
 
-    last, logs = len(diag.stages) - 1, [run.record.log for run in diag.before.runs]
+    logs = [run.record.log for run in diag.before.runs]
     models = {stage_words(diag, 0): diag.before.runs}
-    for index in range(1, last):
-        models[f"{index}: {stage_words(diag, index)}"] = compare(diag.stages[index].fit, logs).runs
-    if last:
-        models[f"{last}: {stage_words(diag, last)}"] = diag.after.runs
+    for k, stage in enumerate(diag.stages[1:], 1):
+        is_last = k == len(diag.stages) - 1
+        runs = diag.after.runs if is_last else compare(stage.fit, logs).runs
+        models[f"{k}: {stage_words(diag, k)}"] = runs
     errors = [(stage.holdout or stage.train).nrmse for stage in diag.stages]
     return live_runs(models, errors, "unseen logs" if diag.stages[0].holdout else "training logs")
-
-
-def _stages_caption(diag: Findings) -> str:
-    if len(diag.stages) == 1:
-        return "The log that the model fits worst."
-    return (
-        "Left: the error of each channel at each stage. Right: the log that the model as given "
-        "fits worst, with the first and the last model."
-    )
 
 
 def _explained(rows: Rows, explanation: str) -> tuple[Part, ...]:
@@ -169,16 +146,18 @@ def _explained(rows: Rows, explanation: str) -> tuple[Part, ...]:
     return (OnPage(explanation), rows) if rows else ()
 
 
+def _drawn(shown: object, draw: Callable[[], Figure], caption: str) -> tuple[Part, ...]:
+    """A figure, where there is something to show."""
+    return (Picture(draw, caption),) if shown else ()
+
+
 def beginnings(fit: Fit) -> str:
     """At what states runs begin, where training runs and unseen ones differ in it."""
     if fit.holdout is None or not fit.begins_freely:
         return ""
     hidden = [n for n in fit.model.states if n not in fit.train.channels and n in fit.initial[0]]
-    but = (
-        f", but for the {joined(map(humanize, hidden))}, which no channel measures"
-        if hidden
-        else ""
-    )
+    but = f", but for the {joined(map(humanize, hidden))}, which no channel measures"
+    but = but if hidden else ""
     return f"Training runs begin at states that were fitted, unseen runs at measured ones{but}."
 
 
@@ -204,23 +183,44 @@ def _stages(diag: Findings) -> Section:
     )
 
 
-def _headroom(diag: Findings) -> Section:
-    if diag.headroom is None:
-        return Section("")
-    last = diag.headroom[1]
-    return Section(
-        "Room for improvement",
-        *_explained(
-            tables.headroom_rows(diag),
-            "A regression of moderate flexibility learned the error of the model on the training "
-            "logs, from its inputs, states and outputs. What it explains of the error on logs that "
-            "it has not seen is structure, whatever its form: a physical effect can remove about "
-            "as much.",
+def _shares(diag: Findings) -> list[Section]:
+    """What effects, a flexible correction and other models remove of the errors."""
+    structure = "One-step errors show structure nevertheless: see what remains."
+    hidden = diag.remaining and diag.headroom and not diag.headroom[1].worth
+    return [
+        Section(
+            "What each effect removes of the squared error over whole runs",
+            *_explained(
+                tables.worth_rows(diag),
+                "As given: of the model without any of them, in the order in which they were "
+                "added. Beside the others: of the model without this one, the others fitted again. "
+                "Where channels stand together, each is in units of its own spread. The interval "
+                "comes from resampled logs and blocks of time.",
+            ),
         ),
-        "One-step errors show structure nevertheless: see what remains."
-        if diag.remaining is not None and not last.worth
-        else "",
-    )
+        Section(
+            "Room for improvement",
+            *_explained(
+                tables.headroom_rows(diag),
+                "A regression of moderate flexibility learned the error of the model on the "
+                "training logs, from its inputs, states and outputs. What it explains of the error "
+                "on logs that it has not seen is structure, whatever its form: a physical effect "
+                "can remove about as much.",
+            ),
+            structure if hidden else "",
+        ),
+        Section(
+            "Other models of these logs",
+            *_explained(
+                tables.other_model_rows(diag),
+                "Models of the library that the same channels feed, fitted as they are; where one "
+                "errs about as little as the model as given did, also with effects found by a "
+                "short search of its own. They remove that share of the squared error over whole "
+                "runs that the diagnosed model leaves with all that was found; below zero they err "
+                "more.",
+            ),
+        ),
+    ]
 
 
 def _failures(diag: Findings) -> list[Section]:
@@ -252,11 +252,6 @@ def _failure_bullets(comparison: Comparison, adequate: bool = False) -> Bullets:
 def _missing(diag: Findings) -> Section:
     if not diag.missing:
         return Section("")
-    picture = Picture(
-        partial(figures.missing_figure, diag),
-        "Left: the missing signal over time, with a band of two standard errors, in the training "
-        "log where it is largest. Right: its mean over the signal that explains most of it.",
-    )
     return Section(
         "Missing signal",
         OnPage(
@@ -264,16 +259,17 @@ def _missing(diag: Findings) -> Section:
             "training logs, estimated without assuming its form."
         ),
         Bullets(missing_words(m, diag.model, diag.remaining) for m in diag.shown(diag.missing)),
-        *[picture] * any(missing.shows for missing in diag.missing),
+        *_drawn(
+            any(missing.shows for missing in diag.missing),
+            partial(figures.missing_figure, diag),
+            "Left: the missing signal over time, with a band of two standard errors, in the "
+            "training log where it is largest. Right: its mean over the signal that explains most "
+            "of it.",
+        ),
     )
 
 
 def _tried(diag: Findings) -> Section:
-    picture = Picture(
-        partial(figures.ranking_figure, diag),
-        "Gain in likelihood by each candidate. Filled: added. Pale: cannot be told from the one "
-        "that was added.",
-    )
     silent = joined(map(an_effect, diag.silent))
     return Section(
         "Effects tried, each fitted to one-step errors",
@@ -290,7 +286,12 @@ def _tried(diag: Findings) -> Section:
         ),
         *_stopped(diag),
         f"No improvement: {silent}." if silent else "",
-        *[picture] * bool(diag.ranking),
+        *_drawn(
+            diag.ranking,
+            partial(figures.ranking_figure, diag),
+            "Gain in likelihood by each candidate. Filled: added. Pale: cannot be told from the "
+            "one that was added.",
+        ),
         OnPage(tables.meaning_rows(diag)),
     )
 
@@ -310,62 +311,56 @@ def _stopped(diag: Findings) -> list[str]:
     ]
 
 
+def _alike(diag: Findings) -> Section:
+    return Section(
+        "What these logs cannot tell apart",
+        *(
+            f"{capitalised(channel)}, which no log has, could look like {an_effect(name)}."
+            for name, channel in unmeasured_rivals(diag).items()
+        ),
+        *(
+            f"These logs cannot tell {an_effect(name)} from {rivals}."
+            for name, rivals in rival_words(diag).items()
+        ),
+    )
+
+
 def _experiment(diag: Findings) -> Section:
     if diag.experiment is None:
         return Section("")
-    picture = Picture(
-        partial(_untitled, diag.experiment),
-        "The proposed test: what to command, and what each rival predicts.",
-    )
+
+    def untitled(experiment: Experiment) -> Figure:
+        figure = experiment.plot()
+        figure.suptitle("")  # the section has that heading
+        return figure
+
+    caption = "The proposed test: what to command, and what each rival predicts."
+    picture = Picture(partial(untitled, diag.experiment), caption)
     return Section("Proposed test", diag.experiment.sentence, picture)
 
 
-def _untitled(experiment: Experiment) -> Figure:
-    """The figure of a proposed test without its heading, which the section already says."""
-    figure = experiment.plot()
-    figure.suptitle("")
-    return figure
-
-
 def _remaining(diag: Findings) -> Section:
-    sentence = remaining_words(diag)
-    code = ()
+    words = remaining_words(diag)
+    parts: list[Part] = [words if diag.remaining else OnPage(words)]
+    parts += [missing_words(m, diag.model, diag.remaining) for m in diag.shown(diag.left[:1])]
+    if len(diag.stages) > 1 and (failures := _failure_bullets(diag.after)):
+        parts += [OnPage("The simulation errors of the last stage:"), OnPage(failures)]
     if diag.remaining and not diag.laws:
-        code = (
+        parts += [
             f"Write the law that you suspect as an effect of your own, say in {EFFECT_NAME}.py, "
             "and fit it:",
             own_effect(diag.fit.model, diag.remaining, diag.missing),
-        )
-    failures = _failure_bullets(diag.after) if len(diag.stages) > 1 else Bullets()
-    return Section(
-        "What remains",
-        sentence if diag.remaining else OnPage(sentence),
-        *(missing_words(m, diag.model, diag.remaining) for m in diag.shown(diag.left[:1])),
-        OnPage("The simulation errors of the last stage:" if failures else ""),
-        OnPage(failures),
-        *code,
-    )
+        ]
+    return Section("What remains", *parts)
 
 
 def _learned(diag: Findings) -> Section:
-    if not diag.laws:
-        return Section("")
-    picture = Picture(
-        partial(figures.learned_figure, diag),
+    caption = (
         "The learned curve with its band, the closed forms that were tried, and below how many "
-        "samples the logs hold.",
+        "samples the logs hold."
     )
-    return Section("What was learned", *learned_words(diag), picture, *tables.form_rows(diag))
-
-
-def _cautions(diag: Findings) -> Section:
-    seconds = ", ".join(f"{step} {time:.1f} s" for step, time in diag.seconds.items())
-    return Section(
-        "How far to trust this",
-        OnPage(tables.check_rows(diag)),
-        *notes(caution_words(diag)),
-        OnPage(f"Time spent: {seconds}."),
-    )
+    picture = _drawn(diag.laws, partial(figures.learned_figure, diag), caption)
+    return Section("What was learned", *learned_words(diag), *picture, *tables.form_rows(diag))
 
 
 def unfinished_words(diag: Findings) -> list[str]:
@@ -382,23 +377,12 @@ def unfinished_words(diag: Findings) -> list[str]:
 
 def caution_words(diag: Findings) -> list[str]:
     """What weakens the outcome, besides fits that did not converge, which the answer names."""
-    sentences = []
-    if diag.stages[-1].holdout is None:
-        sentences.append(
-            "No log was kept unseen: the errors are those of the logs that the models were fitted "
-            "to, which every effect lowers. Give holdout logs."
-        )
-    return [*sentences, *odd_words(diag), *diag.notes, *diag.fit.notes]
-
-
-def _closing(diag: Findings) -> list[str]:
-    """The last lines: date, versions, hashes, and the model with all that was found, to copy."""
-    return [
-        *(diag.origin.sentences if diag.origin else ()),
-        f"{TO_COPY}, and into Python:",
-        spec_lines(diag.improved),
-        python_lines(diag.improved),
-    ]
+    seen = (
+        "No log was kept unseen: the errors are those of the logs that the models were fitted to, "
+        "which every effect lowers. Give holdout logs."
+    )
+    unseen = diag.stages[-1].holdout is not None
+    return [*[seen] * (not unseen), *map(odd_words, diag.odd_logs), *diag.notes, *diag.fit.notes]
 
 
 def diagnosis_page(diag: Findings, *, title: str = "", spec: str = "") -> str:

@@ -6,30 +6,34 @@ In the order in which a tired engineer asks, one line each, within a budget of w
 
 from __future__ import annotations
 
-import math
-
-from diffthrust._support.words import counted, distinct_numbers, humanize, joined, number
+from diffthrust._support.words import counted, distinct_numbers, humanize, joined
 from diffthrust.diagnosis._explained_share import sure_share, surely_removes
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._report.budget import Part, as_part, figures_in, within_budget
-from diffthrust.diagnosis._report.doubts import open_readings
-from diffthrust.diagnosis._report.effect_words import effect_words
+from diffthrust.diagnosis._report.details import changed_parameter
+from diffthrust.diagnosis._report.doubts import doubtful, open_readings
+from diffthrust.diagnosis._report.error_text import finite, grown_channel
 from diffthrust.diagnosis._report.learned import law_wordings, place_of, reach_words, valid_words
-from diffthrust.diagnosis._report.remaining_text import changed_parameter
-from diffthrust.diagnosis._report.summary_logs import doubtful
 from diffthrust.diagnosis._report.text import (
     adding_little,
+    amount,
     an_effect,
+    better_model,
+    blind_channels,
+    change_words,
+    copied_fit,
+    effect_words,
     errors_of,
     judged_errors,
     leading,
     provisional,
     ran_away,
     rival_words,
+    tried_count,
     unmeasured_rivals,
+    with_unit,
 )
-from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._model_lines import effects_line
 from diffthrust.simulation._errors import Errors
 
@@ -96,18 +100,17 @@ def _effects(diag: Findings) -> Part:
     names = [name for name in leading(diag) if name not in small]
     if not names:
         return ()
-    lines, rivals, shaky = [], rival_words(diag), provisional(diag)
+    lines, hedged, wordings = [], [], []
+    rivals, shaky, count = rival_words(diag), provisional(diag), len(names)
     for name in names:
         worth = diag.worth.get(name)
         sure = worth is None or surely_removes(worth)
         label = "Found" if sure and not shaky else "Perhaps"
         lines.append(f"{label}: {effect_words(name, diag.fit)}")
-    count, wordings = len(lines), []
-    doubts = [f", or it is {rivals[name]}" if name in rivals else "" for name in names]
-    hedged = [line + doubt for line, doubt in zip(lines, doubts, strict=True)]
+        hedged.append(lines[-1] + (f", or it is {rivals[name]}" if name in rivals else ""))
     for k in range(count, 0, -1):
         also = [f"Also: {joined(map(humanize, names[k:]))}"] if k < count else []
-        if any(doubts[:k]):
+        if hedged[:k] != lines[:k]:
             wordings.append((4, ".\n".join([*hedged[:k], *also])))
         wordings.append(((11, 11, 10)[k] if k < 3 else 7, ".\n".join([*lines[:k], *also])))
     label = "Perhaps" if shaky else "Found"
@@ -125,23 +128,19 @@ def _small(diag: Findings) -> Part:
 
 
 def _adequate(diag: Findings) -> Part:
-    if not (diag.ranking or diag.silent):
+    count = tried_count(diag)
+    if not count:
         tested = "these logs can test no effect" if diag.untestable else "no effect was tried"
         return as_part((12, f"Unknown whether something is missing: {tested}"))
-    errors = judged_errors(diag)[1].channels
-    blind = [humanize(name) for name, e in errors.items() if e.nrmse >= 1.0]
-    if blind:
+    if blind := blind_channels(diag):
         nothing, as_well = "Nothing found, and yet", "followed no better than by a constant"
-        whether = ": do the logs excite it?"
         return as_part(
-            (4, f"{nothing} {joined(blind)} is {as_well}{whether}"),
+            (4, f"{nothing} {blind} is {as_well}: do the logs excite it?"),
             (12, f"{nothing} the logs are {as_well}"),
         )
-    count = len({c.effect for c in diag.ranking} | {*diag.silent})
     tried = f"none of {count} effects helps" if count > 1 else "no effect helps"
-    return as_part(
-        (4, f"The model is good enough for these logs: {tried}"), (12, "The model is good enough")
-    )
+    good = "The model is good enough"
+    return as_part((4, f"{good} for these logs: {tried}"), (12, good))
 
 
 def _laws(diag: Findings) -> list[Part]:
@@ -150,18 +149,9 @@ def _laws(diag: Findings) -> list[Part]:
     for law in diag.laws:
         label = f"Found {place_of(diag.model, law.curve.port)}"
         whole, lead, bare = (f"{label}: {words}" for words in law_wordings(law))
-        size, valid = (
-            f", {words}" if words else "" for words in (reach_words(law), valid_words(law))
-        )
-        parts.append(
-            as_part(
-                (1, whole + size + valid),
-                (2, lead + size + valid),
-                (6, lead + size),
-                (7, lead),
-                (12, bare),
-            )
-        )
+        size, valid = (f", {w}" if w else "" for w in (reach_words(law), valid_words(law)))
+        wordings = (1, whole + size + valid), (2, lead + size + valid), (6, lead + size), (7, lead)
+        parts.append(as_part(*wordings, (12, bare)))
     return parts
 
 
@@ -170,17 +160,15 @@ def _error(diag: Findings) -> Part:
     logs, first, last = errors_of(diag)
     logs = _KEPT_OUT if logs == "unseen logs" else logs
     if not (diag.best or diag.held or diag.laws):
-        names = sorted(last.channels, key=lambda name: -_finite(last.channels[name].nrmse))
-        sizes = [f"{humanize(n)} {_size(*last.channels[n].shown)}" for n in names[:2]]
+        names = sorted(last.channels, key=lambda name: -finite(last.channels[name].nrmse))
+        sizes = [f"{humanize(n)} {with_unit(*last.channels[n].shown)}" for n in names[:2]]
         words = f"Error on {logs}: "
         return as_part((5, words + ", ".join(sizes)), (8, words + sizes[0]))
     last = _last_errors(diag) if diag.laws else last
     name = channel_that_counts(first, last)
-    before, after = first.channels[name].shown, last.channels[name].shown
-    start, end = distinct_numbers(before.value, after.value)
-    verb = "rises" if after.value > before.value else "falls"
-    change = f"{verb} from {start} to {end}" if start != end else f"stays at {start}"
-    error, change = f"{humanize(name)} error", f"{change} {before.unit}".rstrip()
+    size, unit = first.channels[name].shown
+    change = amount(change_words(size, last.channels[name].shown.value), unit)
+    error = f"{humanize(name)} error"
     short = " on unseen logs" * (logs == _KEPT_OUT)
     return as_part((4, f"The {error} on {logs} {change}"), (9, f"The {error}{short} {change}"))
 
@@ -193,7 +181,7 @@ def channel_that_counts(first: Errors, last: Errors) -> str:
     """
 
     def fall(name: str) -> float:
-        return _finite(first.channels[name].nrmse) ** 2 - _finite(last.channels[name].nrmse) ** 2
+        return finite(first.channels[name].nrmse) ** 2 - finite(last.channels[name].nrmse) ** 2
 
     names = [n for n in first.channels if n in last.channels]
     return max([n for n in names if last.channels[n].nrmse < 1.0] or names, key=fall)
@@ -243,37 +231,23 @@ def _left(diag: Findings) -> Part:
             words = [f"{each} {place_of(diag.model, remaining.port)}" for each in words]
         long, short = words
         return as_part((5, _unknown_words(diag, "Unexplained")), (7, long), (8, short))
-    name = _grown(diag)
+    last, then = _last_errors(diag), "; repeat one run"
+    name, _ = grown_channel(diag, last)
     if not name:
         return ()
-    last, then = _last_errors(diag), "; repeat one run"
     if name == channel_that_counts(errors_of(diag)[1], last):  # the line of the error has its size
         what = f"Unexplained: what is left of the {humanize(name)} error"
         return as_part((3, f"{what}{then}: what recurs is physics"), (8, f"{what}{then}"))
-    size = _size(*last.channels[name].shown)
     what = f"Unexplained: {humanize(name)}"
+    size = with_unit(*last.channels[name].shown)
     return as_part((7, f"{what} off by {size}{then}"), (8, f"{what}{then}"))
 
 
 def _last_errors(diag: Findings) -> Errors:
     """With all that was found, over whole runs of the logs that count."""
     if diag.laws:
-        return diag.laws[-1].reported.holdout or diag.laws[-1].reported.train
+        return copied_fit(diag).holdout or copied_fit(diag).train
     return judged_errors(diag)[1]
-
-
-def _grown(diag: Findings) -> str:
-    """The channel that errs most over whole runs against one sample ahead; "" for none."""
-    if diag.before.tabular:
-        return ""
-    errors = _last_errors(diag)
-    growth = {
-        n: _finite(e.rmse / diag.one_step[n])
-        for n, e in errors.channels.items()
-        if n in diag.one_step
-    }
-    name = max(growth, key=growth.__getitem__, default="")
-    return name if name and growth[name] > SETTINGS.verdict.far_above_one_step else ""
 
 
 def _unknown_words(diag: Findings, label: str) -> str:
@@ -297,11 +271,9 @@ def _explains(diag: Findings, remaining: Remaining) -> bool:
 
 
 def _other_model(diag: Findings) -> Part:
-    other = next((other for other in diag.other_models if other.better), None)
-    if other is None:
-        return ()
-    name = humanize(other.name)
-    return as_part((6, f"A {name} errs less: diagnose that model, too"))
+    if other := better_model(diag):
+        return as_part((6, f"A {humanize(other.name)} errs less: diagnose that model, too"))
+    return ()
 
 
 def _next(diag: Findings) -> Part:
@@ -335,14 +307,3 @@ def _next(diag: Findings) -> Part:
             return as_part((9, "Next: make the test proposed below"))
         return as_part((9, "Next: repeat one run with the same inputs; what recurs is physics"))
     return ()
-
-
-# -- words -----------------------------------------------------------------------------------------
-
-
-def _size(value: float, unit: str) -> str:
-    return f"{number(value, 2)} {unit}".rstrip()
-
-
-def _finite(value: float) -> float:
-    return value if math.isfinite(value) else 0.0

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from diffthrust._support.report import Rows
 from diffthrust._support.words import humanize, joined, number, with_error
 from diffthrust.diagnosis._explained_share import Worth, sure_share, surely_removes
 from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.error_text import GIVEN, LEFT, WITHOUT, judged_logs, squared_error
-from diffthrust.diagnosis._report.text import (
-    adding_little,
-    copied_fit,
-    leading,
-    stage_words,
-)
+from diffthrust.diagnosis._report.text import adding_little, copied_fit, leading, stage_words
 from diffthrust.estimation._result import Fit
-from diffthrust.simulation._errors import ChannelError, Errors
+from diffthrust.models._base.registry import catalogue
+from diffthrust.simulation._errors import Errors
 
 _LISTED = 6
 """Candidates of each stage in the ranking."""
@@ -78,16 +74,19 @@ def _sure_cells(diag: Findings, worth: Worth, of: str) -> tuple[str, str, str]:
 
 def stage_rows(diag: Findings) -> Rows:
     """Errors of each channel at each stage, and with what was learned at the end."""
-    sizes, shares = ("RMSE training", "unseen"), ("NRMSE training", "unseen")
-    stages = [
-        _headed((str(i), stage_words(diag, i)), _stage_channels(stage))
-        for i, stage in enumerate(diag.stages)
-    ]
+    heads = ("Stage", "Model", "Channel", "RMSE training", "unseen", "Unit", "NRMSE training",
+             "unseen")  # fmt: skip
+    stages = [((str(i), stage_words(diag, i)), stage) for i, stage in enumerate(diag.stages)]
     if diag.laws:
-        learned = Stage((), diag.laws[-1].reported)
-        stages.append(_headed(("", "with what was learned"), _stage_channels(learned)))
-    heads = ("Stage", "Model", "Channel", *sizes, "Unit", *shares)
-    return Rows(heads, tuple(stages), numbers=(3, 4, 6, 7))
+        stages.append((("", "with what was learned"), Stage((), diag.laws[-1].reported)))
+    blocks = []
+    for head, stage in stages:
+        sets = (stage.train, stage.holdout)
+        rows = _channel_rows(sets)
+        if len(rows) > 1:
+            rows.append(("all", "", "", "", *(number(e.nrmse if e else None, 2) for e in sets)))
+        blocks.append(_headed(head, rows))
+    return Rows(heads, tuple(blocks), numbers=(3, 4, 6, 7))
 
 
 def _headed(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
@@ -96,28 +95,16 @@ def _headed(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> tuple[tup
     return tuple((*(blank if i else head), *row) for i, row in enumerate(rows))
 
 
-def _stage_channels(stage: Stage) -> Iterator[tuple[str, ...]]:
-    sets = (stage.train, stage.holdout)
-    units = {n: c.shown.unit for e in reversed(sets) if e for n, c in e.channels.items()}
-    names = list({n: None for e in sets if e for n in e.channels})
-    for name in names:
-        yield humanize(name), *_sizes(sets, name), units[name], *_shares(sets, name)
-    if len(names) > 1:
-        yield "all", "", "", "", *(number(e.nrmse if e else None, 2) for e in sets)
-
-
-def _sizes(sets: Iterable[Errors | None], name: str) -> list[str]:
-    """The RMSE of a channel in each set of errors, in the unit of the logs."""
-    return [number(e.shown.value if e else None, 3) for e in _of_channel(sets, name)]
-
-
-def _shares(sets: Iterable[Errors | None], name: str) -> list[str]:
-    """The NRMSE of a channel in each set of errors."""
-    return [number(e.nrmse if e else None, 2) for e in _of_channel(sets, name)]
-
-
-def _of_channel(sets: Iterable[Errors | None], name: str) -> list[ChannelError | None]:
-    return [errors.channels.get(name) if errors else None for errors in sets]
+def _channel_rows(sets: Sequence[Errors | None]) -> list[tuple[str, ...]]:
+    """Of each channel the RMSE of each set of errors, its unit in the logs, and the NRMSE."""
+    rows = []
+    for name in dict.fromkeys(n for e in sets if e for n in e.channels):
+        errors = [e.channels.get(name) if e else None for e in sets]
+        sizes = [number(e.shown.value if e else None, 3) for e in errors]
+        shares = [number(e.nrmse if e else None, 2) for e in errors]
+        unit = next(e.shown.unit for e in errors if e)
+        rows.append((humanize(name), *sizes, unit, *shares))
+    return rows
 
 
 def other_model_rows(diag: Findings) -> Rows:
@@ -144,15 +131,11 @@ def log_rows(diag: Findings) -> Rows:
     compared = [("unseen" if diag.stages[0].holdout else "training", diag.before, diag.after)]
     if diag.trained and diag.stages[0].holdout:
         compared.append(("training", *diag.trained))
-    blocks = []
-    for kind, first, last in compared:
-        for baseline, updated in zip(first.runs, last.runs, strict=True):
-            sets = [baseline.errors, updated.errors] if several else [baseline.errors]
-            rows = (
-                (humanize(name), *_sizes(sets, name), e.shown.unit, *_shares(sets, name))
-                for name, e in baseline.errors.channels.items()
-            )
-            blocks.append(_headed((baseline.name, kind), rows))
+    blocks = [
+        _headed((run.name, kind), _channel_rows([run.errors, updated.errors][: 1 + several]))
+        for kind, first, last in compared
+        for run, updated in zip(first.runs, last.runs, strict=True)
+    ]
     first, *later = ("{} as given", "last stage") if several else ("{}",)
     sizes, shares = (first.format("RMSE"), *later), (first.format("NRMSE"), *later)
     numbers = (3, 4, 6, 7) if several else (3, 5)
@@ -198,8 +181,6 @@ def stage_parameter_rows(diag: Findings) -> Rows:
 
 def meaning_rows(diag: Findings) -> Rows:
     """What each effect that is named does, in the words of its docstring."""
-    from diffthrust.models._base.registry import catalogue
-
     effects = {**catalogue(), **{e.name: e for e in (*diag.model.effects, *diag.best)}}
     named = [*diag.added, *(name for group in diag.groups for name in group)]
     named += [c.effect for c in diag.ranking]

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
-from diffthrust._support.words import an, capitalised, humanize, joined, number, with_error
+from diffthrust._support.words import (
+    an,
+    capitalised,
+    distinct_numbers,
+    humanize,
+    joined,
+    number,
+    percent,
+    with_error,
+)
 from diffthrust.diagnosis._bounds import stopped_by_bound, vanished_parameters
-from diffthrust.diagnosis._explained_share import adds_little, surely_removes
-from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._explained_share import adds_little, share_words, surely_removes
+from diffthrust.diagnosis._findings import Findings, OtherModel
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
@@ -27,6 +37,29 @@ UNFINISHED = {
 """Why a fit is none that can be relied on; "{}" is the fit."""
 
 
+def amount(size: str, unit: str) -> str:
+    return f"{size} {unit}".rstrip()
+
+
+def with_unit(value: float, unit: str, digits: int = 2) -> str:
+    return amount(number(value, digits), unit)
+
+
+def measured(estimate: Estimate) -> str:
+    """A value to the digits that its standard error allows, two or three."""
+    precise = estimate.std_error is not None and estimate.std_error < 0.003 * abs(estimate.value)
+    value, _, unit = estimate.shown
+    return with_unit(value, unit, 3 if precise else 2)
+
+
+def change_words(first: float, last: float) -> str:
+    """What an error does: "falls from 5.6 to 0.30"."""
+    start, end = distinct_numbers(first, last)
+    if start == end:
+        return f"stays at {start}"
+    return f"{'falls' if last < first else 'rises'} from {start} to {end}"
+
+
 def verdict_words(diag: Findings) -> str:
     """The verdict as a person would say it."""
     if diag.verdict == "effects_found" and not diag.best:
@@ -43,81 +76,96 @@ def model_words(model: Model) -> str:
 
 
 def an_effect(name: str) -> str:
-    """An effect by its name in words, with its article; a name of one word without.
-
-    Example:
-        >>> an_effect("command_deadband"), an_effect("alpha")
-        ('a command dead band', 'alpha')
-    """
-    words = humanize(name)
-    return an(words) if "_" in name else words  # "wind", "alpha"
+    """An effect by its name: "a command dead band"; one of one word without article: "wind"."""
+    return an(humanize(name)) if "_" in name else humanize(name)
 
 
 def sized_words(name: str, fit: Fit, *more: str) -> str:
-    """An effect with the values that the fit found, and what they come to.
+    """An effect with its values and what they come to: "a command dead band of ±0.40 V"."""
+    called, *within = _sized(name, fit)
+    within = [words for words in (*within, *more) if words]
+    return f"{called} ({'; '.join(within)})" if within else called
 
-    Args:
-        name: of the effect.
-        fit: the fit.
-        more: what is said of it besides, in the same brackets.
 
-    Example:
-        >>> sized_words("command_deadband", fit)
-        'a command dead band of ±0.40 V'
-    """
-    estimates = {
-        full.removeprefix(f"{name}."): e
+def _sized(name: str, fit: Fit) -> tuple[str, ...]:
+    """An effect with its one value, and what stands in its brackets."""
+    effect, called = _effect_of(name, fit), an_effect(name)
+    if effect is None:
+        return (called,)
+    if of_logs := effect.over_logs(fit.ranges):
+        return called, of_logs
+    if by_log := _by_log_words(effect, fit):
+        return (f"{called} of {by_log}",)
+    values = {
+        full.removeprefix(f"{name}."): measured(e)
         for full, e in fit.parameters.items()
         if full.startswith(f"{name}.") and not e.fixed
     }
-    effect = next((effect for effect in fit.model.effects if effect.name == name), None)
-    form = effect.form if effect else {}
-    if effect and (of_logs := effect.over_logs(fit.ranges)):
-        return _with_brackets(an_effect(name), of_logs, *more)
-    if effect and (by_log := by_log_words(effect, fit)):
-        return _with_brackets(f"{an_effect(name)} of {by_log}", *more)
-    formed = "".join(f", {humanize(key)} {value:g}" for key, value in form.items())
-    if effect and effect.free_starts:
-        formed += f", {effect.size_words(numbers_by_log(name, effect.free_starts, fit))}"
-    consequence = effect.consequence(fit.model, recorded(fit)) if effect else ""
-    values = {key: measured(e) for key, e in estimates.items()}
+    formed = "".join(f", {humanize(key)} {value:g}" for key, value in effect.form.items())
+    if effect.free_starts:
+        formed += f", {effect.size_words(_numbers_by_log(name, effect.free_starts, fit))}"
+    consequence = effect.consequence(fit.model, _recorded(fit))
     if set(values) == {"half_width"}:
         values["half_width"] = f"±{values['half_width']}"
     if len(values) == 1:
-        sized = f"{an_effect(name)} of {next(iter(values.values()))}{formed}"
-        return _with_brackets(sized, consequence, *more)
+        return f"{called} of {next(iter(values.values()))}{formed}", consequence
     listed = ", ".join(f"{humanize(key)} {value}" for key, value in values.items())
-    within = (f"{listed}{formed}", consequence) if listed else ()
-    return _with_brackets(an_effect(name), *within, *more)
+    return (called, f"{listed}{formed}", consequence) if listed else (called,)
 
 
-def _with_brackets(words: str, *within: str) -> str:
-    said = "; ".join(filter(None, within))
-    return f"{words} ({said})" if said else words
+def effect_words(name: str, fit: Fit) -> str:
+    """An effect as a person would say it: "commands within ±0.40 V do nothing"."""
+    effect, called = _effect_of(name, fit), an_effect(name)
+    if effect is None:
+        return called
+    if by_log := _by_log_words(effect, fit):
+        return f"{called} of {by_log}"
+    if consequence := effect.consequence(fit.model, _recorded(fit)):
+        return consequence
+    estimates = {n: fit.parameters[f"{name}.{n}"] for n in effect.declared}
+    if effect.in_words:
+        return effect.in_words.format(**{n: _Amount(e) for n, e in estimates.items()})
+    free = [e for e in estimates.values() if not e.fixed]
+    return f"{called} of {measured(free[0])}" if len(free) == 1 else called
 
 
-def by_log_words(effect: Effect, fit: Fit) -> str:
+@dataclass(frozen=True)
+class _Amount:
+    """An estimate in a sentence: a size in its unit, ``:%`` a share, ``:more`` a change of one."""
+
+    estimate: Estimate
+
+    def __format__(self, form: str) -> str:
+        """The estimate as `Effect.in_words` asks for it."""
+        value = self.estimate.value
+        if form == "%":
+            return share_words(value)
+        if form == "more":
+            return f"{percent(abs(value))} {'more' if value > 0 else 'less'}"
+        return measured(self.estimate)
+
+
+def _effect_of(name: str, fit: Fit) -> Effect | None:
+    return next((effect for effect in fit.model.effects if effect.name == name), None)
+
+
+def _by_log_words(effect: Effect, fit: Fit) -> str:
     """The size of an effect in the logs, where its parameters differ by log; "" where none does."""
     differing = [n for n, p in effect._parameters.items() if p.per_log]
-    starts = numbers_by_log(effect.name, differing, fit)
+    starts = _numbers_by_log(effect.name, differing, fit)
     return effect.size_words(starts) if differing else ""
 
 
-def numbers_by_log(name: str, own: Iterable[str], fit: Fit) -> list[dict[str, float]]:
-    """Log by log the numbers of an effect that are the log's own."""
+def _numbers_by_log(name: str, own: Iterable[str], fit: Fit) -> list[dict[str, float]]:
     return [{n: log[f"{name}.{n}"] for n in own} for log in fit.initial]
 
 
-def recorded(fit: Fit) -> set[str]:
+def _recorded(fit: Fit) -> set[str]:
     """The channels of the training logs that the fitted model reads or gives."""
     return {*fit.ranges, *fit.train.channels}
 
 
-def measured(estimate: Estimate) -> str:
-    """A value to the digits that its standard error allows, two or three."""
-    precise = estimate.std_error is not None and estimate.std_error < 0.003 * abs(estimate.value)
-    value, _, unit = estimate.shown
-    return with_unit(value, unit, 3 if precise else 2)
+# -- which effects, which fit, which errors --------------------------------------------------------
 
 
 def leading(diag: Findings) -> tuple[str, ...]:
@@ -152,6 +200,38 @@ def provisional(diag: Findings) -> bool:
     """
     blind = all(not e.nrmse < 1.0 for e in judged_errors(diag)[1].channels.values())
     return blind or copied_fit(diag).status in (Status.NOT_CONVERGED, Status.SIMULATION_FAILED)
+
+
+def errors_of(diag: Findings) -> tuple[str, Errors, Errors]:
+    """Name of the logs that count, and the errors on them at the first and the last stage."""
+    first, last = diag.stages[0], diag.stages[-1]
+    if first.holdout is not None and last.holdout is not None:
+        return "unseen logs", first.holdout, last.holdout
+    return "the training logs", first.train, last.train
+
+
+def judged_errors(diag: Findings) -> tuple[str, Errors]:
+    """Name of the logs on which the verdict rests, and the errors of the last stage on them."""
+    logs, _, errors = errors_of(diag)
+    if diag.apart is None:
+        return logs, errors
+    return f"the other {logs.removeprefix('the ')}", diag.judged.errors
+
+
+def tried_count(diag: Findings) -> int:
+    """How many effects were tried."""
+    return len({c.effect for c in diag.ranking} | {*diag.silent})
+
+
+def blind_channels(diag: Findings) -> str:
+    """The channels that the last model follows no better than a constant would, in words."""
+    errors = judged_errors(diag)[1].channels
+    return joined(humanize(name) for name, e in errors.items() if e.nrmse >= 1.0)
+
+
+def better_model(diag: Findings) -> OtherModel | None:
+    """The model of the library that surely errs less on the same logs, if there is one."""
+    return next((other for other in diag.other_models if other.better), None)
 
 
 def stage_words(diag: Findings, index: int) -> str:
@@ -198,43 +278,21 @@ def unmeasured_rivals(diag: Findings) -> dict[str, str]:
     return rivals
 
 
-def errors_of(diag: Findings) -> tuple[str, Errors, Errors]:
-    """Name of the logs that count, and the errors on them at the first and the last stage."""
-    first, last = diag.stages[0], diag.stages[-1]
-    if first.holdout is not None and last.holdout is not None:
-        return "unseen logs", first.holdout, last.holdout
-    return "the training logs", first.train, last.train
-
-
-def judged_errors(diag: Findings) -> tuple[str, Errors]:
-    """Name of the logs on which the verdict rests, and the errors of the last stage on them."""
-    logs, _, errors = errors_of(diag)
-    if diag.apart is None:
-        return logs, errors
-    return f"the other {logs.removeprefix('the ')}", diag.judged.errors
+# -- constants, bounds and terms that vanished -----------------------------------------------------
 
 
 def held_words(diag: Findings) -> list[str]:
-    """Every fixed constant that the logs contradict.
-
-    Example:
-        >>> held_words(diag)
-        ["lever_arm is fixed at 0.5 m; these logs suggest 0.399 ± 0.002 m. Measure it again, or
-        ..."]
-    """
-    return [
-        f"{name} is fixed at {amount(f'{held.value:.4g}', held.unit)}; these logs suggest "
-        f"{amount(' ± '.join(with_error(held.wanted, held.std_error)), held.unit)}"
-        f"{_constant_words(diag, name)}. Measure it again, or free it: "
-        f"model.free('{name}')."
-        for name, held in diag.held.items()
-    ]
-
-
-def _constant_words(diag: Findings, name: str) -> str:
-    held = diag.held[name]
-    words = diag.fit.model.constant_words(name, held.value, held.wanted)
-    return f" ({words})" if words else ""
+    """Every fixed constant that the logs contradict."""
+    sentences = []
+    for name, held in diag.held.items():
+        words = diag.fit.model.constant_words(name, held.value, held.wanted)
+        wanted = amount(" ± ".join(with_error(held.wanted, held.std_error)), held.unit)
+        sentences.append(
+            f"{name} is fixed at {amount(f'{held.value:.4g}', held.unit)}; these logs suggest "
+            f"{wanted}{f' ({words})' if words else ''}. Measure it again, or free it: "
+            f"model.free('{name}')."
+        )
+    return sentences
 
 
 def ran_away(diag: Findings) -> tuple[str, float] | None:
@@ -249,29 +307,25 @@ def stopped_words(diag: Findings) -> list[str]:
     """Every parameter of the model as given that a bound has stopped.
 
     Also those at a bound until effects were added, which may stand in for values beyond it.
-
-    Example:
-        >>> stopped_words(diag)
-        ['alpha stopped at its bound of 0.2 1/s: these logs favour a higher value. ...']
     """
     first, last = stopped_parameters(diag.stages[0].fit), stopped_parameters(diag.fit)
     added = joined(map(an_effect, diag.added))
     sentences = []
-    for full, (name, amount, way) in {**first, **last}.items():
-        if full in diag.idle_bounds and full in last:
-            sentences.append(
-                f"{name} stopped at its bound of {amount}: beyond it whole runs do not surely err "
-                "less."
+    for full, (name, bound, way) in {**first, **last}.items():
+        if full not in diag.model.parameters:
+            continue
+        idle = full in diag.idle_bounds
+        if full in last:
+            meaning = (
+                "beyond it whole runs do not surely err less."
+                if idle
+                else f"these logs favour a {way} value. What follows holds under that bound: widen "
+                "it, if physically possible, and diagnose again."
             )
-        elif full in diag.model.parameters and full in last:
+            sentences.append(f"{name} stopped at its bound of {bound}: {meaning}")
+        elif added and not idle:
             sentences.append(
-                f"{name} stopped at its bound of {amount}: these logs favour a {way} value. What "
-                "follows holds under that bound: widen it, if physically possible, and diagnose "
-                "again."
-            )
-        elif full in diag.model.parameters and added and full not in diag.idle_bounds:
-            sentences.append(
-                f"{name} was at its bound of {amount} without {added}, which may stand in for a "
+                f"{name} was at its bound of {bound} without {added}, which may stand in for a "
                 f"{way} {name}: widen the bound, if physically possible, and diagnose again."
             )
     return sentences
@@ -280,16 +334,16 @@ def stopped_words(diag: Findings) -> list[str]:
 def added_bound_words(diag: Findings) -> list[str]:
     """Every parameter of an added effect that a bound has stopped."""
     return [
-        f"{name} {beyond_bound(amount)}"
-        for full, (name, amount, _) in stopped_parameters(diag.fit).items()
+        f"{name} {beyond_bound(bound)}"
+        for full, (name, bound, _) in stopped_parameters(diag.fit).items()
         if full not in diag.model.parameters
     ]
 
 
-def beyond_bound(amount: str) -> str:
+def beyond_bound(bound: str) -> str:
     """What a parameter at its bound means for its effect, and the mend."""
     return (
-        f"stopped at its bound of {amount}: the effect may explain more beyond it. Widen the "
+        f"stopped at its bound of {bound}: the effect may explain more beyond it. Widen the "
         "bound, if physically possible."
     )
 
@@ -301,8 +355,8 @@ def stopped_parameters(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
         effect, _, name = full.rpartition(".")
         e, (low, high) = fit.parameters[full], fit.model.parameters[full].limits
         above = abs(e.value - high) < abs(e.value - low)
-        value = amount(f"{e.shown[0]:.4g}", e.shown[2])
-        stopped[full] = parameter_words(name, effect), value, "higher" if above else "lower"
+        bound = amount(f"{e.shown[0]:.4g}", e.shown[2])
+        stopped[full] = parameter_words(name, effect), bound, "higher" if above else "lower"
     return stopped
 
 
@@ -326,15 +380,3 @@ def vanished_words(diag: Findings) -> list[str]:
         f"Beside {joined(map(an_effect, diag.added))} {joined(names)} {go} to zero: the model does "
         f"as well without {terms}."
     ]
-
-
-def amount(size: str, unit: str) -> str:
-    return f"{size} {unit}".rstrip()
-
-
-def with_unit(value: float, unit: str, digits: int = 2) -> str:
-    return f"{number(value, digits)} {unit}".rstrip()
-
-
-def rank(value: float) -> float:
-    return -math.inf if math.isnan(value) else value

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust.diagnosis._effect_shares import shares_by_steps
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
@@ -20,13 +21,8 @@ from diffthrust.diagnosis._residual_structure import downstream_ports
 from diffthrust.diagnosis._search_start import few_substeps
 from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._stage_shares import shares_by_steps
-from diffthrust.diagnosis._unknown_term.closed_forms import (
-    as_estimated,
-)
-from diffthrust.diagnosis._unknown_term.evidence import (
-    LikelyCurve,
-)
+from diffthrust.diagnosis._unknown_term.closed_forms import as_estimated
+from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve
 from diffthrust.diagnosis._unknown_term.terms import (
     NUMBER,
     Term,

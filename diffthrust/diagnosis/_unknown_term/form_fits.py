@@ -37,12 +37,7 @@ from diffthrust.diagnosis._unknown_term.fit import (
     surely_better,
     worth_between_fits,
 )
-from diffthrust.diagnosis._unknown_term.terms import (
-    NUMBER,
-    regressors_of,
-    term_along,
-    unit_at,
-)
+from diffthrust.diagnosis._unknown_term.terms import NUMBER, regressors_of, term_along, unit_at
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING

@@ -20,9 +20,7 @@ from diffthrust.diagnosis._innovations_fit import (
     with_values,
 )
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._missing import (
-    Remaining,
-)
+from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._residual_structure import downstream_ports
 from diffthrust.diagnosis._search_start import compiled_fitter, few_substeps
 from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchContext, SearchState

@@ -1,15 +1,25 @@
-"""What each effect of a search does beside all others, once the search has ended.
+"""What each effect of a search removes of the error: when it came, and beside all others.
 
-The fall of the error at the stage at which an effect came depends on what was there before: of a
-small thruster's runs dry friction removed 86 % when it was the first, a load exponent in its place
-as much, and beside one another a tenth each of what is left without them. An effect that changed
-nothing when it was tried may matter beside what came later.
+Shares that stand side by side are parts of the squared error of the model as given. Each is the
+fall from the stage before the effect, so that they add up to what all effects remove. What an
+effect removes beside all others, or alone, does not: such shares of a thruster with a dead band and
+a lag added up to 113 % and -13 %.
+
+That fall depends on what was there before: of a small thruster's runs dry friction removed 86 %
+when it was the first, a load exponent in its place as much, and beside one another a tenth each of
+what is left without them. An effect that changed nothing when it was tried may matter beside what
+came later.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
 
 from diffthrust.diagnosis._admission import (
     ended_worse,
@@ -19,9 +29,97 @@ from diffthrust.diagnosis._admission import (
 )
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import missed, no_better
-from diffthrust.diagnosis._explained_share import Worth, adds_little, matters, negligible
+from diffthrust.diagnosis._explained_share import (
+    Worth,
+    adds_little,
+    matters,
+    negligible,
+    shares_of_steps,
+    sure_share,
+)
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import Run
+
+
+class _Part(NamedTuple):
+    """Effects that have one share, and the stages in which the error falls by them."""
+
+    names: tuple[str, ...]
+    steps: tuple[int, ...]
+
+
+def shares_by_effect(stages: Sequence[FittedStage]) -> dict[str, Worth]:
+    """What each effect of the last stage removes, of unseen logs if any, and of all logs together.
+
+    Effects that came in one stage have a joint share, and so has one without which another does
+    harm. What came in the place of another effect has the share of both.
+    """
+    parts = list(_parts(stages))
+    runs = [stage.runs for stage in stages], [stage.unseen_runs for stage in stages]
+    worths = shares_by_steps(*runs, [part.steps for part in parts])
+    while len(parts) > 1 and (harming := [k for k, worth in enumerate(worths) if _harms(worth)]):
+        k = min(harming[0], len(parts) - 2)
+        parts[k : k + 2] = [_Part(*(a + b for a, b in zip(*parts[k : k + 2], strict=True)))]
+        worths = shares_by_steps(*runs, [part.steps for part in parts])
+    return {
+        name: replace(worth, together=part.names if len(part.names) > 1 else ())
+        for part, worth in zip(parts, worths, strict=True)
+        for name in part.names
+    }
+
+
+def _harms(worth: Worth) -> bool:
+    return worth.share < 0 and sure_share(worth) is None
+
+
+def _parts(stages: Sequence[FittedStage]) -> Iterator[_Part]:
+    """The effects of the last stage, with the stages in which they came or took another's place."""
+    parts: list[_Part] = []
+    for k, (before, stage) in enumerate(itertools.pairwise(stages), 1):
+        lost = {*before.effects} - {*stage.effects}
+        replaced = [part for part in parts if lost & {*part.names}]
+        names = [name for part in replaced for name in part.names if name not in lost]
+        names += [name for name in stage.effects if name not in before.effects]
+        steps = (*(step for part in replaced for step in part.steps), k)
+        parts = [*(part for part in parts if part not in replaced), _Part(tuple(names), steps)]
+    yield from (part for part in parts if part.names)
+
+
+def shares_by_steps(
+    training: Sequence[Sequence[Run]],
+    unseen: Sequence[Sequence[Run]],
+    steps: Sequence[Sequence[int]],
+) -> list[Worth]:
+    """The shares of the first model's squared errors that steps from model to model remove.
+
+    Of unseen logs if there are any, and beside these of all logs together. The runs are those of
+    one model after the other; for each share there are the steps that it is of (`shares_of_steps`).
+    """
+    trained, judged = _errors(training), _errors(unseen)
+    if not steps:
+        return []
+    worths = shares_of_steps(judged or trained, steps)
+    if not judged:
+        return worths
+    everywhere = shares_of_steps([*trained, *judged], steps)
+    return [
+        replace(worth, everywhere=joint) for worth, joint in zip(worths, everywhere, strict=True)
+    ]
+
+
+def _errors(by_stage: Sequence[Sequence[Run]]) -> list[dict[str, tuple[np.ndarray, ...]]]:
+    """For each log and channel what was measured, and the errors stage by stage."""
+    return [
+        {
+            name: (trace.measured, *(run.channels[name].residual for run in runs))
+            for name, trace in runs[0].channels.items()
+        }
+        for runs in zip(*by_stage, strict=True)
+    ]
+
+
+# -- beside all others -----------------------------------------------------------------------------
 
 
 def with_shares_beside_others(context: SearchContext, state: SearchState) -> SearchState:
@@ -42,7 +140,7 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
         if not all(math.isfinite(e.nrmse) for e in (fewer.train, fewer.holdout) if e):
             continue  # runs that overflow without it are no measure of what it removes
         shares = worths_between(fewer, last)
-        beside[name] = _with_everywhere(context, *shares)
+        beside[name] = replace(shares[0], everywhere=shares[1] if context.unseen else None)
         if negligible(*shares):
             tried = replace(state, detectable=(*state.detectable, name))
             fitted = refitted_stage(context, tried)
@@ -55,7 +153,7 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
         if ended_worse(fitted, last):
             continue  # than without it: of a Kingfisher a yaw drag "removed" -706 to -202 %
         shares = worths_between(last, fitted)
-        beside[name] = _with_everywhere(context, *shares)
+        beside[name] = replace(shares[0], everywhere=shares[1] if context.unseen else None)
         if not adds_little(beside[name]) and matters(*shares):
             fitted = refitted_stage(context, tried)
             recorded = record_stage(context, tried, fitted, name)
@@ -96,7 +194,3 @@ def _held_at_null(model: Model, name: str) -> Model | None:
         return None
     held = {n: {"value": v, "bounds": (v, math.nextafter(v, math.inf))} for n, v in nulls.items()}
     return model.replace({f"{name}.{n}": place for n, place in held.items()})
-
-
-def _with_everywhere(context: SearchContext, worth: Worth, everywhere: Worth) -> Worth:
-    return replace(worth, everywhere=everywhere if context.unseen else None)
