@@ -68,10 +68,7 @@ def verdict_of(evidence: VerdictEvidence) -> Verdict:
 def far_above_noise(errors: Errors, noise: Mapping[str, float]) -> tuple[str, ...]:
     """The channels whose errors over whole runs are large and last, the worst first.
 
-    Args:
-        errors: errors over whole runs.
-        noise: by channel the standard deviation of the errors from one sample to the next, or of
-            its sensor where that is stated.
+    Far above those from one sample to the next, or above the stated noise of the sensor.
     """
     # "not less" instead of "greater": an error that is NaN or infinite is far off
     ratios = {
@@ -79,7 +76,6 @@ def far_above_noise(errors: Errors, noise: Mapping[str, float]) -> tuple[str, ..
         for name, error in errors.channels.items()
         if name in noise and not error.nrmse < SETTINGS.verdict.least_nrmse
     }
-    far = [
-        name for name, ratio in ratios.items() if not ratio < SETTINGS.verdict.far_above_one_step
-    ]
+    least = SETTINGS.verdict.far_above_one_step
+    far = [name for name, ratio in ratios.items() if not ratio < least]
     return tuple(sorted(far, key=lambda name: -errors.channels[name].nrmse))

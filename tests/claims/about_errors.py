@@ -10,7 +10,7 @@ import numpy as np
 from reference import equations
 
 from .page import Page
-from .parsing import NUMBER, WORTH, claim, error_of, in_words, is_said, worth_is
+from .parsing import NUMBER, WORTH, claim, error_of, in_words, is_said, last_fit, worth_is
 
 SIMULATED = 0.01
 """Share by which two integrations of the same model may differ in their error."""
@@ -231,6 +231,8 @@ def recorded(fit: Any) -> set[str]:
 
 @claim(r"(?:The (?P<model>[^:.]+?) is adequate: (?:none of the (?P<count>\d+) effects that were "
        r"tried|no effect) (?:matters over whole runs|helps on these logs)\.)")  # fmt: skip
+@claim(r"The model is good enough(?: for these logs: "
+       r"(?:none of (?P<count>\d+) effects|no effect) helps)?\.")  # fmt: skip
 def _adequate(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "adequate":
         yield f"verdict {diag.verdict}"
@@ -247,6 +249,8 @@ def _adequate(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 
 @claim(r"(?:These logs can test none of the effects|No effect was tried): these logs cannot show "
        r"whether .+? lacks an effect\.")  # fmt: skip
+@claim(r"Unknown whether something is missing: (?:these logs can test no effect|no effect was "
+       r"tried)\.")  # fmt: skip
 def _untried(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.ranking or diag.silent:
         yield "effects were tried"
@@ -315,6 +319,7 @@ def _recurs(text: str | None, channel: str, diag: Any) -> Iterator[str]:
 
 @claim(r"To decide, record a run that repeats the inputs of one of these logs: errors that recur "
        r"are physics, the others are a disturbance\.")  # fmt: skip
+@claim(r"These logs cannot tell a disturbance from missing physics\.")
 def _to_decide(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     if diag.verdict != "undecided":
         yield f"verdict {diag.verdict}"
@@ -348,8 +353,7 @@ def _other_model(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     for effect in other.best.model.effects:
         if in_words(effect.name) not in m["model"]:
             yield f"it has {effect.name}, too"
-    here = diag.laws[-1].reported if diag.laws else diag.fit
-    for number, fit in ((m["other"], other.best), (m["here"], here)):
+    for number, fit in ((m["other"], other.best), (m["here"], last_fit(diag))):
         errors = fit.holdout if m["logs"] == "unseen" else fit.train
         if not is_said(number, errors.nrmse, SIMULATED):
             yield f"NRMSE {number} is {errors.nrmse:.4g}"

@@ -31,6 +31,7 @@ from .parsing import (
     in_words,
     is_provisional,
     is_said,
+    last_fit,
     worth_is,
 )
 
@@ -185,15 +186,11 @@ def _adds_little(name: str, diag: Any) -> Iterator[str]:
         yield f"{name}: the NRMSE falls from {before:.3g} to {after:.3g}"
 
 
-def _consequence(effect: Any, fit: Any) -> str:
-    return effect.consequence(fit.model, recorded(fit))
-
-
 def _wording(effect: Any, fit: Any) -> str:
     """How an effect may be told: in its own words with any numbers, or by its name."""
     if effect.differs:
         return rf"(?:an? )?{re.escape(in_words(effect.name))} of [^\n]+ in each log"
-    if consequence := _consequence(effect, fit):
+    if consequence := effect.consequence(fit.model, recorded(fit)):
         return re.escape(consequence)
     if not effect.in_words:
         return rf"(?:an? )?{re.escape(in_words(effect.name))}(?: of [^\n]+)?"
@@ -202,37 +199,12 @@ def _wording(effect: Any, fit: Any) -> str:
     return "".join(pieces)
 
 
-@claim(r"The model is good enough(?: for these logs: "
-       r"(?:none of (?P<count>\d+) effects|no effect) helps)?\.")  # fmt: skip
-def _nothing(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if diag.verdict != "adequate":
-        yield f"verdict {diag.verdict}"
-    tried = {c.effect for c in diag.ranking} | {*diag.silent}
-    if m["count"] and int(m["count"]) != len(tried):
-        yield f"{len(tried)} were tried"
-    if page and (page.hidden or page.law):
-        yield f"hidden: {page.hidden}, {page.law}"
-
-
-@claim(r"Unknown whether something is missing: (?:these logs can test no effect|no effect was "
-       r"tried)\.")  # fmt: skip
-def _untried(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if diag.ranking or diag.silent:
-        yield "effects were tried"
-
-
 @claim(r"Nothing found, and yet (?P<what>.+?) (?:is|are) followed no better than by a constant"
        r"(?:: do the logs excite it\?|\.)")  # fmt: skip
 def _blind(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     bad = [c for c in diag.judged.errors.channels if error_of(diag.judged, c)[1] >= 1.0]
     if not bad or (m["what"] != "the logs" and any(in_words(c) not in m["what"] for c in bad)):
         yield f"no better than a constant: {bad}"
-
-
-@claim(r"These logs cannot tell a disturbance from missing physics\.")
-def _either(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
-    if diag.verdict != "undecided":
-        yield f"verdict {diag.verdict}"
 
 
 # -- errors ----------------------------------------------------------------------------------------
@@ -246,7 +218,7 @@ def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     unseen = diag.stages[0].holdout is not None
     if unseen != (m["logs"] in (KEPT_OUT, "unseen logs")):
         yield f"unseen logs: {unseen}"
-    fits = diag.stages[0].fit, diag.laws[-1].reported if diag.laws else diag.fit
+    fits = diag.stages[0].fit, last_fit(diag)
     errors = [f.holdout if unseen else f.train for f in fits]
     channel = m["channel"].replace(" ", "_")
     if None in errors or channel not in errors[0].channels:
@@ -303,8 +275,7 @@ def _left(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     per = diag.judged.errors.channels[channel].per
     run = error_of(diag.judged, channel)[0]
     if diag.laws:
-        fit = diag.laws[-1].reported
-        run = (fit.holdout or fit.train).channels[channel].rmse
+        run = (last_fit(diag).holdout or last_fit(diag).train).channels[channel].rmse
     if m["rest"] and f" {m['channel']} error " not in diag.summary.partition("Unexplained")[0]:
         yield f"the error of {channel} is told nowhere"
     if m["size"] and not is_said(m["size"], per * run, SIMULATED):
@@ -437,7 +408,7 @@ def _next(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 @claim(r"A (?P<model>[a-zA-Z ]+?) errs less: diagnose that model, too\.")
 def _other_model(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     other = next((o for o in diag.other_models if in_words(o.name) == m["model"]), None)
-    here = diag.laws[-1].reported if diag.laws else diag.fit
+    here = last_fit(diag)
     if other is None:
         yield f"other models: {[o.name for o in diag.other_models]}"
     elif not (other.best.holdout or other.best.train).nrmse < (here.holdout or here.train).nrmse:
@@ -562,7 +533,7 @@ def _deviates(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
 @claim(r"Caution: (?P<why>[^\n]+?)\.")
 def _caution(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
     steps = m["why"] == "the last fit needs finer integrator steps"
-    status = (diag.laws[-1].reported if diag.laws else diag.fit).status
+    status = last_fit(diag).status
     if steps and not diag.fit.coarse:
         yield "its steps are fine enough"
     elif not steps and status.ok:

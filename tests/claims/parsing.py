@@ -133,8 +133,13 @@ def error_of(comparison: Any, channel: str) -> tuple[float, float]:
     return rmse, rmse / float(spread)
 
 
+def last_fit(diag: Any) -> Any:
+    """The fit whose numbers are copied."""
+    return diag.laws[-1].reported if diag.laws else diag.fit
+
+
 def is_provisional(diag: Any) -> bool:
     """Whether the fit that is copied did not end, or errs no less than constants would."""
-    fit = diag.laws[-1].reported if diag.laws else diag.fit
+    fit = last_fit(diag)
     blind = all(not error_of(diag.judged, name)[1] < 1.0 for name in diag.judged.errors.channels)
     return blind or fit.status.value in ("not_converged", "simulation_failed")

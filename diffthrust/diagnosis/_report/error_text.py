@@ -74,12 +74,7 @@ def error_size(error: ChannelError) -> str:
 
 
 def squared_error(channel: str = "", of: str = GIVEN) -> str:
-    """What a share is a share of; every share of a page is told of it in these words.
-
-    Args:
-        channel: of its error; of that of all channels where empty.
-        of: `GIVEN`, `LEFT` or `WITHOUT`.
-    """
+    """What a share is a share of, of one channel or of all: `GIVEN`, `LEFT` or `WITHOUT`."""
     error = f"squared {humanize(channel)} error" if channel else "squared error of all channels"
     return f"{error} {of}"
 

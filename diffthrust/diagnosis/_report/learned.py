@@ -45,12 +45,7 @@ _EFFECT_USE = """
 
 
 def place_of(model: Model, port: str) -> str:
-    """Where something enters, in few words.
-
-    Example:
-        >>> place_of(dft.Thruster(), "propeller"), place_of(dft.Thruster(), "load")
-        ('in the thrust of the propeller', 'in the load')
-    """
+    """Where something enters, in few words: "in the thrust of the propeller"."""
     if port not in model.ports:
         return f"in {place_words(model, port).partition(' (')[0]}"
     description, _ = words_and_unit(model, port)
@@ -136,9 +131,7 @@ def _changed_words(diag: Findings) -> list[str]:
 def law_wordings(law: LearnedLaw) -> tuple[str, str, str]:
     """A law in one sentence: in full, by what leads, and by its signal alone.
 
-    Example:
-        >>> law_wordings(law)[1]  # doctest: +SKIP
-        'a term that is a hump of speed about 21 rad/s'
+    What leads is "a term that is a hump of speed about 21 rad/s".
     """
     signal = signal_words(law)
     if law.form is None:
@@ -251,12 +244,7 @@ def _signal_words(law: LearnedLaw, estimated: Curve | Formula, expression: Expre
 
 
 def form_words(law: LearnedLaw, tried: TriedForm) -> str:
-    """A closed form as a person would say it, with its sizes.
-
-    Example:
-        >>> form_words(law, law.form)  # doctest: +SKIP
-        'it is a hump of speed about 21 rad/s, 4.6 rad/s to either side: ...'
-    """
+    """A closed form with its sizes: "it is a hump of speed about 21 rad/s, ..."."""
     subject = "what is added" if law.manner == "scales" else "it"
     subject = "its factor" if tried.times == ARRIVING else subject
     play = " (a play or backlash)" if "play(" in law.curve.signal else ""
@@ -293,14 +281,10 @@ def _times_words(tried: TriedForm) -> str:
 
 
 def own_effect(model: Model, remaining: Remaining, missing: Sequence[Missing]) -> str:
-    """Python code of an effect for what is left, its port and signal filled in.
+    """Python code of an effect for what is left of the last model, its port and signal filled in.
 
     It runs as it stands: a term in proportion to the signal, in place of which the user puts a law.
-
-    Args:
-        model: the model of the last stage.
-        remaining: what none of the effects tried explains.
-        missing: the missing signals, which know the units of their ports.
+    The missing signals know the units of their ports.
     """
     adds, signal, port = remaining.manner == "adds", remaining.signal, remaining.port
     units = {**model.outputs, **model.optional_inputs, **model.inputs}

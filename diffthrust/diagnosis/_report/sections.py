@@ -386,13 +386,7 @@ def caution_words(diag: Findings) -> list[str]:
 
 
 def diagnosis_page(diag: Findings, *, title: str = "", spec: str = "") -> str:
-    """The report as one page.
-
-    Args:
-        diag: the diagnosis.
-        title: heading of the page; by default it names the model.
-        spec: text of a spec file, shown at the end.
-    """
+    """The report as one page, by default under the model's name, with a spec file at its end."""
     report = diagnosis_report(diag)
     sections = (*report.sections, glossary(_GLOSSARY).fold(), spec_section(spec).fold())
     return page(Report(*sections), title or f"Diagnosis of the {model_words(diag.model)}")

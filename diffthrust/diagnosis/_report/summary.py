@@ -50,15 +50,7 @@ and its answer spoke of a drive that depends on speed."""
 
 
 def summary(diag: Findings) -> str:
-    """The answer, in at most sixty words and four figures.
-
-    Example:
-        >>> print(summary(diag))
-        The logs look sound.
-        Found: commands within ±0.40 V do nothing.
-        The thrust error on logs kept out of the fit falls from 3.4 to 0.41 N.
-        Copy: effects = ["command_deadband"]
-    """
+    """The answer, in at most sixty words and four figures."""
     found = [
         _missing(diag),
         _unmeasured(diag),
