@@ -11,7 +11,6 @@ import numpy as np
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import criterion, missed, no_better, price_of, unseen_gain
 from diffthrust.diagnosis._explained_share import (
-    BeforeAfter,
     Worth,
     explained_share,
     matters,
@@ -187,14 +186,14 @@ def worths_between(before: FittedStage, after: FittedStage) -> tuple[Worth, Wort
     return explained_share(unseen or trained), explained_share([*trained, *unseen])
 
 
-def errors_between(baseline: Sequence[Run], updated: Sequence[Run]) -> list[dict[str, BeforeAfter]]:
-    """The errors of two models over whole runs of the same logs, log by log."""
+def errors_between(*models: Sequence[Run]) -> list[dict[str, tuple[np.ndarray, ...]]]:
+    """By log and channel what was measured, and the errors of each model over whole runs."""
     return [
         {
-            name: BeforeAfter(trace.measured, trace.residual, new.channels[name].residual)
-            for name, trace in old.channels.items()
+            name: (trace.measured, *(run.channels[name].residual for run in runs))
+            for name, trace in runs[0].channels.items()
         }
-        for old, new in zip(baseline, updated, strict=True)
+        for runs in zip(*models, strict=True)
     ]
 
 

@@ -19,10 +19,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from diffthrust.diagnosis._admission import (
     ended_worse,
+    errors_between,
     record_stage,
     refitted_stage,
     worths_between,
@@ -96,7 +95,7 @@ def shares_by_steps(
     Of unseen logs if there are any, and beside these of all logs together. The runs are those of
     one model after the other; for each share there are the steps that it is of (`shares_of_steps`).
     """
-    trained, judged = _errors(training), _errors(unseen)
+    trained, judged = errors_between(*training), errors_between(*unseen)
     if not steps:
         return []
     worths = shares_of_steps(judged or trained, steps)
@@ -105,17 +104,6 @@ def shares_by_steps(
     everywhere = shares_of_steps([*trained, *judged], steps)
     return [
         replace(worth, everywhere=joint) for worth, joint in zip(worths, everywhere, strict=True)
-    ]
-
-
-def _errors(by_stage: Sequence[Sequence[Run]]) -> list[dict[str, tuple[np.ndarray, ...]]]:
-    """For each log and channel what was measured, and the errors stage by stage."""
-    return [
-        {
-            name: (trace.measured, *(run.channels[name].residual for run in runs))
-            for name, trace in runs[0].channels.items()
-        }
-        for runs in zip(*by_stage, strict=True)
     ]
 
 

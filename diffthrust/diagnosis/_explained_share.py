@@ -118,11 +118,11 @@ def share_words(share: float) -> str:
     return f"-{percent(-share)}" if share < 0 else percent(share)
 
 
-def explained_share(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:
+def explained_share(logs: Sequence[Mapping[str, Sequence[np.ndarray]]], seed: int = 0) -> Worth:
     """The share of the squared errors that a change removes, with its interval.
 
     Args:
-        logs: for each log the errors of its channels.
+        logs: for each log and channel what was measured, and the errors before and after.
         seed: of the bootstrap.
 
     Example:
