@@ -7,9 +7,8 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,70 +29,87 @@ _MARKS = ("accepted", "random_states")
 _SCHEMA = 2
 _OWN = "diffthrust"
 """Group with the identity of the problem; the chain itself is in emcee's group ``mcmc``."""
+_AS_IT_WAS = "Name a file that does not exist yet; this one was left as it is."
 
 
-@dataclass(frozen=True)
-class Stored:
-    """A chain and the state needed to resume it.
+class Chain(emcee.backends.Backend):
+    """emcee's own record of a chain in memory, with what a run needs to resume it.
 
-    Args:
-        chain: coordinates by step and walker, ``(n, W, d)``, those of the warmup first.
-        log_prob: log densities, ``(n, W)``.
-        levels: noise levels, ``(n, W, C)``.
-        accepted: accepted proposals of each walker, ``(W,)``.
-        random_state: of the generator after the last step.
-        marks: accepted proposals and the generator's state after every `BLOCK` steps.
-        centre: of the proposals, ``(d,)``.
-        root: of their covariance, lower triangle, ``(d, d)``.
+    The steps of the warmup come first. ``centre`` ``(d,)`` and ``root`` ``(d, d)``, the lower
+    triangle of the covariance, are those of the first proposals; ``marks`` are taken at the end of
+    every `BLOCK` steps.
     """
 
-    chain: np.ndarray
-    log_prob: np.ndarray
-    levels: np.ndarray
-    accepted: np.ndarray
-    random_state: tuple[Any, ...]
-    centre: np.ndarray
-    root: np.ndarray
-    marks: tuple[Mark, ...] = ()
+    def __init__(
+        self, walkers: int, centre: np.ndarray, root: np.ndarray, random_state: Any
+    ) -> None:
+        super().__init__()
+        self.reset(walkers, centre.size)
+        self.centre, self.root, self.random_state = centre, root, random_state
+        self.marks: tuple[Mark, ...] = ()
 
-    def beginning(self, blocks: int) -> Stored:
+    def filled(
+        self,
+        chain: np.ndarray,
+        log_prob: np.ndarray,
+        levels: np.ndarray,
+        accepted: np.ndarray,
+        marks: Sequence[Mark],
+    ) -> Chain:
+        """This chain with steps ``(n, W, d)``, their log densities and noise levels."""
+        self.chain, self.log_prob, self.accepted = chain, log_prob, accepted
+        levels = levels.reshape(len(chain), self.nwalkers, -1)
+        # emcee keeps a single number per walker without an axis of its own
+        self.blobs = levels[..., 0] if levels.shape[-1] == 1 else levels
+        self.iteration, self.marks = len(chain), tuple(marks)
+        return self
+
+    @property
+    def steps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates ``(n, W, d)``, log densities ``(n, W)``, noise levels ``(n, W, C)``."""
+        n = self.iteration
+        levels = self.blobs[:n].reshape(n, self.nwalkers, -1)
+        return self.chain[:n], self.log_prob[:n], levels
+
+    def save_step(self, state: Any, accepted: np.ndarray) -> None:
+        """Add a step, and a mark at the end of a block."""
+        super().save_step(state, accepted)
+        if self.iteration == (len(self.marks) + 1) * BLOCK:
+            self.marks += ((self.accepted.copy(), packed(self.random_state)),)
+
+    def beginning(self, blocks: int) -> Chain:
         """The chain after the given number of blocks."""
-        steps = blocks * BLOCK
         accepted, state = self.marks[blocks - 1]
         *words, place, has, spare = state
-        return replace(
-            self,
-            chain=self.chain[:steps],
-            log_prob=self.log_prob[:steps],
-            levels=self.levels[:steps],
-            accepted=accepted,
-            random_state=("MT19937", np.array(words, np.uint32), int(place), int(has), spare),
-            marks=self.marks[:blocks],
-        )
+        generator = ("MT19937", np.array(words, np.uint32), int(place), int(has), spare)
+        chain, log_prob, levels = (steps[: blocks * BLOCK] for steps in self.steps)
+        begun = Chain(self.nwalkers, self.centre, self.root, generator)
+        return begun.filled(chain, log_prob, levels, accepted, self.marks[:blocks])
 
 
-def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...]) -> bytes:
+def chain_bytes(chain: Chain, who: Mapping[str, Any], labels: tuple[str, ...]) -> bytes:
     """The bytes of the file: equal for equal chains, in the layout of `emcee.backends.HDFBackend`.
 
     The file is rebuilt in memory each time: its bytes then do not depend on how often it was saved,
     and a resumed run gives the same file as an uninterrupted one.
     """
-    steps, walkers, dim = stored.chain.shape
-    # never a file that is open: a process killed while HDF5 writes leaves a file that no one can
-    # read
+    steps, log_prob, levels = chain.steps
+    count, walkers, dim = steps.shape
+    # never a file that is open, as emcee's own back end writes it: a process killed while HDF5
+    # writes leaves a file that no one can read
     with h5py.File("memory", "w", driver="core", backing_store=False) as f:
         g = f.create_group("mcmc")
         g.attrs["version"] = emcee.__version__
         g.attrs["nwalkers"], g.attrs["ndim"] = walkers, dim
-        g.attrs["has_blobs"], g.attrs["iteration"] = True, steps
-        for i, value in enumerate(stored.random_state):
+        g.attrs["has_blobs"], g.attrs["iteration"] = True, count
+        for i, value in enumerate(chain.random_state):
             g.attrs[f"random_state_{i}"] = value
-        g.create_dataset("accepted", data=stored.accepted)
-        g.create_dataset("chain", data=stored.chain, maxshape=(None, walkers, dim))
-        g.create_dataset("log_prob", data=stored.log_prob, maxshape=(None, walkers))
-        kind = np.dtype((np.float64, stored.levels.shape[2:]))
-        blobs = g.create_dataset("blobs", (steps, walkers), maxshape=(None, walkers), dtype=kind)
-        blobs[...] = stored.levels
+        g.create_dataset("accepted", data=chain.accepted)
+        g.create_dataset("chain", data=steps, maxshape=(None, walkers, dim))
+        g.create_dataset("log_prob", data=log_prob, maxshape=(None, walkers))
+        kind = np.dtype((np.float64, levels.shape[2:]))
+        blobs = g.create_dataset("blobs", (count, walkers), maxshape=(None, walkers), dtype=kind)
+        blobs[...] = levels
         own_group = f.create_group(_OWN)
         text = json.dumps(who, sort_keys=True)
         own_group.attrs["schema"] = _SCHEMA
@@ -101,11 +117,11 @@ def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...])
         own_group.attrs["coordinates"] = np.array([label.encode() for label in labels])
         # an attribute could not hold a large model
         own_group.create_dataset("problem", data=np.frombuffer(text.encode(), np.uint8))
-        own_group.create_dataset("centre", data=stored.centre)
-        own_group.create_dataset("root", data=stored.root)
-        for i, name in enumerate(_MARKS if stored.marks else ()):
-            own_group.create_dataset(name, data=np.array([mark[i] for mark in stored.marks]))
-        own_group.create_dataset("checksums", data=_checksums(stored, text))
+        own_group.create_dataset("centre", data=chain.centre)
+        own_group.create_dataset("root", data=chain.root)
+        for i, name in enumerate(_MARKS if chain.marks else ()):
+            own_group.create_dataset(name, data=np.array([mark[i] for mark in chain.marks]))
+        own_group.create_dataset("checksums", data=_checksums(chain, text))
         f.flush()
         return f.id.get_file_image()
 
@@ -115,23 +131,22 @@ def packed(state: tuple[Any, ...]) -> np.ndarray:
     return np.array([*state[1], *state[2:]], float)
 
 
-def _checksums(stored: Stored, problem: str) -> np.ndarray:
+def _checksums(chain: Chain, problem: str) -> np.ndarray:
     """SHA-256 of the header, of each block, and of the end, ``(blocks + 2, 32)``."""
-    text = np.frombuffer(problem.encode(), np.uint8)
-    sums = [_sum(stored.centre, stored.root, text)]
-    ends = [*stored.marks, (stored.accepted, packed(stored.random_state))]
+
+    def digest(*arrays: np.ndarray) -> np.ndarray:
+        sha = hashlib.sha256()
+        for array in arrays:
+            sha.update(f"{array.shape}".encode())
+            sha.update(np.ascontiguousarray(array, float).tobytes())
+        return np.frombuffer(sha.digest(), np.uint8)
+
+    sums = [digest(chain.centre, chain.root, np.frombuffer(problem.encode(), np.uint8))]
+    ends = [*chain.marks, (chain.accepted, packed(chain.random_state))]
     for i, end in enumerate(ends):
-        steps = slice(i * BLOCK, (i + 1) * BLOCK if i < len(stored.marks) else None)
-        sums.append(_sum(stored.chain[steps], stored.log_prob[steps], stored.levels[steps], *end))
+        block = slice(i * BLOCK, (i + 1) * BLOCK if i < len(chain.marks) else None)
+        sums.append(digest(*(steps[block] for steps in chain.steps), *end))
     return np.array(sums)
-
-
-def _sum(*arrays: np.ndarray) -> np.ndarray:
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(f"{array.shape}".encode())
-        digest.update(np.ascontiguousarray(array, float).tobytes())
-    return np.frombuffer(digest.digest(), np.uint8)
 
 
 def write(path: Path, data: bytes) -> None:
@@ -155,7 +170,12 @@ def write(path: Path, data: bytes) -> None:
             with suppress(OSError):
                 temporary.unlink()
             raise
-        _settle(target.parent)
+        with suppress(OSError):  # the folder's entry as well, if the system allows it
+            handle = os.open(target.parent, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
     except FileNotFoundError:
         raise InputError(
             f"{path}: the chain cannot be saved: its temporary file or its folder is gone. Another "
@@ -172,22 +192,12 @@ def write(path: Path, data: bytes) -> None:
         ) from None
 
 
-def _settle(folder: Path) -> None:
-    """Flush the folder's entry to the disk as well, if the system allows it."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-
-
 def _temporary(target: Path) -> Path:
     # a fixed name: a resumed run overwrites what a killed run left behind
     return target.with_name(f".{target.name}.tmp")
 
 
-def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
+def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Chain | None:
     """The chain in a file, or ``None`` if there is no file yet.
 
     Raises:
@@ -210,52 +220,48 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
             text = own_group["problem"][...].tobytes().decode()
             # the first, its name, is a string for emcee, in the heap
             words, place, has, spare = (g.attrs[f"random_state_{i}"] for i in range(1, 5))
+            generator = ("MT19937", words, int(place), int(has), float(spare))
+            steps = g["chain"][...]
+            centre, root = own_group["centre"][...], own_group["root"][...]
             marks = [own_group[n][...] for n in _MARKS if n in own_group]
-            stored = Stored(
-                chain=g["chain"][...],
-                log_prob=g["log_prob"][...],
-                levels=g["blobs"][...],
-                accepted=g["accepted"][...],
-                random_state=("MT19937", words, int(place), int(has), float(spare)),
-                centre=own_group["centre"][...],
-                root=own_group["root"][...],
-                marks=tuple(zip(*marks, strict=True)),
+            chain = Chain(steps.shape[1], centre, root, generator).filled(
+                steps,
+                g["log_prob"][...],
+                g["blobs"][...],
+                g["accepted"][...],
+                tuple(zip(*marks, strict=True)),
             )
             checksums = own_group["checksums"][...]
             labels = tuple(label.decode() for label in own_group.attrs["coordinates"])
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        # InputError is a ValueError: the message above must pass as it is
-        if isinstance(error, InputError):
-            raise
+    except InputError:  # a ValueError, too
+        raise
+    except (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         raise InputError(
             f"{path}: expected the file of a chain, found a file that is damaged or of another "
             f"kind ({error}).",
-            "Name a file that does not exist yet; this one was left as it is.",
+            _AS_IT_WAS,
         ) from None
-    _check_sums(path, stored, text, checksums, labels)
+    _check_sums(path, chain, text, checksums, labels)
     same_problem(path, json.loads(text), who)
     _try(path, target)
-    return stored
+    return chain
 
 
 def _check_sums(
-    path: Path, stored: Stored, text: str, expected: np.ndarray, labels: tuple[str, ...]
+    path: Path, chain: Chain, text: str, expected: np.ndarray, labels: tuple[str, ...]
 ) -> None:
     """Raise `InputError` for a damaged chain; the sound blocks are saved to another file."""
-    computed = _checksums(stored, text)
+    computed = _checksums(chain, text)
     if np.array_equal(computed, expected):
         return
     rows = min(len(computed), len(expected) if expected.shape[1:] == computed.shape[1:] else 0)
     same = (computed[:rows] == expected[:rows]).all(axis=1)
-    sound = min(int(np.argmin([*same, False])) - 1, len(stored.marks))  # blocks after the first sum
+    sound = min(int(np.argmin([*same, False])) - 1, len(chain.marks))  # blocks after the first sum
     problem = f"{path}: the chain is damaged: what is read is not what was written"
     if sound < 1:
-        raise InputError(
-            f"{problem}, from its beginning on.",
-            "Name a file that does not exist yet; this one was left as it is.",
-        )
+        raise InputError(f"{problem}, from its beginning on.", _AS_IT_WAS)
     kept = path.with_name(f"{path.stem}.sound{path.suffix}")
-    write(kept, chain_bytes(stored.beginning(sound), json.loads(text), labels))
+    write(kept, chain_bytes(chain.beginning(sound), json.loads(text), labels))
     raise InputError(
         f"{problem} from step {sound * BLOCK + 1} on. The sound beginning is kept in {kept.name}; "
         f"{path.name} was left as it is.",
@@ -298,8 +304,8 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
             _digest(digest, jax.tree.map(lambda a, row=row: a[row], arrays))
             data[f"log {index + 1}"] = digest.hexdigest()
     for i, channel in enumerate(layout.channels):
-        level = float(numbers.noise[i]) if layout.known_noise[i] else None
-        data[f"noise of {channel}"] = "estimated" if level is None else repr(level)
+        is_known, level = layout.known_noise[i], numbers.noise[i]
+        data[f"noise of {channel}"] = repr(float(level)) if is_known else "estimated"
     facts = {
         **settings,
         "likelihood": fit.likelihood,
@@ -330,22 +336,19 @@ def _digest(digest: Any, tree: Any) -> None:
 
 def same_problem(path: Path, stored: Any, current: Mapping[str, Mapping[str, str]]) -> None:
     """Raise `InputError` if a file holds the chain of another problem; names the differences."""
-    if stored == current:
-        return
     differing = []
-    for section in ("model", "parameters", "data", "settings"):
-        a, b = stored.get(section, {}), current[section]
-        names = [name for name in {**a, **b} if a.get(name) != b.get(name)]
+    for section, facts in current.items():
+        filed = stored.get(section, {})
+        names = [name for name in {**filed, **facts} if filed.get(name) != facts.get(name)]
         if section == "model" and names:
-            differing.append(f"model: {', '.join(a)} in the file, {', '.join(b)} now")
+            differing.append(f"model: {', '.join(filed)} in the file, {', '.join(facts)} now")
         elif section == "data" and names:
             differing.append(f"data: {', '.join(names)}")
-        elif names:
-            differing += [
-                f"{section}, {n}: {a.get(n, 'absent')} in the file, {b.get(n, 'absent')} now"
-                for n in names
-            ]
-    raise InputError(
-        f"{path}: the chain of another problem. What differs: {'; '.join(differing)}.",
-        "Name another file, or sample with what this one was begun with. It was left as it is.",
-    )
+        else:
+            ends = ((n, filed.get(n, "absent"), facts.get(n, "absent")) for n in names)
+            differing += [f"{section}, {n}: {a} in the file, {b} now" for n, a, b in ends]
+    if differing:
+        raise InputError(
+            f"{path}: the chain of another problem. What differs: {'; '.join(differing)}.",
+            "Name another file, or sample with what this one was begun with. It was left as it is.",
+        )

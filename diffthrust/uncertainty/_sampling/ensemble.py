@@ -13,17 +13,13 @@ import emcee
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, reporter
+from diffthrust._support.progress import Progress
 from diffthrust.uncertainty._sampling import chain_file
-from diffthrust.uncertainty._sampling.chain_file import (
-    BLOCK,
-    Mark,
-    Stored,
-    packed,
-    problem_identity,
-)
+from diffthrust.uncertainty._sampling.chain_file import Chain, problem_identity
 from diffthrust.uncertainty._sampling.posterior import LANES, Posterior
 
+Density = Callable[[np.ndarray], np.ndarray]
+Proposal = Callable[[np.ndarray, Any], tuple[np.ndarray, np.ndarray]]
 _TAILS = 5.0
 """Degrees of freedom of independent proposals: heavier tails than most posteriors."""
 _MOST_INDEPENDENT = 0.7
@@ -40,14 +36,10 @@ SAVE_SHARE = 20.0
 
 @dataclass(frozen=True)
 class Chains:
-    """The result of a sampler.
+    """The result of a sampler, after the warmup.
 
-    Args:
-        points: coordinates after the warmup, ``(chains, draws, d)``.
-        log_prob: log densities, ``(chains, draws)``.
-        levels: noise levels, ``(chains, draws, C)``.
-        stats: further statistics of the sampler by name, ``(chains, draws)`` each.
-        attrs: statistics of the run.
+    Coordinates ``(chains, draws, d)``, log densities ``(chains, draws)``, noise levels ``(chains,
+    draws, C)``; further statistics by name ``(chains, draws)``, and those of the run.
     """
 
     points: np.ndarray
@@ -57,12 +49,23 @@ class Chains:
     attrs: Mapping[str, Any] = field(default_factory=dict)
 
 
-def default_walkers(dim: int) -> int:
-    """At least twice as many walkers as coordinates, and enough to fill the vector registers.
+def walkers_for(posterior: Posterior, wanted: int | None) -> int:
+    """The number of walkers, even and enough for the coordinates.
 
-    emcee evaluates half of the walkers at a time, hence two times `LANES`.
+    By default enough to fill the vector registers, too: emcee evaluates half of them at a time.
     """
-    return max(2 * LANES, 2 * (dim + 1))
+    # with fewer walkers than twice the coordinates stretch moves stay in a subspace (Goodman &
+    # Weare 2010)
+    least = 2 * (posterior.dim + 1)
+    if wanted is None:
+        return max(2 * LANES, least)
+    if wanted < least or wanted % 2:
+        raise InputError(
+            f"walkers: expected an even number of at least {least}, for {posterior.dim} "
+            f"coordinates ({', '.join(posterior.labels)}), found {wanted}.",
+            f"Give {max(least, wanted + wanted % 2)} or more.",
+        )
+    return wanted
 
 
 def lanes_of(walkers: int) -> int:
@@ -77,29 +80,29 @@ def lanes_of(walkers: int) -> int:
 
 def run_ensemble(
     posterior: Posterior,
+    report: Progress,
+    file: Path | None,
     *,
     draws: int,
     warmup: int,
     walkers: int,
     seed: int,
-    file: Path | None = None,
-    progress: Progress | None = None,
 ) -> Chains:
     """Sample a posterior.
 
     With a ``file`` the run is saved every few seconds, and a killed run resumes from its last save:
     steps and final file are identical to those of an uninterrupted run.
     """
-    report = reporter(progress)
     lanes, total = lanes_of(walkers), warmup + draws
     who = problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
-    stored = chain_file.read(file, who) if file else None
-    if stored is None:
-        stored = _begin(posterior, walkers, seed)
-    elif file and len(stored.chain):
-        _same_density(file, posterior, stored, lanes)
-    backend = _backend(stored, walkers)
-    saving = _Saving(file, who, posterior.labels, stored, backend)
+    chain = chain_file.read(file, who) if file else None
+    if chain is None:
+        state: Any = np.random.RandomState(seed).get_state()
+        root = np.linalg.cholesky(posterior.covariance)
+        chain = Chain(walkers, posterior.centre, root, state)
+    elif file and chain.iteration:
+        _same_density(file, posterior, chain, lanes)
+    saving = _Saving(file, who, posterior.labels, chain)
 
     def density(points: np.ndarray) -> np.ndarray:
         log_prob, levels = posterior.batch(points, lanes)
@@ -109,40 +112,28 @@ def run_ensemble(
         # two legs: proposals are adapted once, half-way through the warmup, and are fixed for all
         # draws
         for until in (min(warmup // 2, total), total):
-            if backend.iteration >= until:
+            if chain.iteration >= until:
                 continue
-            centre, root, share = stored.centre, stored.root, _MOST_INDEPENDENT
+            centre, root, share = chain.centre, chain.root, _MOST_INDEPENDENT
             if until == total and warmup >= 8:
-                centre, root, share = _adapted(backend, density, stored, warmup, seed)
-            sampler: Any = emcee.EnsembleSampler(
-                walkers,
-                posterior.dim,
-                density,
-                moves=_moves(centre, root, share),
-                vectorize=True,
-                backend=backend,
-                blobs_dtype=float,
-            )
-            sampler.log_prob_fn = density  # emcee's wrapper would print a traceback on an interrupt
-            if backend.iteration:
-                start = backend.get_last_sample()
+                centre, root, share = _adapted(chain, density, warmup, seed)
+            sampler = _sampler(chain, density, centre, root, share)
+            if chain.iteration:
+                start = chain.get_last_sample()
             else:
-                first = _walkers(posterior, stored.root, walkers, seed)
-                start = emcee.State(first, random_state=stored.random_state)
+                first = _walkers(posterior, chain.root, walkers, seed)
+                start = emcee.State(first, random_state=chain.random_state)
             # emcee's check rejects nearly coplanar walkers, which narrow posteriors produce
             for _ in sampler.sample(
-                start, iterations=until - backend.iteration, skip_initial_state_check=True
+                start, iterations=until - chain.iteration, skip_initial_state_check=True
             ):
-                at = backend.iteration
-                saving.mark()
+                at = chain.iteration
                 if at % 20 == 0:
                     report("warmup" if at < warmup else "drawing", at / total)
                 saving.now_and_then()
-    except KeyboardInterrupt:
+    finally:
         saving.finish()
-        raise
-    saving.finish()
-    return _chains(backend, warmup, draws)
+    return _chains(chain, warmup, draws)
 
 
 @dataclass
@@ -152,105 +143,62 @@ class _Saving:
     file: Path | None
     who: Mapping[str, Any]
     labels: tuple[str, ...]
-    stored: Stored
-    """The chain as it was when the run began."""
-    backend: Any
-    """emcee's record of the chain."""
+    chain: Chain
     saved: float = field(default_factory=time.monotonic)
     took: float = 0.0
-    marks: list[Mark] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.marks = [*self.stored.marks]
-
-    def mark(self) -> None:
-        """Record the generator's state at the end of a block, from which a run can resume."""
-        if self.backend.iteration == (len(self.marks) + 1) * BLOCK:
-            state = packed(self.backend.random_state)
-            self.marks.append((self.backend.accepted.copy(), state))
+        self.begun = self.chain.iteration
 
     def now_and_then(self) -> None:
         """Save if the last save is long enough ago."""
         now = time.monotonic()
-        if self.file and now - self.saved >= max(SAVE_EVERY, SAVE_SHARE * self.took):
-            self._save(self.file)
+        if now - self.saved >= max(SAVE_EVERY, SAVE_SHARE * self.took):
+            self.finish()
             self.saved = time.monotonic()
             self.took = self.saved - now
 
     def finish(self) -> None:
         """Save what the run has added."""
-        if self.file and self.backend.iteration > len(self.stored.chain):
-            self._save(self.file)
-
-    def _save(self, file: Path) -> None:
-        backend, (_, walkers, channels) = self.backend, self.stored.levels.shape
-        now = Stored(
-            backend.chain[: backend.iteration],
-            backend.log_prob[: backend.iteration],
-            backend.blobs[: backend.iteration].reshape(-1, walkers, channels),
-            backend.accepted,
-            backend.random_state,
-            self.stored.centre,
-            self.stored.root,
-            tuple(self.marks),
-        )
-        chain_file.write(file, chain_file.chain_bytes(now, self.who, self.labels))
+        if self.file and self.chain.iteration > self.begun:
+            chain_file.write(self.file, chain_file.chain_bytes(self.chain, self.who, self.labels))
 
 
 def _adapted(
-    backend: Any,
-    density: Callable[[np.ndarray], np.ndarray],
-    stored: Stored,
-    warmup: int,
-    seed: int,
+    chain: Chain, density: Density, warmup: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Adapt the independence proposals to the second quarter of the warmup."""
+    """Proposals adapted to the second quarter of the warmup, and their share of the moves.
+
+    The share is lower if few would be accepted, estimated by one proposal, with a separate
+    generator, from each of the quarter's last points.
+    """
     quarter = slice(warmup // 4, warmup // 2)
-    centre, root = learned(backend.chain[quarter], stored.centre, stored.root)
+    centre, root = learned(chain.chain[quarter], chain.centre, chain.root)
     late = slice(max(quarter.start, quarter.stop - 8), quarter.stop)
-    points = backend.chain[late].reshape(-1, centre.size)
-    log_prob = backend.log_prob[late].ravel()
-    return centre, root, _suited(density, points, log_prob, centre, root, seed)
+    points = chain.chain[late].reshape(-1, centre.size)
+    proposed, factors = independent_proposals(centre, root)(points, np.random.RandomState(seed))
+    gain = density(proposed)[:, 0] - chain.log_prob[late].ravel() + factors
+    accepted = float(np.mean(np.exp(np.minimum(gain, 0.0))))
+    # never none at all: they are the only moves that leave one mode for another at once
+    return centre, root, max(0.1, _MOST_INDEPENDENT * min(1.0, accepted / _ENOUGH))
 
 
-def _chains(backend: Any, warmup: int, draws: int) -> Chains:
-    """The chain after the warmup, thinned."""
-    kept = slice(warmup, warmup + draws)
-    chain, walkers = backend.chain[kept], backend.chain.shape[1]
-    levels = backend.blobs[kept].reshape(draws, walkers, -1)
-    thin = _thinning(chain)
+def _chains(chain: Chain, warmup: int, draws: int) -> Chains:
+    """The chain after the warmup, thinned by half the autocorrelation time: next to no loss."""
+    points, log_prob, levels = (steps[warmup : warmup + draws] for steps in chain.steps)
+    thin = 1
+    if draws >= 100:
+        memory = np.min(emcee.autocorr.integrated_time(points, tol=0, quiet=True))
+        thin = max(1, int(0.5 * memory)) if np.isfinite(memory) else 1
     return Chains(
-        points=np.swapaxes(chain, 0, 1)[:, ::thin],
-        log_prob=backend.log_prob[kept].T[:, ::thin],
+        points=np.swapaxes(points, 0, 1)[:, ::thin],
+        log_prob=log_prob.T[:, ::thin],
         levels=np.swapaxes(levels, 0, 1)[:, ::thin],
         attrs={
-            "acceptance_rate": float(np.mean(backend.accepted) / backend.iteration),
+            "acceptance_rate": float(np.mean(chain.accepted) / chain.iteration),
             "thin": thin,
-            "walkers": walkers,
+            "walkers": chain.nwalkers,
         },
-    )
-
-
-def _thinning(chain: np.ndarray) -> int:
-    """Thinning: half the autocorrelation time, which loses almost no information."""
-    if chain.shape[0] < 100:
-        return 1
-    memory = np.min(emcee.autocorr.integrated_time(chain, tol=0, quiet=True))
-    return max(1, int(0.5 * memory)) if np.isfinite(memory) else 1
-
-
-def _begin(posterior: Posterior, walkers: int, seed: int) -> Stored:
-    """An empty chain."""
-    channels = len(posterior.problem.layout.channels)
-    state: Any = np.random.RandomState(seed).get_state()
-    return Stored(
-        np.empty((0, walkers, posterior.dim)),
-        np.empty((0, walkers)),
-        np.empty((0, walkers, channels)),
-        np.zeros(walkers),
-        state,
-        posterior.centre,
-        np.linalg.cholesky(posterior.covariance),
     )
 
 
@@ -277,14 +225,14 @@ def _walkers(posterior: Posterior, root: np.ndarray, walkers: int, seed: int) ->
     )
 
 
-def _same_density(file: Path, posterior: Posterior, stored: Stored, lanes: int) -> None:
+def _same_density(file: Path, posterior: Posterior, chain: Chain, lanes: int) -> None:
     """Raise `InputError` if the last walkers of a file have another density now.
 
     Equations may have changed under the same names, which the identity does not show.
     """
-    now, _ = posterior.batch(stored.chain[-1], lanes)
-    if not np.allclose(now, stored.log_prob[-1], rtol=1e-6, atol=1e-6):
-        away = float(np.max(np.abs(now - stored.log_prob[-1])))
+    now, _ = posterior.batch(chain.chain[-1], lanes)
+    if not np.allclose(now, chain.log_prob[-1], rtol=1e-6, atol=1e-6):
+        away = float(np.max(np.abs(now - chain.log_prob[-1])))
         raise InputError(
             f"{file}: the chain of another problem. Its last walkers have other densities now (by "
             f"up to {away:.3g}): an equation, an effect or the integrator has changed.",
@@ -292,22 +240,7 @@ def _same_density(file: Path, posterior: Posterior, stored: Stored, lanes: int) 
         )
 
 
-def _backend(stored: Stored, walkers: int) -> Any:
-    backend = emcee.backends.Backend()
-    backend.reset(walkers, stored.chain.shape[2])
-    if len(stored.chain):
-        backend.chain, backend.log_prob = stored.chain, stored.log_prob
-        # emcee keeps a single number per walker without an axis of its own
-        single = stored.levels.shape[-1] == 1
-        backend.blobs = stored.levels[..., 0] if single else stored.levels
-        backend.accepted, backend.random_state = stored.accepted, stored.random_state
-        backend.iteration = len(stored.chain)
-    return backend
-
-
-def independent_proposals(
-    centre: np.ndarray, root: np.ndarray
-) -> Callable[[np.ndarray, Any], tuple[np.ndarray, np.ndarray]]:
+def independent_proposals(centre: np.ndarray, root: np.ndarray) -> Proposal:
     """Independence proposals: multivariate t about the fit.
 
     If the posterior is close to the fit's Gaussian, most are accepted, and each is an independent
@@ -331,32 +264,20 @@ def independent_proposals(
     return propose
 
 
-def _moves(centre: np.ndarray, root: np.ndarray, share: float) -> list[tuple[Any, float]]:
+def _sampler(
+    chain: Chain, density: Density, centre: np.ndarray, root: np.ndarray, share: float
+) -> Any:
     """Independence proposals, and moves by other walkers for non-Gaussian posteriors."""
-    return [
-        (emcee.moves.MHMove(independent_proposals(centre, root), ndim=centre.size), share),
+    independent = emcee.moves.MHMove(independent_proposals(centre, root), ndim=centre.size)
+    moves = [
+        (independent, share),
         (emcee.moves.DEMove(), (1 - share) * 2 / 3),
         (emcee.moves.StretchMove(), (1 - share) / 3),
     ]
-
-
-def _suited(
-    density: Callable[[np.ndarray], np.ndarray],
-    points: np.ndarray,
-    log_prob: np.ndarray,
-    centre: np.ndarray,
-    root: np.ndarray,
-    seed: int,
-) -> float:
-    """The share of independence proposals: lower if few would be accepted.
-
-    Estimated by one proposal from each of the points, ``(n, d)``, with a separate generator.
-    """
-    propose = independent_proposals(centre, root)
-    new, factors = propose(points, np.random.RandomState(seed))
-    accepted = np.exp(np.minimum(density(new)[:, 0] - log_prob + factors, 0.0))
-    # never none at all: they are the only moves that leave one mode for another at once
-    return max(0.1, _MOST_INDEPENDENT * min(1.0, float(np.mean(accepted)) / _ENOUGH))
+    common = {"moves": moves, "vectorize": True, "backend": chain, "blobs_dtype": float}
+    sampler: Any = emcee.EnsembleSampler(chain.nwalkers, chain.ndim, density, **common)
+    sampler.log_prob_fn = density  # emcee's wrapper would print a traceback on an interrupt
+    return sampler
 
 
 def learned(

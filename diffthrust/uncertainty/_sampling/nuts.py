@@ -14,7 +14,7 @@ import numpy as np
 from diffthrust._support._running.batching import run_program
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress, reporter
+from diffthrust._support.progress import Progress
 from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import DensityShape, Posterior, log_density
 
@@ -66,36 +66,30 @@ def from_coordinates(box: Box, low: np.ndarray, high: np.ndarray, x: np.ndarray)
     return u, slope
 
 
-def _smooth(shape: DensityShape, box: Box, data: Any, v: Any) -> Any:
-    """Log density of a whitened, unbounded point, with a custom derivative in forward mode.
-
-    BlackJAX differentiates in reverse mode, which takes a hundred times as long through the loop
-    over a log. The custom rule computes the full gradient in one forward pass and multiplies it by
-    the tangent, a linear function that reverse mode transposes at no cost.
-    """
+def _density(shape: DensityShape, box: Box, data: Any, v: Any) -> Any:
     x, grown = to_coordinates(box, data, v)
     return log_density(shape, data, x)[0] + grown
 
 
-def _smooth_jvp(shape: DensityShape, box: Box, primals: Any, tangents: Any) -> tuple[Any, Any]:
+smooth: Any = jax.custom_jvp(_density, nondiff_argnums=(0, 1))
+"""Log density of a whitened, unbounded point, with a custom derivative in forward mode.
+
+BlackJAX differentiates in reverse mode, which takes a hundred times as long through the loop over a
+log. The custom rule computes the full gradient in one forward pass and multiplies it by the
+tangent, a linear function that reverse mode transposes at no cost.
+"""
+
+
+@smooth.defjvp
+def _(shape: DensityShape, box: Box, primals: Any, tangents: Any) -> tuple[Any, Any]:
     data, v = primals
-
-    def push(direction: Any) -> tuple[Any, Any]:
-        def density(at: Any) -> Any:
-            x, grown = to_coordinates(box, data, at)
-            return log_density(shape, data, x)[0] + grown
-
-        return jax.jvp(density, (v,), (direction,))
-
-    value, gradient = jax.vmap(push, out_axes=(None, 0))(jnp.eye(v.shape[0]))
+    push = partial(jax.jvp, partial(_density, shape, box, data), (v,))
+    basis = (jnp.eye(v.shape[0]),)
+    value, gradient = jax.vmap(push, out_axes=(None, 0))(basis)
     # outside the density is -inf; a NaN in its slope would poison the whole trajectory, where a
     # zero ends it as a divergence
     fine = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
     return value, jnp.where(fine, gradient, 0.0) @ tangents[1]
-
-
-smooth: Any = jax.custom_jvp(_smooth, nondiff_argnums=(0, 1))
-smooth.defjvp(_smooth_jvp)
 
 
 class Target(Protocol):
@@ -191,23 +185,22 @@ def sample_target(
     warmup: int,
     chains: int,
     seed: int,
-    progress: Progress | None = None,
+    progress: Progress,
 ) -> Walked:
     """Sample a target in ``dim`` coordinates by NUTS, from standard normal starts.
 
     Chains run in the lanes of the vector registers: four take hardly longer than one.
     """
-    report = reporter(progress)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
     # in whitened coordinates: spread as the posterior is, so that R-hat can see chains that do not
     # mix
     starts = jax.random.normal(begin, (chains, dim))
-    report("warmup", 0.0)
+    progress("warmup", 0.0)
     keys = jax.random.key_data(jax.random.split(adapt, chains))
     state, step, mass = run_program(warm_up, (target, warmup), (data, starts, keys), rows=chains)
     parts = []
     for block in range(-(-draws // _BLOCK)):
-        report("drawing", (warmup + block * _BLOCK) / (warmup + draws))
+        progress("drawing", (warmup + block * _BLOCK) / (warmup + draws))
         # by the number of the block: more draws continue the same stream
         keys = jax.random.split(jax.random.fold_in(on, block), (chains, _BLOCK))
         numbers = (data, state, step, mass, jax.random.key_data(keys))
@@ -220,39 +213,22 @@ def sample_target(
     return Walked(kept, log_prob, stats)
 
 
-def run_nuts(
-    posterior: Posterior,
-    *,
-    draws: int,
-    warmup: int,
-    chains: int,
-    seed: int,
-    progress: Progress | None = None,
-) -> Chains:
-    """Sample a posterior by NUTS."""
-    box = Box(
-        tuple(map(bool, np.isfinite(posterior.low))), tuple(map(bool, np.isfinite(posterior.high)))
-    )
+def run_nuts(posterior: Posterior, progress: Progress, **sizes: int) -> Chains:
+    """Sample a posterior by NUTS; ``sizes`` are draws, warmup, chains and seed."""
     low, high, spread = posterior.low, posterior.high, np.sqrt(np.diagonal(posterior.covariance))
+    box = Box(tuple(map(bool, np.isfinite(low))), tuple(map(bool, np.isfinite(high))))
     room = _INSIDE * np.minimum(spread, high - low)
     u, slope = from_coordinates(box, low, high, np.clip(posterior.centre, low + room, high - room))
     root = np.linalg.cholesky(posterior.covariance / np.outer(slope, slope))
     data = {**posterior.data, "origin": jnp.asarray(u), "root": jnp.asarray(root)}
+    target = _Unbounded(posterior.shape, box)
     (points, grown), log_prob, stats = sample_target(
-        _Unbounded(posterior.shape, box),
-        data,
-        posterior.dim,
-        draws=draws,
-        warmup=warmup,
-        chains=chains,
-        seed=seed,
-        progress=progress,
+        target, data, posterior.dim, progress=progress, **sizes
     )
+    levels = np.full((*log_prob.shape, len(posterior.problem.layout.channels)), np.nan)
     if set(posterior.unknown) - set(posterior.sampled):
-        _, levels = posterior.batch(points.reshape(-1, posterior.dim))
-        levels = levels.reshape(chains, draws, -1)
-    else:
-        levels = np.full((chains, draws, len(posterior.problem.layout.channels)), np.nan)
+        _, drawn = posterior.batch(points.reshape(-1, posterior.dim))
+        levels = drawn.reshape(levels.shape)
     rate = float(np.mean(stats["acceptance_rate"]))
     return Chains(points, log_prob - grown, levels, stats, {"acceptance_rate": rate})
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import operator
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,15 +10,15 @@ from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.lossless import encoded
-from diffthrust._support.names import short_repr
 from diffthrust._support.progress import ProgressOption, progressing, reporter
+from diffthrust._support.validation import whole_number
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._rebuild import mark_of
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sampling.convergence import convergence
-from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
+from diffthrust.uncertainty._sampling.posterior import posterior_of
 from diffthrust.uncertainty._sampling.propriety import improper_message
 
 _MOST_DRAWS = 1_000_000
@@ -85,10 +84,8 @@ def sample(
         >>> dict(short.posterior.sizes)["draw"] > 0, "alpha" in short.posterior
         (True, True)
     """
-    from diffthrust.uncertainty._sampling import (
-        ensemble,
-        nuts,  # slow to import, as ArviZ is
-    )
+    # slow to import, as ArviZ is
+    from diffthrust.uncertainty._sampling import ensemble, nuts
     from diffthrust.uncertainty._sampling.arviz import inference_data
 
     check_sampling(method, draws, warmup, chains, seed, walkers, file)
@@ -101,20 +98,13 @@ def sample(
     report = reporter(progress)
     logs = listed(logs)
     posterior = posterior_of(fit, logs)
+    sizes: Any = {"draws": draws, "warmup": warmup, "seed": seed}
     if method == "nuts":
-        drawn = nuts.run_nuts(
-            posterior, draws=draws, warmup=warmup, chains=chains, seed=seed, progress=report
-        )
+        drawn = nuts.run_nuts(posterior, report, chains=chains, **sizes)
     else:
-        drawn = ensemble.run_ensemble(
-            posterior,
-            draws=draws,
-            warmup=warmup,
-            walkers=_walkers(posterior, walkers),
-            seed=seed,
-            file=Path(file) if file is not None else None,
-            progress=report,
-        )
+        count = ensemble.walkers_for(posterior, walkers)
+        path = Path(file) if file is not None else None
+        drawn = ensemble.run_ensemble(posterior, report, path, walkers=count, **sizes)
     attrs = {
         "method": method,
         "seed": seed,
@@ -154,40 +144,9 @@ def check_sampling(
         raise InputError(f"file: expected the name of a file, found {file!r}.", "Correct it.")
     if method == "nuts" and walkers is not None:
         raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
-    numbers: list[tuple[str, Any, int, int]] = [
-        ("draws", draws, 10, _MOST_DRAWS),
-        ("warmup", warmup, 20 if method == "nuts" else 0, _MOST_DRAWS),
-        ("chains", chains, 1, _MOST_CHAINS),
-        # the limit of numpy's RandomState, which emcee draws from
-        ("seed", seed, 0, 2**32 - 1),
-    ]
+    whole_number("draws", draws, 10, _MOST_DRAWS)
+    whole_number("warmup", warmup, 20 if method == "nuts" else 0, _MOST_DRAWS)
+    whole_number("chains", chains, 1, _MOST_CHAINS)
+    whole_number("seed", seed, 0, 2**32 - 1)  # of numpy's RandomState, which emcee draws from
     if walkers is not None:
-        numbers.append(("walkers", walkers, 4, _MOST_CHAINS))
-    for what, value, least, most in numbers:
-        try:
-            number = -1 if isinstance(value, bool) else operator.index(value)
-        except TypeError:
-            number = -1
-        if not least <= number <= most:
-            expected = f"at most {most}" if number > most else f"a whole number of at least {least}"
-            raise InputError(
-                f"{what}: expected {expected}, found {short_repr(value)}.", f"Correct {what}."
-            )
-
-
-def _walkers(posterior: Posterior, wanted: int | None) -> int:
-    """The number of walkers, even and enough for the coordinates."""
-    from diffthrust.uncertainty._sampling import ensemble
-
-    if wanted is None:
-        return ensemble.default_walkers(posterior.dim)
-    # with fewer walkers than twice the coordinates stretch moves stay in a subspace (Goodman &
-    # Weare 2010)
-    least = 2 * (posterior.dim + 1)
-    if wanted < least or wanted % 2:
-        raise InputError(
-            f"walkers: expected an even number of at least {least}, for {posterior.dim} "
-            f"coordinates ({', '.join(posterior.labels)}), found {wanted}.",
-            f"Give {max(least, wanted + wanted % 2)} or more.",
-        )
-    return wanted
+        whole_number("walkers", walkers, 4, _MOST_CHAINS)
