@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.validation import whole_number
+from diffthrust._support.words import joined
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import Channels, SampledLog
 from diffthrust.blackbox._system import System
@@ -35,17 +36,14 @@ def bic_of(system: System, records: Sequence[SampledLog], size: int) -> tuple[fl
     e = e[np.isfinite(e).all(axis=1)]
     spread = e.T @ e / len(e)
     # noise-free logs leave rounding only: the logarithm stays finite, and more orders gain nothing
-    # there
     floor = 1e-26 * np.mean(np.concatenate([r.y[r.complete] for r in records]) ** 2)
     _, logarithm = np.linalg.slogdet(spread + floor * np.eye(len(spread)))
     free = size + len(records) * system.order
     # count all measurements: a model with a longer delay does not predict the first samples
     samples = sum(int(record.complete.sum()) for record in records)
     degrees = max(1.0, samples - free / len(spread))
-    return (
-        float(samples * logarithm + free * np.log(samples)),
-        np.sqrt(np.diag(spread) * samples / degrees),
-    )
+    criterion = float(samples * logarithm + free * np.log(samples))
+    return criterion, np.sqrt(np.diag(spread) * samples / degrees)
 
 
 def memory_of(residuals: Sequence[np.ndarray], used: int) -> tuple[float, float]:
@@ -104,27 +102,24 @@ def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels
                 f"{value!r}.",
                 "Correct it.",
             )
-        by_input[name] = [check_integer(what, name, v) for v in values]
-    numbers = {name: check_integer(what, name, value) for name, value in numbers_by_name.items()}
+        by_input[name] = [check_order(what, name, v) for v in values]
+    numbers = {name: check_order(what, name, value) for name, value in numbers_by_name.items()}
     nb, delay = by_input["nb"], by_input["delay"]
     if channels.offset:
         # an offset is one more input that is always 1: it needs one coefficient and no delay
         nb, delay = [*nb, 1], [*delay, 0]
     tied = "nf" in numbers
-    na = numbers["nf"] if tied else numbers["na"]
+    na = numbers["nf" if tied else "na"]
     return Shape(na, tuple(nb), numbers.get("nc", 0), tuple(delay), tied)
 
 
-def check_integer(what: str, name: str, value: Any) -> int:
-    """Check an integer against the least value of its name."""
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = -1
-    # True passes operator.index as 1
-    if isinstance(value, bool) or number < _LEAST[name]:
-        raise InputError(
-            f"{what}, {name}: expected a whole number, {_LEAST[name]} or more, found {value!r}.",
-            "Correct it.",
-        )
-    return number
+def check_word(where: str, word: Any, *words: str) -> None:
+    """Raise `InputError` for a word that is not among these."""
+    if word not in words:
+        listed = joined(map(repr, words), "or")
+        raise InputError(f"{where}: expected {listed}, found {word!r}.", "Correct it.")
+
+
+def check_order(what: str, name: str, value: Any) -> int:
+    """Check an order against the least value of its name."""
+    return whole_number(f"{what}, {name}", value, _LEAST[name])

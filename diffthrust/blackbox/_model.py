@@ -14,7 +14,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section, Styled, notes
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer, transfer_of
-from diffthrust.blackbox._continuous import Method, continued
+from diffthrust.blackbox._criteria import check_word
 from diffthrust.blackbox._records import Channels
 from diffthrust.blackbox._system import System
 from diffthrust.estimation._estimate import Estimate, parameter_rows
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ModelKind = Literal["arx", "armax", "output_error", "state_space"]
+Method = Literal["zero", "linear", "tustin"]
+_Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""A, B, C and D."""
+_CLOSE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,19 +121,16 @@ class BlackBox(Result):
         Raises:
             InputError: a channel is absent, or samples are uneven or have another step.
         """
-        if start not in ("estimated", "rest"):
-            raise InputError(
-                f"start: expected 'estimated' or 'rest', found {start!r}.", "Correct it."
-            )
+        check_word("start", start, "estimated", "rest")
         record = self.channels.record(log)
         y = self.system.simulate(record.u, record.y if start == "estimated" else None)
-        return {name: y[:, i] for i, name in enumerate(self.channels.outputs)}
+        return dict(zip(self.channels.outputs, y.T, strict=True))
 
     def predict(self, log: Log) -> dict[str, np.ndarray]:
         """One-step predictions of a log: by output ``(n,)``. Raises as `simulate`."""
         record = self.channels.record(log)
         y = self.system.predict(record.u, record.y)
-        return {name: y[:, i] for i, name in enumerate(self.channels.outputs)}
+        return dict(zip(self.channels.outputs, y.T, strict=True))
 
     def errors(
         self, logs: Log | Sequence[Log], how: Literal["simulation", "prediction"] = "simulation"
@@ -138,10 +139,7 @@ class BlackBox(Result):
 
         The starting states of each log are estimated from it. Raises as `simulate`.
         """
-        if how not in ("simulation", "prediction"):
-            raise InputError(
-                f"how: expected 'simulation' or 'prediction', found {how!r}.", "Correct it."
-            )
+        check_word("how", how, "simulation", "prediction")
         logs = [logs] if isinstance(logs, Log) else list(logs)
         pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         for log in logs:
@@ -170,9 +168,9 @@ class BlackBox(Result):
             InputError: a channel is unknown, or the poles have no continuous counterpart.
         """
         j, i = self._pair(input, output)
-        a, b, c, d = continued(self._of(j, i), self.step, method or self.channels.hold)
+        matrices = _continued(*self._of(j, i), self.step, method or self.channels.hold)
         lag = self.plain.lags[j] * self.step if self.plain.lags else 0.0
-        return transfer_of((*_fraction(a, b, c, d), lag))
+        return transfer_of((*_fraction(*matrices), lag))
 
     def to_control(self, form: Literal["transfer", "states"] = "transfer") -> Any:
         """The sampled model as an object of python-control, with the delay of the inputs in it.
@@ -197,10 +195,7 @@ class BlackBox(Result):
                 "Install it: python -m pip install control. BlackBox.transfer() needs no more than "
                 "this library.",
             ) from None
-        if form not in ("transfer", "states"):
-            raise InputError(
-                f"to_control, form: expected 'transfer' or 'states', found {form!r}.", "Correct it."
-            )
+        check_word("to_control, form", form, "transfer", "states")
         lags = self.plain.lags or (0,) * len(self.channels.inputs)
         names: Any = {"inputs": [*self.channels.inputs], "outputs": [*self.channels.outputs]}
         if form == "transfer":
@@ -265,15 +260,14 @@ class BlackBox(Result):
             places.append(available.index(name))
         return places[0], places[1]
 
-    def _of(self, j: int, i: int) -> System:
-        """The system of one input and one output, without noise and lag."""
+    def _of(self, j: int, i: int) -> _Matrices:
+        """A, B, C and D of one input and one output, without noise and lag."""
         s = self.plain
-        return System(s.a, s.b[:, [j]], s.c[[i]], s.d[[i]][:, [j]], np.zeros((s.order, 1)))
+        return s.a, s.b[:, [j]], s.c[[i]], s.d[[i]][:, [j]]
 
     def _rational(self, j: int, i: int) -> tuple[np.ndarray, np.ndarray]:
         """Numerator and denominator in z, highest power first, without the lag."""
-        s = self._of(j, i)
-        return _fraction(s.a, s.b, s.c, s.d)
+        return _fraction(*self._of(j, i))
 
 
 def _fraction(a: Any, b: Any, c: Any, d: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -315,3 +309,71 @@ def _with_lags(model: BlackBox, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]
         a[:n, last], c[:, last] = s.b[:, j], s.d[:, j]
         first = last + 1
     return a, b, c, d
+
+
+def _continued(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, step: float, method: str
+) -> tuple[np.ndarray, ...]:
+    """A, B, C and D of the continuous system whose sampling gives a system.
+
+    The input between samples is held (``"zero"``) or ``"linear"``, which is inverted exactly;
+    ``"tustin"`` is the bilinear transformation, for any system without a pole at -1.
+    """
+    check_word("method", method, "zero", "linear", "tustin")
+    n = len(a)
+    if method == "tustin":
+        if np.min(np.abs(np.linalg.eigvals(a) + 1.0)) < 1e-9:
+            raise InputError(
+                "The sampled model has a pole at -1, which the bilinear transformation has not.",
+                "Choose another order.",
+            )
+        inverse = np.linalg.inv(a + np.eye(n))
+        # shared between B and C, as in control texts: the gramians stay those of the sampled system
+        root = 2.0 / np.sqrt(step)
+        grown = 2.0 / step * (a - np.eye(n)) @ inverse
+        return grown, root * inverse @ b, root * c @ inverse, d - c @ inverse @ b
+    grown = _logarithm(a) / step
+    by_value, by_slope = _steps(grown, step)
+    if method == "zero":
+        return grown, np.linalg.solve(by_value, b), c, d
+    # With z = x - by_slope B u, a linear input acts like a step of u.
+    b = np.linalg.solve(by_value - by_slope + a @ by_slope, b)
+    return grown, b, c, d - c @ by_slope @ b
+
+
+def _steps(a: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Response within a step to u held, and to u rising from 0 to 1; ``(n, n)`` each."""
+    from scipy.linalg import expm
+
+    n = len(a)
+    # Van Loan 1978: one exponential of a block matrix gives the integrals of exp(A t), without the
+    # inverse of A, which an integrator does not have
+    block = np.zeros((3 * n, 3 * n))
+    block[:n, :n] = a * step
+    block[:n, n : 2 * n] = np.eye(n) * step
+    block[n : 2 * n, 2 * n :] = np.eye(n)
+    grown = expm(block)
+    return grown[:n, n : 2 * n], grown[:n, 2 * n :]
+
+
+def _logarithm(a: np.ndarray) -> np.ndarray:
+    from scipy.linalg import expm, logm
+
+    poles = np.linalg.eigvals(a)
+    # a sampled pole is exp(s T): never zero, and negative only as one of a pair that has lost its
+    # partner
+    real = np.abs(poles.imag) < 1e-12 * np.abs(poles)
+    lost = poles[(np.abs(poles) < 1e-9) | (real & (poles.real <= 0))]
+    if not lost.size:
+        full: Any = logm(a)
+        real_part = np.real(full)
+        # the principal logarithm of a nearly defective matrix may be wrong without an error: taken
+        # back
+        if np.allclose(expm(real_part), a, rtol=_CLOSE, atol=_CLOSE):
+            return real_part
+    where = ", ".join(f"{pole.real:.3g}" for pole in lost) or "what rounding cannot tell from those"
+    raise InputError(
+        f"The sampled model has poles at {where}; no continuous system of its order, sampled, has "
+        "poles at zero or on the negative real axis.",
+        "Choose a lower order, no more coefficients in B than in A, or method='tustin'.",
+    )

@@ -62,14 +62,11 @@ def arx(
         >>> model.covariance.shape
         (2, 2)
     """
-    channels, records, shape = _request(
-        "arx", logs, input, output, orders, ("na", "nb", "delay"), offset
-    )
+    names = ("na", "nb", "delay")
+    channels, records, shape = _request("arx", logs, input, output, orders, names, offset)
     theta = equation_fit(records, shape)
-    parts = stretches(records, shape, theta)
-    return polynomial_model(
-        "arx", channels, records, shape, judged(parts, theta, shape, size_of(records))
-    )
+    end = judged(stretches(records, shape, theta), theta, shape, size_of(records))
+    return polynomial_model("arx", channels, records, shape, end)
 
 
 def armax(
@@ -96,9 +93,8 @@ def armax(
         >>> model.status, len(model.parameters)
         (<Status.CONVERGED: 'converged'>, 3)
     """
-    channels, records, shape = _request(
-        "armax", logs, input, output, orders, ("na", "nb", "nc", "delay"), offset
-    )
+    names = ("na", "nb", "nc", "delay")
+    channels, records, shape = _request("armax", logs, input, output, orders, names, offset)
     return searched("armax", channels, records, shape, armax_starts(records, shape))
 
 
@@ -127,9 +123,8 @@ def output_error(
         >>> model.status
         <Status.CONVERGED: 'converged'>
     """
-    channels, records, shape = _request(
-        "output_error", logs, input, output, orders, ("nb", "nf", "delay"), offset
-    )
+    names = ("nb", "nf", "delay")
+    channels, records, shape = _request("output_error", logs, input, output, orders, names, offset)
     return searched("output_error", channels, records, shape, output_error_starts(records, shape))
 
 
@@ -195,33 +190,20 @@ def polynomial_model(
     """The result with its names, units, systems and notes."""
     a, b, c = shape.split(end.theta)
     inputs = len(channels.inputs)
-    nb, delay = shape.nb[:inputs], shape.delays[:inputs]
-    by_input = {"nb": nb[0] if inputs == 1 else nb, "delay": delay[0] if inputs == 1 else delay}
+    nb, delay = (each[0] if inputs == 1 else each[:inputs] for each in (shape.nb, shape.delays))
     orders: Mapping[str, Any] = {
-        "arx": {"na": shape.na, "nb": by_input["nb"]},
-        "armax": {"na": shape.na, "nb": by_input["nb"], "nc": shape.nc},
-        "output_error": {"nb": by_input["nb"], "nf": shape.na},
+        "arx": {"na": shape.na, "nb": nb},
+        "armax": {"na": shape.na, "nb": nb, "nc": shape.nc},
+        "output_error": {"nb": nb, "nf": shape.na},
         "state_space": {"order": shape.na},
-    }[kind] | {"delay": by_input["delay"]}
+    }[kind] | {"delay": delay}
     polynomials = {"f" if kind == "output_error" else "a": a}
     polynomials |= {f"b_{name}" if inputs > 1 else "b": row
                     for name, row in zip(channels.inputs, b, strict=False)}  # fmt: skip
     polynomials |= {"c": c} if shape.nc else {}
     system, plain = observer_form(a, b, shape.delays, c), observer_form(a, b, shape.delays, [1.0])
     bic, deviation = bic_of(system, records, shape.size)
-    status = Status.CONVERGED if end.stationary else Status.NOT_CONVERGED
-    if end.rank < shape.size:
-        status = Status.NOT_IDENTIFIABLE
-    notes = memory_note(end.memory, shape.tied)
-    if status is Status.NOT_CONVERGED:
-        slope = f"cosine between residuals and gradient {end.flat:.1g}, expected below {FLAT:g}"
-        notes = (*notes, f"The search ended on a slope: {slope}.")
-    if shape.nc and not shape.tied and np.abs(np.roots(c)).max(initial=0.0) > _ON_CIRCLE:
-        circle = "A zero of C lies on the unit circle, where standard errors do not hold: "
-        notes = (*notes, circle + "noise of the output alone looks like this: use output_error.")
-    if status is Status.NOT_IDENTIFIABLE:
-        unknown = f"These logs identify {end.rank} of {shape.size} coefficients: the orders are "
-        notes = (*notes, unknown + "too high, the input too plain, or there is no noise for C.")
+    status, notes = _status(shape, end)
     return BlackBox(
         kind=kind,
         orders=orders,
@@ -237,6 +219,29 @@ def polynomial_model(
         samples=samples_of(records),
         notes=notes,
     )
+
+
+def _status(shape: Shape, end: SearchEnd) -> tuple[Status, tuple[str, ...]]:
+    """What may be claimed of the end of a search, and the notes."""
+    _, _, c = shape.split(end.theta)
+    status = Status.CONVERGED if end.stationary else Status.NOT_CONVERGED
+    notes = [*memory_note(end.memory, shape.tied)]
+    if end.rank < shape.size:
+        status = Status.NOT_IDENTIFIABLE
+    elif not end.stationary:
+        slope = f"cosine between residuals and gradient {end.flat:.1g}, expected below {FLAT:g}"
+        notes.append(f"The search ended on a slope: {slope}.")
+    if shape.nc and not shape.tied and np.abs(np.roots(c)).max(initial=0.0) > _ON_CIRCLE:
+        notes.append(
+            "A zero of C lies on the unit circle, where standard errors do not hold: noise of the "
+            "output alone looks like this: use output_error."
+        )
+    if status is Status.NOT_IDENTIFIABLE:
+        notes.append(
+            f"These logs identify {end.rank} of {shape.size} coefficients: the orders are too "
+            "high, the input too plain, or there is no noise for C."
+        )
+    return status, tuple(notes)
 
 
 def _named(shape: Shape, end: SearchEnd, channels: Channels) -> dict[str, Estimate]:

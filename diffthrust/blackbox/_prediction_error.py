@@ -21,20 +21,13 @@ from diffthrust.blackbox._system import passed
 
 @dataclass(frozen=True)
 class Shape:
-    """The coefficients of a model.
-
-    Args:
-        na: of A.
-        nb: of each input's B.
-        nc: of C.
-        delays: of each input [samples].
-        tied: C is A.
-    """
+    """The numbers of coefficients of A, of each input's B, and of C, which may be ``tied`` to A."""
 
     na: int
     nb: tuple[int, ...]
     nc: int
     delays: tuple[int, ...]
+    """Of each input [samples]."""
     tied: bool = False
 
     @property
@@ -60,6 +53,16 @@ class Shape:
         c = a if self.tied else np.concatenate([[1.0], theta[ends[-1] :]])
         return a, b, c
 
+    def late(self, record: SampledLog, t: np.ndarray) -> list[np.ndarray]:
+        """The inputs that samples ``t`` of a record depend on, each by its coefficient."""
+        lags = enumerate(zip(self.delays, self.nb, strict=True))
+        return [record.u[t - d - i, j] for j, (d, n) in lags for i in range(n)]
+
+    @property
+    def without_c(self) -> Shape:
+        """The same without C."""
+        return Shape(self.na, self.nb, 0, self.delays)
+
     def with_c(self, theta: np.ndarray, c: np.ndarray) -> np.ndarray:
         """The coefficients with C replaced."""
         return np.concatenate([theta[: self.na + sum(self.nb)], c[1:]])
@@ -76,32 +79,26 @@ def equations(record: SampledLog, shape: Shape) -> list[tuple[np.ndarray, np.nda
         t = np.arange(max(begin + shape.na, shape.first), end)
         if t.size:
             columns = [-y[t - i] for i in range(1, shape.na + 1)]
-            columns += [record.u[t - d - i, j]
-                        for j, (d, n) in enumerate(zip(shape.delays, shape.nb, strict=True))
-                        for i in range(n)]  # fmt: skip
-            rows.append((t, np.stack(columns, axis=1), y[t]))
+            rows.append((t, np.stack(columns + shape.late(record, t), axis=1), y[t]))
     return rows
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Residuals of samples without a gap.
-
-    Args:
-        residuals: ``(n,)``, with a free C followed by the errors before the first sample.
-        samples: number of measured ones.
-        gradient: of the residuals, by coefficients, ``(n, k)``.
-        past: number of values before the first sample that were eliminated.
-        log_determinant: of the covariance of the output's errors, in units of their variance.
-        slope: of ``log_determinant``, ``(k,)``.
-    """
+    """Residuals of samples without a gap."""
 
     residuals: np.ndarray
+    """``(n,)``, with a free C followed by the errors before the first sample."""
     samples: int
+    """Number of measured ones."""
     gradient: np.ndarray
-    past: int
-    log_determinant: float
-    slope: np.ndarray
+    """Of the residuals, by coefficients, ``(n, k)``."""
+    past: int = 0
+    """Number of values before the first sample that were eliminated."""
+    log_determinant: float = 0.0
+    """Of the covariance of the output's errors, in units of their variance."""
+    slope: np.ndarray | float = 0.0
+    """Of ``log_determinant``, ``(k,)``."""
 
     @property
     def errors(self) -> np.ndarray:
@@ -130,7 +127,7 @@ def _predicted(record: SampledLog, shape: Shape, theta: np.ndarray) -> list[Stre
     for _, rows, y in equations(record, shape):
         wrong = y - rows @ theta[: rows.shape[1]]
         if not count:
-            out.append(Stretch(wrong, y.size, -rows, 0, 0.0, np.zeros(theta.size)))
+            out.append(Stretch(wrong, y.size, -rows))
             continue
         e, answers = passed(c, wrong), -_pulses(c, y.size, count) @ entering[: y.size]
         _check_finite(e, answers)
@@ -165,12 +162,7 @@ def _simulated(record: SampledLog, shape: Shape, theta: np.ndarray) -> list[Stre
     if not measured.any():
         return []
     y = record.y[t, 0][measured]
-    late = [
-        record.u[t - d - i, j]
-        for j, (d, n) in enumerate(zip(shape.delays, shape.nb, strict=True))
-        for i in range(n)
-    ]
-    rows = passed(a, np.stack(late, axis=1))
+    rows = passed(a, np.stack(shape.late(record, t), axis=1))
     driven = rows @ np.concatenate(b)
     basis = _pulses(a, t.size, shape.na)
     free = basis.shape[1]
@@ -184,7 +176,7 @@ def _simulated(record: SampledLog, shape: Shape, theta: np.ndarray) -> list[Stre
     by_a = [_later(past, i) for i in range(1, shape.na + 1)]
     gradient = np.concatenate([*(x[:, None] for x in by_a), -rows], axis=1)[measured]
     freed = _freed(gradient, basis[measured])
-    return [Stretch(y - w[measured], y.size, freed, free, 0.0, np.zeros(theta.size))]
+    return [Stretch(y - w[measured], y.size, freed, free)]
 
 
 def _check_finite(*series: np.ndarray) -> None:
@@ -199,13 +191,9 @@ def _later(x: np.ndarray, samples: int) -> np.ndarray:
 
 def _pulses(c: np.ndarray, size: int, count: int) -> np.ndarray:
     """Responses to starting values at the first samples, ``(size, count)``."""
-    count = min(count, size)
-    pulse = np.zeros(size)
-    pulse[0] = 1.0
-    pulse = passed(c, pulse)
-    if not count:
-        return np.zeros((size, 0))
-    return np.stack([_later(pulse, i) for i in range(count)], axis=1)
+    pulse = passed(c, np.eye(1, size)[0])
+    later = [_later(pulse, i) for i in range(min(count, size))]
+    return np.stack(later, axis=1) if later else np.zeros((size, 0))
 
 
 def _freed(gradient: np.ndarray, basis: np.ndarray) -> np.ndarray:

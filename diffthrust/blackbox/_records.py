@@ -17,17 +17,11 @@ _EVEN = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class SampledLog:
-    """One log.
-
-    Args:
-        u: inputs, ``(n, m)``; the last column is 1 if an offset is estimated.
-        y: outputs, ``(n, p)``; NaN where a sample is missing.
-        log: their log.
-    """
+    """Inputs ``(n, m)``, the last column 1 if an offset is estimated, and outputs ``(n, p)``."""
 
     u: np.ndarray = field(repr=False)
     y: np.ndarray = field(repr=False)
-    log: Log = field(repr=False)
+    """NaN where a sample is missing."""
 
     @property
     def complete(self) -> np.ndarray:
@@ -62,12 +56,7 @@ class Channels:
     offset: bool
 
     def record(self, log: Log) -> SampledLog:
-        """The channels of a log.
-
-        Raises:
-            InputError: a channel is absent or has an incompatible unit, or samples are uneven or
-                have another step.
-        """
+        """The channels of a log, which must be evenly sampled with the same step."""
         step = step_of(log)
         # coefficients belong to one step: a pole of 0.9 at 0.1 s is another lag at 0.2 s
         if abs(step - self.step) > _EVEN * self.step:
@@ -76,20 +65,15 @@ class Channels:
                 f"model is of, found one every {step:g} s.",
                 "Sample all logs alike: log.averaged(n), or a resampled file.",
             )
-        for name in self.inputs:
-            if name not in log.inputs:
+        wanted = [("input", "input", name, log.inputs) for name in self.inputs]
+        wanted += [("measured channel", "output", name, log.measured) for name in self.outputs]
+        for what, word, name, channels in wanted:
+            if name not in channels:
                 raise InputError(
-                    f"{log.name}: expected the input {name!r}, found {listing(log.inputs)}.",
-                    "Name an input of the log: input=...",
+                    f"{log.name}: expected the {what} {name!r}, found {listing(channels)}.",
+                    f"Name an {word} of the log: {word}=...",
                 )
-        for name in self.outputs:
-            if name not in log.measured:
-                raise InputError(
-                    f"{log.name}: expected the measured channel {name!r}, found "
-                    f"{listing(log.measured)}.",
-                    "Name a measured channel of the log: output=...",
-                )
-            if name in log.unsigned:
+            if word == "output" and name in log.unsigned:
                 raise InputError(
                     f"{log.name}: the sensor of {name!r} gives no sign; a linear model needs one.",
                     "Use dft.fit, which takes care of it, or a log that moves in one direction "
@@ -98,7 +82,7 @@ class Channels:
         u = [log.values(name, self.units[name]) for name in self.inputs]
         u += [np.ones(len(log))] if self.offset else []
         y = [log.values(name, self.units[name]) for name in self.outputs]
-        return SampledLog(np.stack(u, axis=1), np.stack(y, axis=1), log)
+        return SampledLog(np.stack(u, axis=1), np.stack(y, axis=1))
 
 
 def step_of(log: Log) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,17 +47,12 @@ def equation_fit(records: Sequence[SampledLog], shape: Shape) -> np.ndarray:
     return np.linalg.lstsq(rows / scale, y, rcond=None)[0] / scale
 
 
-def without_c(shape: Shape) -> Shape:
-    """The same without C."""
-    return Shape(shape.na, shape.nb, 0, shape.delays)
-
-
 def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray]:
     """ARX with C = 1, and a regression with residuals of a long ARX in place of the noise.
 
     Source of the second: Hannan & Rissanen 1982, Biometrika 69.
     """
-    starts = [np.concatenate([equation_fit(records, without_c(shape)), np.zeros(shape.nc)])]
+    starts = [np.concatenate([equation_fit(records, shape.without_c), np.zeros(shape.nc)])]
     samples = sum(int(record.complete.sum()) for record in records)
     # long enough for the noise model's memory, with five equations or more for each coefficient
     depth = min(max(10, 3 * shape.reach), samples // (5 * (1 + len(shape.nb))))
@@ -70,7 +65,7 @@ def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray
         noise = np.full(len(record.u), np.nan)
         for t, past, y in equations(record, long):
             noise[t] = y - past @ theta
-        for t, past, y in equations(record, without_c(shape)):
+        for t, past, y in equations(record, shape.without_c):
             earlier = t[:, None] - np.arange(1, shape.nc + 1)
             lagged = np.where(earlier >= 0, noise[earlier], np.nan)
             complete = np.isfinite(lagged).all(axis=1)
@@ -89,7 +84,7 @@ def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.
 
     Unstable poles are reflected into the unit circle.
     """
-    free = without_c(shape)
+    free = shape.without_c
 
     def inside(theta: np.ndarray) -> np.ndarray:
         a = reflected(np.concatenate([[1.0], theta[: shape.na]]))
@@ -99,41 +94,31 @@ def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.
     theta = inside(raw)
     # the raw ARX stays among the starts: an unstable system is lost by reflection
     starts = [theta] if np.allclose(theta, raw) else [theta, raw]
-    filled = [_filled(record) for record in records]
+    filled = []  # gaps interpolated linearly
+    for record in records:
+        t, measured = np.arange(len(record.y)), record.complete
+        y = np.interp(t, t[measured], record.y[measured, 0])[:, None]
+        filled.append(SampledLog(record.u, y))
     for _ in range(_ROUNDS):
         a, _, _ = free.split(theta)
-        whitened = [SampledLog(passed(a, r.u), passed(a, r.y), r.log) for r in filled]
+        whitened = [SampledLog(passed(a, r.u), passed(a, r.y)) for r in filled]
         theta = inside(equation_fit(whitened, free))
     return [theta, *starts]
 
 
-def _filled(record: SampledLog) -> SampledLog:
-    """The record with gaps interpolated linearly."""
-    measured, y = record.complete, record.y
-    if measured.all():
-        return record
-    t = np.arange(len(y))
-    return SampledLog(record.u, np.interp(t, t[measured], y[measured, 0])[:, None], record.log)
-
-
 @dataclass(frozen=True)
 class SearchEnd:
-    """The outcome of a search.
-
-    Args:
-        theta: coefficients, ``(k,)``.
-        covariance: of the coefficients, ``(k, k)``; ``None`` if they are not identifiable.
-        flat: max over coefficients of |J_j . r| / (|J_j| |r|).
-        rank: of the scaled gradient.
-        memory: lag-one correlation of residuals, and its p-value for white ones; NaN if there are
-            too few.
-    """
+    """The outcome of a search."""
 
     theta: np.ndarray
     covariance: np.ndarray | None
+    """Of the coefficients, ``(k, k)``; ``None`` if they are not identifiable."""
     flat: float
+    """Max over coefficients of |J_j . r| / (|J_j| |r|)."""
     rank: int
+    """Of the scaled gradient."""
     memory: tuple[float, float]
+    """Lag-one correlation of residuals, and its p-value for white ones; NaN of too few."""
 
     @property
     def stationary(self) -> bool:
@@ -146,36 +131,91 @@ def settles(polynomial: np.ndarray, beyond: float = 0.0) -> bool:
     return bool(np.all(np.abs(np.roots(polynomial)) < 1.0 + beyond))
 
 
-def _polished(
-    residual: Callable[[np.ndarray], np.ndarray],
-    gradient: Callable[[np.ndarray], np.ndarray],
-    end: Any,
-) -> tuple[float, np.ndarray]:
-    """Where BFGS leads from the end of a Gauss-Newton search: half the squares, and coefficients.
+class _Residuals:
+    """Residuals and their gradient in units of the output: tolerances mean the same in any unit.
 
-    Gauss-Newton lacks the curvature of the determinant: near the unit circle, where that is all
-    there is, it creeps.
+    SciPy asks for both of one point in two calls: the last point is kept.
     """
-    from scipy.optimize import minimize  # takes a while
 
-    count = end.fun.size
-    size = np.linalg.norm(end.jac, axis=0)
-    size[size == 0] = 1.0
-    _, values, turned = np.linalg.svd(end.jac / size, full_matrices=False)
-    values = np.maximum(values, 1e-6 * values.max()) * np.sqrt(count / (2.0 * end.cost))
-    whitened = turned.T / values / size[:, None]
+    def __init__(self, records: Sequence[SampledLog], shape: Shape) -> None:
+        self.records, self.shape, self.scale = records, shape, size_of(records)
+        counts = [int(r.complete[shape.first :].sum()) for r in records]
+        if not shape.tied:
+            counts = [t.size + shape.nc for r in records for t, _, _ in equations(r, shape)]
+        self.count = sum(counts)
+        # a C is as likely as its mirror image in the unit circle: the likelihood is level on the
+        # circle itself, and a search that may step across it ends there instead of creeping up to
+        # it
+        self.beyond = _BEYOND / max(len(record.u) for record in records)
+        self.last: tuple[np.ndarray, list[Stretch]] | None = None
 
-    def unlikely(step: np.ndarray) -> tuple[float, np.ndarray]:
-        r = residual(end.x + whitened @ step)
-        if not np.isfinite(r).all():
-            return np.inf, np.zeros_like(step)
-        slope = whitened.T @ (gradient(end.x + whitened @ step).T @ r)
-        return float(0.5 * count * np.log(r @ r)), count * slope / (r @ r)
+    def parts(self, theta: np.ndarray) -> list[Stretch]:
+        if self.last is None or not np.array_equal(self.last[0], theta):
+            with np.errstate(over="ignore", invalid="ignore"):
+                try:
+                    parts = stretches(self.records, self.shape, theta)
+                except (np.linalg.LinAlgError, FloatingPointError):  # an unstable filter overflowed
+                    parts = [Stretch(np.full(1, np.inf), 1, np.zeros((1, self.shape.size)))]
+            self.last = theta.copy(), parts
+        return self.last[1]
 
-    best = minimize(unlikely, np.zeros(end.x.size), jac=True, method="BFGS",
-                    options={"gtol": 1e-5})  # fmt: skip
-    theta = end.x + whitened @ best.x
-    return 0.5 * float(np.sum(residual(theta) ** 2)), theta
+    def value(self, theta: np.ndarray, bounded: bool = False) -> np.ndarray:
+        """Residuals, infinite where C, or of a ``bounded`` search A, leaves the unit circle."""
+        a, _, c = self.shape.split(theta)
+        settled = settles(c, self.beyond) if self.shape.nc else not bounded or settles(a)
+        joined = joint(self.parts(theta))[0] if settled else np.full(self.count, np.inf)
+        return joined / self.scale if np.isfinite(joined).all() else np.full(self.count, np.inf)
+
+    def gradient(self, theta: np.ndarray) -> np.ndarray:
+        return joint(self.parts(theta))[1] / self.scale
+
+    def minimum(self, start: np.ndarray, bounded: bool = False) -> tuple[float, np.ndarray]:
+        """Half the least squares reached from a start, and the coefficients there."""
+        from scipy.optimize import least_squares  # takes a while
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            if not np.isfinite(self.value(start, bounded)).all():
+                return np.inf, start
+            end = least_squares(
+                lambda theta: self.value(theta, bounded),
+                start,
+                jac=self.gradient,  # pyright: ignore
+                x_scale="jac",
+                xtol=1e-10,
+                ftol=1e-12,
+                gtol=1e-12,
+                max_nfev=200,
+            )
+        if not self.shape.nc or not end.cost > 0:
+            return float(end.cost), end.x
+        return self._polished(end)
+
+    def _polished(self, end: Any) -> tuple[float, np.ndarray]:
+        """Where BFGS leads from the end of a Gauss-Newton search.
+
+        Gauss-Newton lacks the curvature of the determinant: near the unit circle, where that is all
+        there is, it creeps.
+        """
+        from scipy.optimize import minimize  # takes a while
+
+        count = end.fun.size
+        size = np.linalg.norm(end.jac, axis=0)
+        size[size == 0] = 1.0
+        _, values, turned = np.linalg.svd(end.jac / size, full_matrices=False)
+        values = np.maximum(values, 1e-6 * values.max()) * np.sqrt(count / (2.0 * end.cost))
+        whitened = turned.T / values / size[:, None]
+
+        def unlikely(step: np.ndarray) -> tuple[float, np.ndarray]:
+            r = self.value(end.x + whitened @ step)
+            if not np.isfinite(r).all():
+                return np.inf, np.zeros_like(step)
+            slope = whitened.T @ (self.gradient(end.x + whitened @ step).T @ r)
+            return float(0.5 * count * np.log(r @ r)), count * slope / (r @ r)
+
+        start = np.zeros(end.x.size)
+        best = minimize(unlikely, start, jac=True, method="BFGS", options={"gtol": 1e-5})
+        theta = end.x + whitened @ best.x
+        return 0.5 * float(np.sum(self.value(theta) ** 2)), theta
 
 
 def search_coefficients(
@@ -185,77 +225,27 @@ def search_coefficients(
 
     Starts whose residuals are not finite are left out; at least one must have finite ones.
     """
-    from scipy.optimize import least_squares  # takes a while
-
-    # SciPy asks for residuals and Jacobian of one point in two calls: the last point is kept
-    kept: list[tuple[np.ndarray, list[Stretch]]] = []
-
-    def parts(theta: np.ndarray) -> list[Stretch]:
-        if not (kept and np.array_equal(kept[0][0], theta)):
-            with np.errstate(over="ignore", invalid="ignore"):
-                try:
-                    now = stretches(records, shape, theta)
-                except (
-                    np.linalg.LinAlgError,
-                    FloatingPointError,
-                ):  # an unstable filter overflowed
-                    flat = np.zeros((1, shape.size))
-                    now = [Stretch(np.full(1, np.inf), 1, flat, 0, 0.0, flat[0])]
-            kept[:] = [(theta.copy(), now)]
-        return kept[0][1]
-
-    def residual(theta: np.ndarray, bounded: bool = False) -> np.ndarray:
-        a, _, c = shape.split(theta)
-        settled = settles(c, beyond) if shape.nc else not bounded or settles(a)
-        joined = joint(parts(theta))[0] if settled else np.full(count, np.inf)
-        # in units of the output: the tolerances mean the same for newtons and for rpm
-        return joined / scale if np.isfinite(joined).all() else np.full(count, np.inf)
-
-    def gradient(theta: np.ndarray) -> np.ndarray:
-        return joint(parts(theta))[1] / scale
-
-    counts = [int(r.complete[shape.first :].sum()) for r in records]
-    if not shape.tied:
-        counts = [t.size + shape.nc for r in records for t, _, _ in equations(r, shape)]
-    count, scale = sum(counts), size_of(records)
-    # a C is as likely as its mirror image in the unit circle: the likelihood is level on the circle
-    # itself, and a search that may step across it ends there instead of creeping up to it
-    beyond = _BEYOND / max(len(record.u) for record in records)
-
-    def end_of(start: np.ndarray, bounded: bool = False) -> tuple[float, np.ndarray]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            if not np.isfinite(residual(start, bounded)).all():
-                return np.inf, start
-            end = least_squares(
-                lambda theta: residual(theta, bounded),
-                start,
-                jac=gradient,  # pyright: ignore
-                x_scale="jac",
-                xtol=1e-10,
-                ftol=1e-12,
-                gtol=1e-12,
-                max_nfev=200,
-            )
-        if not shape.nc or not end.cost > 0:
-            return float(end.cost), end.x
-        return _polished(residual, gradient, end)
-
-    ends = [end_of(start) for start in starts]
-    best, theta = min(ends, key=lambda end: end[0])
+    residuals = _Residuals(records, shape)
+    best, theta = min(map(residuals.minimum, starts), key=lambda end: end[0])
     if not np.isfinite(best):
         raise FloatingPointError
     if shape.nc:  # of the two only the one inside can predict
         theta = shape.with_c(theta, reflected(shape.split(theta)[2], 1.0))
     # an unstable model is kept only if the records clearly favour it
     if shape.tied and not settles(shape.split(theta)[0]):
-        restarts = [np.concatenate([reflected(shape.split(s)[0])[1:], s[shape.na :]])
-                 for s in (theta, *starts)]  # fmt: skip
-        cost, alternative = min((end_of(start, True) for start in restarts), key=lambda end: end[0])
-        if count * np.log(max(cost, 1e-300) / max(best, 1e-300)) < _WORTH:
-            stable = judged(parts(alternative), alternative, shape, scale)
+        ends = [
+            residuals.minimum(
+                np.concatenate([reflected(shape.split(s)[0])[1:], s[shape.na :]]), True
+            )
+            for s in (theta, *starts)
+        ]
+        cost, alternative = min(ends, key=lambda end: end[0])
+        gain = residuals.count * np.log(max(cost, 1e-300) / max(best, 1e-300))
+        if gain < _WORTH:
+            stable = judged(residuals.parts(alternative), alternative, shape, residuals.scale)
             if stable.stationary:  # not merely stopped at the stability limit
                 return stable
-    return judged(parts(theta), theta, shape, scale)
+    return judged(residuals.parts(theta), theta, shape, residuals.scale)
 
 
 def joint(parts: Sequence[Stretch]) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.words import number
-from diffthrust.blackbox._criteria import check_integer
+from diffthrust.blackbox._criteria import check_order, check_word
 from diffthrust.blackbox._model import BlackBox, ModelKind
 from diffthrust.blackbox._polynomial import armax, arx, output_error
 from diffthrust.blackbox._subspace import state_space
@@ -172,45 +173,37 @@ def select(
         ('arx', 2)
     """
     unseen = [holdout] if isinstance(holdout, Log) else list(holdout)
-    if by not in ("bic", "unseen"):
-        raise InputError(f"by: expected 'bic' or 'unseen', found {by!r}.", "Correct it.")
+    check_word("by", by, "bic", "unseen")
     if by == "unseen" and not unseen:
         raise InputError("by='unseen': no unseen logs were passed.", "Give holdout=[...].")
     several = not isinstance(output, str) and len(output) > 1
     usual: tuple[ModelKind, ...] = ("state_space",) if several else _POLYNOMIAL
     available = (*_POLYNOMIAL, "state_space")
     chosen = usual if kinds is None else tuple(kinds)
-    strange = [kind for kind in chosen if kind not in available]
-    if strange or not chosen:
+    if not chosen or not set(chosen) <= set(available):
         raise InputError(
             f"kinds: expected some of {listing(available)}, found {listing(chosen)}.", "Correct it."
         )
-    requested = {
-        "orders": [check_integer("select", "order", n) for n in orders],
-        "delays": [check_integer("select", "delay", d) for d in delays],
-    }
-    for what, values in requested.items():
+    orders = [check_order("select", "order", n) for n in orders]
+    delays = [check_order("select", "delay", d) for d in delays]
+    for what, values in {"orders": orders, "delays": delays}.items():
         if not values:
             raise InputError(f"{what}: none was given.", f"Write {what}=(1, 2).")
     common: dict[str, Any] = {"input": input, "output": output, "offset": offset}
     # fitted for what it is judged by
-    focus: Literal["prediction", "simulation"] = "simulation" if by == "unseen" else "prediction"
-    rows = []
-    problem: InputError | None = None
-    for kind in chosen:
-        for delay in requested["delays"]:
-            for order in requested["orders"]:
-                try:
-                    model = _made(kind, logs, order, delay, focus, common)
-                except InputError as error:
-                    # one impossible order (more coefficients than samples) must not end the
-                    # selection
-                    problem = problem or error
-                    rows.append(Candidate(kind, order, delay, None, remark=error.problem))
-                    continue
-                rows.append(_judged(kind, order, delay, model, logs, unseen))
-    if problem is not None and not any(row.model for row in rows):
-        raise problem
+    focus = "simulation" if by == "unseen" else "prediction"
+    rows, problems = [], []
+    for kind, delay, order in product(chosen, delays, orders):
+        try:
+            model = _made(kind, logs, order, delay, focus, common)
+        except InputError as error:
+            # one impossible order (more coefficients than samples) must not end the selection
+            problems.append(error)
+            rows.append(Candidate(kind, order, delay, None, remark=error.problem))
+            continue
+        rows.append(_judged(kind, order, delay, model, logs, unseen))
+    if not any(row.model for row in rows):
+        raise problems[0]
     return Selection(tuple(rows), by)
 
 
@@ -238,16 +231,8 @@ def _judged(
     logs: Log | Sequence[Log],
     unseen: list[Log],
 ) -> Candidate:
-    remark = "" if model.stable else "not stable"
-    if not model.status.ok:
-        remark = ", ".join(filter(None, [remark, model.status.value]))
-    return Candidate(
-        kind,
-        order,
-        delay,
-        model,
-        model.errors(logs, "prediction").nrmse,
-        model.errors(logs).nrmse,
-        model.errors(unseen).nrmse if unseen else np.nan,
-        remark,
-    )
+    remarks = ["not stable"] * (not model.stable)
+    remarks += [model.status.value] * (not model.status.ok)
+    errors = model.errors(logs, "prediction").nrmse, model.errors(logs).nrmse
+    beyond = model.errors(unseen).nrmse if unseen else np.nan
+    return Candidate(kind, order, delay, model, *errors, beyond, ", ".join(remarks))

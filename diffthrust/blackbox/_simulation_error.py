@@ -58,7 +58,9 @@ def _searched(
     damping = 1e-3 * np.mean(np.sum(j**2, axis=0))
     for _ in range(_STEPS):
         squares, slope = j.T @ j, j.T @ r
-        if error <= 1e-18 * r.size or _flatness(j, r) < _FLAT:  # the remaining error is rounding
+        length = np.linalg.norm(j, axis=0) * np.linalg.norm(r)
+        flat = np.max(np.abs(slope) / np.where(length > 0, length, 1.0), initial=0.0)
+        if error <= 1e-18 * r.size or flat < _FLAT:  # the remaining error is rounding
             return Simulated(current, error, True)
         # damping also selects the step: the Jacobian has n^2 null directions, one for each change
         # of basis
@@ -86,16 +88,10 @@ def output_sizes(records: Sequence[SampledLog]) -> np.ndarray:
     return np.where(power > 0, np.sqrt(power), 1.0)
 
 
-def _flatness(j: np.ndarray, r: np.ndarray) -> float:
-    length = np.linalg.norm(j, axis=0) * np.linalg.norm(r)
-    return float(np.max(np.abs(j.T @ r) / np.where(length > 0, length, 1.0), initial=0.0))
-
-
 def _settled(start: System) -> System:
     """The start without predictor, its poles reflected into the unit circle."""
     values, vectors = np.linalg.eig(start.a)
-    size = np.abs(values)
-    a = start.a
+    size, a = np.abs(values), start.a
     if np.any(size >= 1.0):
         # reflected poles keep the magnitude of the response on the unit circle but for a factor
         inside = np.where(size >= 1.0, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.blackbox._criteria import bic_of, check_integer, samples_of
+from diffthrust.blackbox._criteria import bic_of, check_order, check_word, samples_of
 from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape
@@ -74,16 +74,10 @@ def state_space(
         >>> model.singular_values.ndim, model.kind
         (1, 'state_space')
     """
-    if focus not in ("prediction", "simulation"):
-        raise InputError(
-            f"state_space, focus: expected 'prediction' or 'simulation', found {focus!r}.",
-            "Correct it.",
-        )
+    check_word("state_space, focus", focus, "prediction", "simulation")
     channels, records = sampled_channels(logs, input, output)
-    order, delay = (
-        check_integer("state_space", "order", order),
-        check_integer("state_space", "delay", delay),
-    )
+    order = check_order("state_space", "order", order)
+    delay = check_order("state_space", "delay", delay)
     direct, lag = delay == 0, max(delay - 1, 0)
     m, p = len(channels.inputs), len(channels.outputs)
     level = np.zeros(m + p)
@@ -98,7 +92,7 @@ def state_space(
     series = [z / size for z in series]
     if horizon is None:
         horizon = _horizon(series, m, order, direct)
-    elif check_integer("state_space", "order", horizon) <= order:
+    elif check_order("state_space", "order", horizon) <= order:
         raise InputError(
             f"state_space, horizon: expected more than the order {order}, found {horizon}.",
             "Raise it, or leave it out.",
@@ -145,21 +139,18 @@ def state_space(
 
 def _late(record: SampledLog, lag: int, level: np.ndarray) -> np.ndarray:
     """Delayed inputs and outputs side by side, ``(n, m + p)``; NaN in gaps."""
-    u = record.u if not lag else np.concatenate(
-        [np.full((lag, record.u.shape[1]), np.nan), record.u]
-    )[: len(record.u)]  # fmt: skip
+    before = np.full((lag, record.u.shape[1]), np.nan)
+    u = np.concatenate([before, record.u])[: len(record.u)]
     return np.concatenate([u, record.y], axis=1) - level
 
 
 def _windows(series: Sequence[np.ndarray], length: int) -> np.ndarray:
     """All stretches of a given length without a gap, ``(count, length, m + p)``."""
-    whole_ones = [np.zeros((0, length, series[0].shape[1]))]
-    for z in series:
-        if len(z) >= length:
-            view = np.lib.stride_tricks.sliding_window_view(z, length, axis=0)
-            view = np.moveaxis(view, -1, 1)
-            whole_ones.append(view[np.isfinite(view).all(axis=(1, 2))])
-    return np.concatenate(whole_ones)
+    windows = [np.zeros((0, length, series[0].shape[1]))]
+    for z in (z for z in series if len(z) >= length):
+        view = np.lib.stride_tricks.sliding_window_view(z, length, axis=0)
+        windows.append(np.moveaxis(view[np.isfinite(view).all(axis=(1, 2))], -1, 1))
+    return np.concatenate(windows)
 
 
 def _horizon(series: Sequence[np.ndarray], m: int, order: int, direct: bool) -> int:
@@ -273,25 +264,18 @@ def _refined(model: BlackBox, records: Sequence[SampledLog], order: int, delay: 
     s, inputs = model.system, model.system.b.shape[1]
     a = np.real(np.poly(s.a))
     direct = delay == 0
-    rows = []
+    rows, delays = [], []
     for j in range(inputs):
         num = np.real(np.poly(s.a - s.b[:, [j]] @ s.c)) - a + s.d[0, j] * a
         is_offset = j == len(model.channels.inputs)
         rows.append([num.sum()] if is_offset else num if direct else num[1:])
-    delays = tuple(0 if len(row) == 1 and j == len(model.channels.inputs) else delay
-                   for j, row in enumerate(rows))  # fmt: skip
-    shape = Shape(order, tuple(len(row) for row in rows), order, delays)
+        delays.append(0 if is_offset else delay)
+    shape = Shape(order, tuple(len(row) for row in rows), order, tuple(delays))
     try:
         check_enough("state_space", records, shape)
         c = reflected(np.real(np.poly(s.a - s.k @ s.c)))
-        start = np.concatenate([a[1:], *rows, c[1:]])
-        refined = searched(
-            "state_space",
-            model.channels,
-            records,
-            shape,
-            [start, *armax_starts(records, shape)],
-        )
+        starts = [np.concatenate([a[1:], *rows, c[1:]]), *armax_starts(records, shape)]
+        refined = searched("state_space", model.channels, records, shape, starts)
     except InputError:
         return model
     if not np.isfinite(refined.bic):

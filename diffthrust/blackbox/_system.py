@@ -13,15 +13,9 @@ _BLOCK = 64
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """x(t + 1) = A x + B u + K e,  y = C x + D u + e,  with delayed inputs.
+    """x(t + 1) = A x + B u + K e,  y = C x + D u + e,  with n states, m inputs and p outputs.
 
-    Args:
-        a: ``(n, n)``.
-        b: ``(n, m)``.
-        c: ``(p, n)``.
-        d: ``(p, m)``.
-        k: gain of the predictor, ``(n, p)``.
-        lags: delay of each input in samples, beyond that in the states, ``(m,)``.
+    The inputs are delayed by ``lags`` in samples, beyond what the states do, ``(m,)``.
     """
 
     a: np.ndarray
@@ -51,16 +45,10 @@ class System:
         return out
 
     def simulate(self, u: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
-        """Simulate outputs from inputs.
+        """Outputs ``(n, p)`` from inputs, infinite where an unstable system overflows.
 
-        Args:
-            u: inputs, ``(n, m)``.
-            y: outputs for estimating the starting states (least squares over all of them),
-                ``(n, p)``; without them the system and its inputs start at rest.
-
-        Returns:
-            Outputs, ``(n, p)``; infinite where an unstable system overflows; NaN, unless it starts
-            at rest, in the first samples, which depend on inputs before the log.
+        The starting states fit ``y`` best; the first samples, which depend on inputs before the
+        log, are then NaN. Without ``y`` the system and its inputs start at rest.
         """
         skip = 0 if y is None else min(self.unknown, len(u))
         y = None if y is None else y[skip:]
@@ -74,18 +62,17 @@ class System:
         over the record; NaN as in `simulate`.
         """
         skip = min(self.unknown, len(u))
-        outputs = self._predict(self.late(u)[skip:], y[skip:])
-        return np.concatenate([np.full((skip, len(self.c)), np.nan), outputs])
-
-    def _predict(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+        u, y = self.late(u)[skip:], y[skip:]
         if np.isfinite(y).all():
             # without gaps the predictor is a linear system with the outputs as inputs, and runs in
             # blocks
             f = self.a - self.k @ self.c
             g = np.concatenate([self.b - self.k @ self.d, self.k], axis=1)
             d = np.concatenate([self.d, np.zeros((y.shape[1],) * 2)], axis=1)
-            return _run(f, g, self.c, d, np.concatenate([u, y], axis=1), y)
-        return self._predict_with_gaps(u, y)
+            outputs = _run(f, g, self.c, d, np.concatenate([u, y], axis=1), y)
+        else:
+            outputs = self._predict_with_gaps(u, y)
+        return np.concatenate([np.full((skip, len(self.c)), np.nan), outputs])
 
     def _predict_with_gaps(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         n, p = self.order, y.shape[1]
