@@ -6,101 +6,42 @@ import numpy as np
 from reference import inputs, thruster
 
 import diffthrust as dft
-from diffthrust.uncertainty import (  # private: its limits
-    _intervals as intervals_module,
-)
-from diffthrust.uncertainty import _profile as profile_module
-from diffthrust.uncertainty import _scores as scores_module
-from diffthrust.uncertainty._intervals import (  # private: the sentences alone
-    Evidence,
-    heading,
-    sentences,
-)
-from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: a closed form
-from diffthrust.uncertainty._prediction.draws import draws_of  # private: no result keeps its draws
-from diffthrust.uncertainty._prediction.tables import interval_text  # private: digits alone
-from diffthrust.uncertainty._profile import (  # private: the threshold alone
-    threshold_of,
-)
-from diffthrust.uncertainty._profile_walk import (  # private: walks and lines of a test
-    DeeperError,
-    ParameterLine,
-    ProfilePoint,
-    QuantityLine,
-    root,
-    spread,
-    walk,
-)
-from diffthrust.uncertainty._results import (  # private: made by a call
-    Better,
-    Profiles,
-)
-from diffthrust.uncertainty._sampling import chain_file, nuts  # private: coordinates; marks
-from diffthrust.uncertainty._sampling.arviz import arviz  # private: without its warning
-from diffthrust.uncertainty._sampling.chain_file import problem_identity  # private: whose a file is
-from diffthrust.uncertainty._sampling.ensemble import (  # private: proposals of a law not their own
-    independent_proposals,
-    learned,
-)
-from diffthrust.uncertainty._sampling.posterior import (
-    Posterior,  # private: made to fail
-    posterior_of,  # private: its density alone
-)
-from diffthrust.uncertainty._sampling.propriety import open_ends  # private: before any draw
-from diffthrust.uncertainty._scores import (  # private: the parts alone
-    sample_scores,
-    summed,
-)
-from diffthrust.uncertainty._values import (  # private: rows that no logs give
-    Interval,
-    Profile,  # private: with arms that no logs give
-    Row,
-    scaled,
-)
+from diffthrust.uncertainty import _intervals as intervals_module  # private: its limits
+from diffthrust.uncertainty import _profile as profile_module  # private: its rounds and words
+from diffthrust.uncertainty import _sandwich as sandwich_module  # private: the block alone
+from diffthrust.uncertainty._intervals import Evidence as Evidence  # private: the sentences alone
+from diffthrust.uncertainty._intervals import heading as heading
+from diffthrust.uncertainty._intervals import sentences as sentences
+from diffthrust.uncertainty._prediction.band import mixed_quantile as mixed_quantile  # closed form
+from diffthrust.uncertainty._prediction.draws import draws_of as draws_of  # no result keeps them
+from diffthrust.uncertainty._prediction.tables import interval_text as interval_text  # digits alone
+from diffthrust.uncertainty._profile import threshold_of as threshold_of  # the threshold alone
+from diffthrust.uncertainty._profile_walk import DeeperError as DeeperError  # walks of a test
+from diffthrust.uncertainty._profile_walk import ParameterLine as ParameterLine
+from diffthrust.uncertainty._profile_walk import ProfilePoint as ProfilePoint
+from diffthrust.uncertainty._profile_walk import QuantityLine as QuantityLine
+from diffthrust.uncertainty._profile_walk import root as root
+from diffthrust.uncertainty._profile_walk import spread as spread
+from diffthrust.uncertainty._profile_walk import walk as walk
+from diffthrust.uncertainty._results import Better as Better  # made by a call
+from diffthrust.uncertainty._results import Profiles as Profiles
+from diffthrust.uncertainty._sampling import chain_file as chain_file  # private: marks of a file
+from diffthrust.uncertainty._sampling import nuts as nuts  # private: its coordinates
+from diffthrust.uncertainty._sampling.arviz import arviz as arviz  # without its warning
+from diffthrust.uncertainty._sampling.chain_file import problem_identity as problem_identity
+from diffthrust.uncertainty._sampling.ensemble import independent_proposals as independent_proposals
+from diffthrust.uncertainty._sampling.ensemble import learned as learned  # of a law not their own
+from diffthrust.uncertainty._sampling.posterior import Posterior as Posterior  # made to fail
+from diffthrust.uncertainty._sampling.posterior import posterior_of as posterior_of
+from diffthrust.uncertainty._sampling.propriety import open_ends as open_ends  # before any draw
+from diffthrust.uncertainty._sandwich import sample_scores as sample_scores  # the parts alone
+from diffthrust.uncertainty._sandwich import summed as summed
+from diffthrust.uncertainty._values import Interval as Interval  # rows that no logs give
+from diffthrust.uncertainty._values import Profile
+from diffthrust.uncertainty._values import Row as Row
+from diffthrust.uncertainty._values import scaled as scaled
 
-__all__ = [
-    "NOISE",
-    "PRIORS",
-    "PROFILE",
-    "TRUE",
-    "Better",
-    "DeeperError",
-    "Evidence",
-    "Interval",
-    "ParameterLine",
-    "Posterior",
-    "ProfilePoint",
-    "Profiles",
-    "QuantityLine",
-    "Row",
-    "arviz",
-    "chain_file",
-    "draws_of",
-    "exact_line",
-    "heading",
-    "independent_proposals",
-    "interval_text",
-    "intervals_module",
-    "learned",
-    "line",
-    "mixed_quantile",
-    "nuts",
-    "open_ends",
-    "posterior_of",
-    "problem_identity",
-    "profile_module",
-    "root",
-    "sample_scores",
-    "scaled",
-    "scores_module",
-    "sentences",
-    "spread",
-    "summed",
-    "threshold_of",
-    "thruster_fit",
-    "thruster_log",
-    "walk",
-]
+__all__ = ["intervals_module", "profile_module", "sandwich_module"]
 
 NOISE = 0.2
 PRIORS = {"slope": dft.Normal(0.25, 0.05), "offset": dft.Normal(-0.2, 0.1)}

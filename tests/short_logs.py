@@ -12,6 +12,17 @@ MODEL = dft.Thruster(**TRUE)
 LEVELS = {"speed": 0.3, "thrust": 0.5}
 
 
+class TwiceTheSame(dft.Effect):
+    """A gain on the drive: the same as beta."""
+
+    name = "drive_gain"
+    port = "drive"
+    gain: float = dft.parameter(1.0, bounds=(0, None))
+
+    def __call__(self, value, s):
+        return self.gain * value
+
+
 @cache
 def clean(count):
     """A staircase and a chirp at 20 Hz, without noise; simulated by the reference once."""

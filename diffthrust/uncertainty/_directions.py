@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.files import plain
 from diffthrust._support.report import Report, Section
 from diffthrust._support.results import Result
 from diffthrust.estimation._problem import Problem
@@ -121,15 +122,8 @@ class Directions(Result):
 
     def to_json(self) -> list[dict[str, Any]]:
         """Plain data; ``std_error`` is ``None`` if not determined."""
-        return [
-            {
-                "std_error": d.std_error if math.isfinite(d.std_error) else None,
-                "changes": dict(d.changes),
-                "relative": dict(d.relative),
-                "sentence": d.sentence,
-            }
-            for d in self.directions
-        ]
+        names = ("std_error", "changes", "relative", "sentence")
+        return [plain({name: getattr(d, name) for name in names}) for d in self.directions]
 
 
 def directions(fit: Fit, logs: Log | Sequence[Log]) -> Directions:
@@ -190,11 +184,9 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
         # an eigenvector has no sign of its own: the largest part goes up, on every machine
         sign = 1.0 if vector[np.argmax(np.abs(vector))] > 0 else -1.0
         step = sign * vector * (error if determined else 0.01)
-        ranked.append(
-            Direction(
-                error,
-                dict(zip(names, map(float, step * unit * slopes), strict=True)),
-                dict(zip(names, map(float, step), strict=True)),
-            )
+        changes, relative = (
+            dict(zip(names, map(float, sizes), strict=True))
+            for sizes in (step * unit * slopes, step)
         )
+        ranked.append(Direction(error, changes, relative))
     return Directions(tuple(ranked), tuple(problem.own[i] for i in np.flatnonzero(held[:k])))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,25 +32,30 @@ def profile_figure(profiles: Sequence[Profile]) -> Figure:
     Beside it the parabola that the covariance stands for. The interval lies where the profile is
     below the threshold; an end that is open has no mark.
     """
-    across = max(1, min(_ACROSS, len(profiles)))
-    down = max(1, -(-len(profiles) // across))
-    figure = Figure(figsize=(1.0 + 3.9 * across, 0.9 + 2.9 * down), layout="constrained")
-    for i, profile in enumerate(profiles):
-        _profile_panel(figure.add_subplot(down, across, i + 1), profile.shown, i % across == 0)
-    if figure.axes:
-        handles = {
-            label: line
-            for axes in figure.axes
-            for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
-        }
-        figure.legend(
-            handles=list(handles.values()),
-            loc="outside upper left",
-            ncols=len(handles),
-            frameon=False,
-            fontsize=9,
-        )
+    figure, panels = _panels(
+        len(profiles), lambda across, down: (1 + 3.9 * across, 0.9 + 2.9 * down)
+    )
+    for i, (axes, profile) in enumerate(zip(panels, profiles, strict=True)):
+        _profile_panel(axes, profile.shown, i % _ACROSS == 0)
+    handles = {
+        label: line
+        for axes in panels
+        for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    if handles:
+        look: dict[str, Any] = {"loc": "outside upper left", "frameon": False, "fontsize": 9}
+        figure.legend(handles=[*handles.values()], ncols=len(handles), **look)
     return figure
+
+
+def _panels(
+    count: int, size: Callable[[int, int], tuple[float, float]]
+) -> tuple[Figure, list[Axes]]:
+    """A figure of panels in rows; its size by the numbers of columns and rows."""
+    across = max(1, min(_ACROSS, count))
+    down = max(1, -(-count // across))
+    figure = Figure(figsize=size(across, down), layout="constrained")
+    return figure, [figure.add_subplot(down, across, i + 1) for i in range(count)]
 
 
 def _profile_panel(axes: Axes, p: Profile, first: bool) -> None:
@@ -58,14 +64,8 @@ def _profile_panel(axes: Axes, p: Profile, first: bool) -> None:
     axes.axhline(limit, color="0.3", linewidth=0.9, linestyle=":", label=f"{100 * p.level:g} %")
     if p.std_error:
         wide = np.linspace(-1.25, 1.25, 101) * np.sqrt(p.threshold) * p.std_error
-        axes.plot(
-            p.value + wide,
-            0.5 * (wide / p.std_error) ** 2,
-            color=VERMILLION,
-            linewidth=1.3,
-            linestyle="--",
-            label="covariance",
-        )
+        look: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.3, "linestyle": "--"}
+        axes.plot(p.value + wide, 0.5 * (wide / p.std_error) ** 2, label="covariance", **look)
     axes.plot(x, y, color=BLUE, linewidth=1.8, label="profile")
     axes.plot(p.grid, p.drop, "o", color=BLUE, markersize=2.8)
     for end in (p.low, p.high):
@@ -76,12 +76,8 @@ def _profile_panel(axes: Axes, p: Profile, first: bool) -> None:
     title = [f"{literal(p.name)}: {_interval(p)}"]
     sides = (("downwards", p.open_low), ("upwards", p.open_high))
     title += [f"{side}: {why}" for side, why in sides if why]
-    styled(
-        axes,
-        "\n".join(title),
-        f"{literal(p.name)}{unit}",
-        "drop of the log-likelihood" if first else "",
-    )
+    y_label = "drop of the log-likelihood" if first else ""
+    styled(axes, "\n".join(title), f"{literal(p.name)}{unit}", y_label)
     axes.set_ylim(-0.06 * limit, 1.55 * limit)
     _scale(axes, 5, *_profile_range(p))
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
@@ -89,15 +85,10 @@ def _profile_panel(axes: Axes, p: Profile, first: bool) -> None:
 
 def _interval(p: Profile) -> str:
     error = shortest_half_arm(p.value, (p.low, p.high))
-    low, high = (None if e is None else with_error(e, error)[0] for e in (p.low, p.high))
-    if low is not None and high is not None:
-        words = f"{low} to {high}"
-    elif low is not None:
-        words = f"at least {low}"
-    elif high is not None:
-        words = f"at most {high}"
-    else:
+    low, high = ("" if e is None else with_error(e, error)[0] for e in (p.low, p.high))
+    if not (low or high):
         return "open to both sides"
+    words = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
     return f"{words} {p.unit}".rstrip()
 
 
@@ -124,10 +115,7 @@ def _profile_range(p: Profile) -> tuple[float, float, bool]:
         margin = (max(ends) / min(ends)) ** 0.2
         return min(ends) / margin, max(ends) * margin, True
     arms = [abs(e - p.value) for e in (p.low, p.high) if e is not None]
-    arm = max(
-        arms,
-        default=2 * p.std_error if p.std_error else float(np.ptp(p.grid)) or 1.0,
-    )
+    arm = max(arms, default=2 * p.std_error if p.std_error else float(np.ptp(p.grid)) or 1.0)
     low = p.low if p.low is not None else max(p.grid[0], p.value - 1.6 * arm)
     high = p.high if p.high is not None else min(p.grid[-1], p.value + 1.6 * arm)
     margin = 0.2 * (high - low) or 0.2 * arm
@@ -143,10 +131,7 @@ def _smooth(p: Profile) -> tuple[np.ndarray, np.ndarray]:
     x, y = p.grid[rising], np.maximum(p.drop[rising], 0.0)
     if x.size < 2:
         return x, y
-    if p.value in (
-        x[0],
-        x[-1],
-    ):  # at a bound it rises at once, and a root would start upright
+    if p.value in (x[0], x[-1]):  # at a bound it rises at once, and a root would start upright
         fine = np.linspace(x[0], x[-1], 401)
         return fine, PchipInterpolator(x, y)(fine)
     root = np.sign(x - p.value) * np.sqrt(y)
@@ -163,12 +148,12 @@ def intervals_figure(rows: Sequence[Row], methods: Sequence[str], level: float) 
 
     The recommended one is drawn thick. An end that is open is an arrow to the edge.
     """
-    across = max(1, min(_ACROSS, len(rows)))
-    down = max(1, -(-len(rows) // across))
-    height = 0.8 + 0.3 * len(methods)
-    figure = Figure(figsize=(1.3 + 3.7 * across, 0.5 + down * (0.4 + height)), layout="constrained")
-    for i, row in enumerate(rows):
-        _interval_panel(figure.add_subplot(down, across, i + 1), row, methods)
+    height = 1.2 + 0.3 * len(methods)
+    figure, panels = _panels(
+        len(rows), lambda across, down: (1.3 + 3.7 * across, 0.5 + down * height)
+    )
+    for axes, row in zip(panels, rows, strict=True):
+        _interval_panel(axes, row, methods)
     percent = f"{100 * level:g} % intervals, the recommended one thick"
     figure.suptitle(percent, x=0.01, ha="left", fontsize=10, fontweight="bold")
     return figure
@@ -194,25 +179,20 @@ def _interval_panel(axes: Axes, row: Row, methods: Sequence[str]) -> None:
     for bound in row.bounds:
         if bound is not None:
             axes.axvline(bound, color="0.2", linewidth=1.2, linestyle=":")
-            axes.annotate(
-                "bound",
-                (bound, 1.0),
-                xycoords=axes.get_xaxis_transform(),
-                fontsize=7,
-                xytext=(2, -8),
-                textcoords="offset points",
-            )
+            beside: dict[str, Any] = {
+                "xytext": (2, -8),
+                "textcoords": "offset points",
+                "fontsize": 7,
+            }
+            axes.annotate("bound", (bound, 1.0), xycoords=axes.get_xaxis_transform(), **beside)
     axes.set_ylim(len(methods) - 0.4, -0.6)
     axes.set_yticks(range(len(methods)), [f"{m} *" if m == row.recommended else m for m in methods])
     unit = f" [{row.unit}]" if row.unit else ""
-    axes.set_title(f"{literal(row.name)}{unit}", loc="left", fontsize=9)
-    axes.grid(True, axis="x", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
+    styled(axes, f"{literal(row.name)}{unit}", "", "")
+    axes.grid(False, axis="y")
     axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
     _scale(axes, 4, low, high, logarithmic)
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
 
 
 def _interval_range(row: Row) -> tuple[float, float, bool]:

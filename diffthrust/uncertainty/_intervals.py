@@ -12,6 +12,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust.estimation._arguments import LIKELIHOODS, NOISE_MODELS
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import check_mark, problem_of
 from diffthrust.estimation._result import Fit
@@ -20,9 +21,14 @@ from diffthrust.uncertainty._directions import directions_of
 from diffthrust.uncertainty._prediction.draws import check_level
 from diffthrust.uncertainty._profile import degrees_of, profiles_of, threshold_of
 from diffthrust.uncertainty._results import Intervals, Profiles
-from diffthrust.uncertainty._sandwich import Sandwich, converged, quantile, sandwich_of
-from diffthrust.uncertainty._scores import sample_scores
-from diffthrust.uncertainty._values import LOPSIDED, Interval, Profile, Row
+from diffthrust.uncertainty._sandwich import (
+    Sandwich,
+    converged,
+    quantile,
+    sample_scores,
+    sandwich_of,
+)
+from diffthrust.uncertainty._values import Interval, Profile, Row
 
 _WHITE = 0.1
 """Residuals with a lag-one correlation below this count as white: standard errors are then too
@@ -102,22 +108,26 @@ def intervals(
 
 def _rows_by_log(fit: Fit, reach: float) -> list[Row]:
     """The values by log, whose intervals are those of the covariance at the width of the fit."""
-    rows = []
-    for name, found in fit.per_log.items():
-        for log, e in found.values.items():
-            if e.std_error is not None:
-                arm = reach * e.std_error
-                row = Row(
-                    name=f"{name} in {log}",
-                    unit=e.unit,
-                    value=e.value,
-                    intervals={"covariance": Interval(e.value - arm, e.value + arm)},
-                    recommended="covariance",
-                    per=e.per,
-                    shown_unit=e.shown_unit,
-                )
-                rows.append(row)
-    return rows
+    return [
+        _row_of(f"{name} in {log}", e, _of_covariance(e, reach), "covariance")
+        for name, by_log in fit.per_log.items()
+        for log, e in by_log.values.items()
+        if e.std_error is not None
+    ]
+
+
+def _row_of(
+    name: str, e: Estimate, intervals: Mapping[str, Interval], recommended: str, **more: Any
+) -> Row:
+    shown: Any = {"per": e.per, "shown_unit": e.shown_unit}
+    return Row(name, e.unit, e.value, intervals, recommended, **shown, **more)
+
+
+def _of_covariance(e: Estimate, reach: float) -> dict[str, Interval]:
+    if e.std_error is None:
+        return {}
+    arm = reach * e.std_error
+    return {"covariance": Interval(e.value - arm, e.value + arm)}
 
 
 def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
@@ -141,10 +151,7 @@ def _row(
     level: float,
 ) -> Row:
     estimate, profile = fit.parameters[name], profiles[name]
-    by_method = {}
-    if estimate.std_error is not None:
-        arm = reach * estimate.std_error
-        by_method["covariance"] = Interval(estimate.value - arm, estimate.value + arm)
+    by_method = _of_covariance(estimate, reach)
     wide = robust.interval(name, level)
     if wide is not None:
         by_method["sandwich"] = Interval(*wide)
@@ -166,17 +173,8 @@ def _row(
         recommended=recommended,
         met=tuple(n for n in profiles if n != name and profiles[n].bounds != (None, None)),
     )
-    return Row(
-        name=name,
-        unit=estimate.unit,
-        per=estimate.per,
-        shown_unit=estimate.shown_unit,
-        value=estimate.value,
-        intervals=by_method,
-        recommended=recommended,
-        sentences=tuple(sentences(evidence)),
-        bounds=profile.bounds,
-    )
+    told: Any = {"sentences": tuple(sentences(evidence)), "bounds": profile.bounds}
+    return _row_of(name, estimate, by_method, recommended, **told)
 
 
 def _wider(robust: Sandwich, name: str) -> bool:
@@ -225,16 +223,9 @@ _CLEARLY = 1.25
 class Evidence:
     """What is known of one parameter's intervals.
 
-    Args:
-        fit: the fit.
-        profile: the parameter's profile.
-        intervals: by method.
-        inflation: width of the sandwich over that of the covariance, or ``None``.
-        chance: how far from one it may be by chance.
-        correlation: of the residuals that the fit took as white; zero where they are.
-        prior: the parameter has one.
-        recommended: the method to take.
-        met: other parameters whose bounds are within their own intervals.
+    The sandwich is ``inflation`` times as wide as the covariance, within ``chance``; the
+    ``correlation`` is that of residuals taken as white; ``met`` are other parameters whose bounds
+    are within their own intervals.
     """
 
     fit: Fit
@@ -302,19 +293,15 @@ def sentences(e: Evidence) -> Iterator[str]:
 
 
 def _lopsided(e: Evidence, name: str) -> Iterator[str]:
-    ratio = e.profile.lopsided
-    if ratio is None or 1 / LOPSIDED < ratio < LOPSIDED:
+    if not e.profile.longer_arm:
         return
-    way, size = ("up", ratio) if ratio > 1 else ("down", 1 / ratio)
     met = f", for {' and '.join(e.met)} may meet a bound" if e.met else ""
-    words = (
-        f"{name}: the profile reaches {size:.2g} times as far {way} as the other way. The "
-        f"likelihood is not quadratic there{met}, and covariance and sandwich are symmetric by "
-        "construction"
+    expect = ": expect the same of the truth, within the width of the sandwich"
+    yield (
+        f"{name}: the profile reaches {e.profile.longer_arm}. The likelihood is not quadratic "
+        f"there{met}, and covariance and sandwich are symmetric by construction"
+        f"{expect if e.recommended == 'sandwich' else ''}."
     )
-    if e.recommended == "sandwich":
-        words += ": expect the same of the truth, within the width of the sandwich"
-    yield f"{words}."
 
 
 def _inflated(e: Evidence, name: str) -> Iterator[str]:
@@ -335,22 +322,16 @@ def _posterior_apart(e: Evidence, name: str) -> Iterator[str]:
     drawn, profile = e.intervals.get("posterior"), e.intervals["profile"]
     if drawn is None or drawn.low is None or drawn.high is None:
         return
-    value = e.profile.value
-    apart = []
-    for side, drawn_end, profile_end in (
-        ("lower", drawn.low, profile.low),
-        ("upper", drawn.high, profile.high),
-    ):
-        if profile_end is not None and abs(drawn_end - profile_end) > _APART * max(
-            abs(profile_end - value), 1e-300
-        ):
-            apart.append(side)
+    ends = (("lower", drawn.low, profile.low), ("upper", drawn.high, profile.high))
+    apart = [
+        side
+        for side, here, end in ends
+        if end is not None and abs(here - end) > _APART * max(abs(end - e.profile.value), 1e-300)
+    ]
     if not apart:
         return
-    ends = f"the {apart[0]} end" if len(apart) == 1 else "both ends"
-    ratio = e.profile.lopsided
-    skewed = ratio is None or not 1 / LOPSIDED < ratio < LOPSIDED
-    if skewed:
+    where = f"the {apart[0]} end" if len(apart) == 1 else "both ends"
+    if e.profile.lopsided is None or e.profile.longer_arm:
         why = (
             "the likelihood is not quadratic, and a posterior averages over the other parameters "
             "where a profile takes their best"
@@ -362,4 +343,4 @@ def _posterior_apart(e: Evidence, name: str) -> Iterator[str]:
             "a bound or the prior cuts the posterior off, other parameters are far from quadratic, "
             "or the chains have not converged"
         )
-    yield f"{name}: posterior and profile differ at {ends}: {why}."
+    yield f"{name}: posterior and profile differ at {where}: {why}."

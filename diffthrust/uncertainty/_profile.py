@@ -129,8 +129,8 @@ def profiles_of(
             "at a deep optimum.",
             "Fit again with more starts.",
         )
-    gain = first.cost - best.cost
-    better = Better(problem.values(best.z), gain) if best is not first else None
+    deeper = best is not first
+    better = Better(problem.values(best.z), first.cost - best.cost) if deeper else None
     return Profiles({p.name: p for p in profiles}, level, better)
 
 
@@ -165,10 +165,10 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
     variance 4 / n (for an AR(1) coefficient a over T samples, 4 (1 + a) / (1 - a) / T, see the
     sandwich).
     """
-    likelihood = problem.layout.likelihood
-    if likelihood.noise.lasts:
+    noise = problem.layout.likelihood.noise
+    if noise.lasts:
         channels = problem.layout.channels
-        samples = likelihood.noise.independent(channels, problem.numbers, problem.values(z))
+        samples = noise.independent(channels, problem.numbers, problem.values(z))
         degrees = max(samples - len(problem.own) - problem.local, 1.0)
         return quantile(confidence, 0.5 * samples) ** 2 * samples / degrees
     degrees = degrees_of(problem, z)
@@ -207,45 +207,42 @@ def _lines(
 
 def _profile(line: Line, estimate: Estimate | Quantity, threshold: float, level: float) -> Profile:
     start = line.start()
-    sides = [walk(line, sign, math.sqrt(threshold)) for sign in (-1.0, 1.0)]
-    points = [*reversed(sides[0].points), *sides[1].points[1:]]
+    down, up = (walk(line, sign, math.sqrt(threshold)) for sign in (-1.0, 1.0))
+    points = [*reversed(down.points), *up.points[1:]]
     limits: tuple[float, float] = (-math.inf, math.inf)
     more: dict[str, Any] = {"quantity": True}
     if isinstance(estimate, Estimate):
         limits = line.problem.named[line.name].limits
         more = {"per": estimate.per, "shown_unit": estimate.shown_unit}
-    low, high = (None if side.end is None else line.value(side.end) for side in sides)
+    low, high = (None if side.end is None else line.value(side.end) for side in (down, up))
+    open_low, bottom = _open_end(line, down, limits[0], "less")
+    open_high, top = _open_end(line, up, limits[1], "more")
     return Profile(
         name=line.name,
         unit=estimate.unit,
         value=line.value(start.x),
         low=low,
         high=high,
-        open_low=_why(line, sides[0], limits[0], "less"),
-        open_high=_why(line, sides[1], limits[1], "more"),
+        open_low=open_low,
+        open_high=open_high,
         level=level,
         threshold=threshold,
         grid=np.array([line.value(p.x) for p in points]),
         drop=np.array([p.cost - start.cost for p in points]),
         std_error=estimate.std_error,
-        bounds=(_met(line, sides[0], limits[0]), _met(line, sides[1], limits[1])),
+        bounds=(bottom, top),
         **more,
     )
 
 
-def _met(line: Line, side: Side, limit: float) -> float | None:
-    """The bound of the parameter, if a side reaches it."""
-    met = side.why == "bound" and math.isfinite(limit)
-    return line.value(side.points[-1].x) if met else None
-
-
-def _why(line: Line, side: Side, limit: float, more: str) -> str | None:
-    """Why a side is open, in words."""
+def _open_end(line: Line, side: Side, limit: float, more: str) -> tuple[str | None, float | None]:
+    """Why a side is open, in words, and the bound of the parameter that it reaches."""
     last = line.value(side.points[-1].x)
     if side.why == "bound" and math.isfinite(limit):
-        return f"reaches the bound {limit:g}"
-    if side.why == "stuck":
-        return f"the bounds of the parameters allow no {more}: {last:.4g}"
-    if side.why == "fails":
-        return f"beyond {last:.4g} the simulation fails"
-    return None if side.why is None else "the likelihood never falls far enough"
+        return f"reaches the bound {limit:g}", last
+    words = {
+        None: None,
+        "stuck": f"the bounds of the parameters allow no {more}: {last:.4g}",
+        "fails": f"beyond {last:.4g} the simulation fails",
+    }
+    return words.get(side.why, "the likelihood never falls far enough"), None

@@ -37,16 +37,14 @@ Function = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
 class ProfilePoint(NamedTuple):
-    """The least cost at one position of a line, and the coordinates there.
-
-    ``aim`` is the requested position, which a quantity reaches only approximately.
-    """
+    """The least cost at one position of a line, and the coordinates there."""
 
     x: float
     cost: float
     z: np.ndarray
     quadratic: Quadratic
     aim: float
+    """The requested position, which a quantity reaches only approximately."""
 
 
 def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
@@ -93,12 +91,10 @@ class ParameterLine:
         """The bounds; for a logarithm without bounds, ten decades away."""
         low, high = (float(side[self.place]) for side in self.problem.limits())
         x, p = self.best.z[self.place], self.problem.named[self.name]
-        if p.transform != "log":
-            return low, high
-        down, up = p.limits
-        return (low if down > 0 else min(x, x - VANISHED)), (
-            high if np.isfinite(up) else x + VANISHED
-        )
+        if p.transform == "log":
+            low = low if p.limits[0] > 0 else x - VANISHED
+            high = high if np.isfinite(p.limits[1]) else x + VANISHED
+        return low, high
 
     def start(self) -> ProfilePoint:
         """The optimum."""
@@ -153,9 +149,8 @@ class QuantityLine:
 
     @cached_property
     def _slope(self) -> tuple[float, np.ndarray]:
-        value, slope = _quantity(
-            self.problem.layout, self.function, self.problem.numbers, self.best.z, self.index
-        )
+        at = self.problem.numbers, self.best.z, self.index
+        value, slope = _quantity(self.problem.layout, self.function, *at)
         return float(value), np.asarray(slope)
 
     @cached_property
@@ -176,20 +171,14 @@ class QuantityLine:
 
     def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
         """The least cost at a value close to ``x``."""
-        low, high = self.problem.limits()
-        width = _STIFF * self.scale
-        # the term compensates the pull of a quadratic cost towards the optimum
-        drawn = x + _STIFF**2 * (x - self._slope[0])
-        z, quadratic, value, pull, _ = _solve_pulled(
+        # the second term compensates the pull of a quadratic cost towards the optimum
+        target = x + _STIFF**2 * (x - self._slope[0])
+        numbers = (near.z, *self.problem.limits(), self.index, target, _STIFF * self.scale)
+        z, quadratic, value, pull = _solve_pulled(
             self.problem.layout,
             self.function,
             self.problem.numbers,
-            jnp.asarray(near.z),
-            jnp.asarray(low),
-            jnp.asarray(high),
-            jnp.asarray(self.index),
-            jnp.asarray(drawn),
-            jnp.asarray(width),
+            tuple(map(jnp.asarray, numbers)),
         )
         quadratic = Quadratic(*(np.asarray(array) for array in quadratic))
         cost = float(quadratic.cost) - float(pull)
@@ -218,17 +207,8 @@ def _quantity(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, 
 
 
 @program(2)
-def _solve_pulled(
-    layout: Any,
-    function: Function,
-    numbers: ProblemNumbers,
-    z: Any,
-    low: Any,
-    high: Any,
-    index: Any,
-    target: Any,
-    width: Any,
-) -> Any:
+def _solve_pulled(layout: Any, function: Function, numbers: ProblemNumbers, pulled: Any) -> Any:
+    z, low, high, index, target, width = pulled
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=1e-9, lower=low, upper=high)
 
     def of(y: Any, at: Any) -> Any:
@@ -247,18 +227,11 @@ def _solve_pulled(
         )
         return cost, q
 
-    solution = optx.minimise(
-        objective,
-        solver,
-        z,
-        (numbers, jnp.asarray(MOST_STEPS - 1)),
-        has_aux=True,
-        max_steps=MOST_STEPS,
-        throw=False,
-    )
+    args = (numbers, jnp.asarray(MOST_STEPS - 1))
+    options: Any = {"has_aux": True, "max_steps": MOST_STEPS, "throw": False}
+    solution = optx.minimise(objective, solver, z, args, **options)
     residual = of(solution.value, numbers)
-    value = residual * width + target
-    return solution.value, solution.aux, value, 0.5 * residual**2, solution.state.done
+    return solution.value, solution.aux, residual * width + target, 0.5 * residual**2
 
 
 class DeeperError(Exception):
@@ -270,17 +243,14 @@ class DeeperError(Exception):
 
 
 class Side(NamedTuple):
-    """One half of a profile.
-
-    Args:
-        points: from the optimum outwards.
-        end: end of the interval, or ``None``.
-        why: the reason if there is no end: "bound", "flat", "stuck" or "fails".
-    """
+    """One half of a profile."""
 
     points: list[ProfilePoint]
+    """From the optimum outwards."""
     end: float | None
+    """Of the interval."""
     why: str | None
+    """The reason if there is no end: "bound", "flat", "stuck" or "fails"."""
 
 
 def walk(line: Line, sign: float, reach: float) -> Side:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffthrust._support.figures import showing
 from diffthrust._support.report import Report, Section
@@ -22,14 +22,8 @@ if TYPE_CHECKING:
 _METHODS = ("covariance", "sandwich", "profile", "posterior")
 
 
-@dataclass(frozen=True)
-class Better:
-    """A better optimum found by a walk, which the fit had missed.
-
-    Args:
-        values: of all parameters, by full name.
-        gain: in log-likelihood over the fit.
-    """
+class Better(NamedTuple):
+    """A better optimum found by a walk: all parameters, and the gain in log-likelihood."""
 
     values: Mapping[str, float]
     gain: float
@@ -82,14 +76,11 @@ class Profiles(Result):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        better = self.better
         return {
             "schema": 1,
             "level": self.level,
             "profiles": {name: p.to_json() for name, p in self.profiles.items()},
-            "better": None
-            if better is None
-            else {"values": dict(better.values), "gain": better.gain},
+            "better": self.better and self.better._asdict(),
         }
 
     @showing

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from diffthrust._support.files import plain
 from diffthrust._support.results import Brief
 from diffthrust._support.words import with_error
 
@@ -44,6 +45,14 @@ def shortest_half_arm(value: float, ends: Iterable[float | None]) -> float | Non
     return 0.5 * min(arms) if arms else None
 
 
+def central(
+    values: np.ndarray, level: float, axis: int | None = None, method: Any = "linear"
+) -> np.ndarray:
+    """Lower end, median and upper end of an interval of equal tails."""
+    shares = [0.5 * (1 - level), 0.5, 0.5 * (1 + level)]
+    return np.quantile(values, shares, axis=axis, method=method)
+
+
 class Shown:
     """A dataclass with values in ``unit``; times ``per`` they are in the display unit.
 
@@ -61,6 +70,13 @@ class Shown:
             return self
         sizes = {name: scaled(getattr(self, name), own.per) for name in self._in_unit}
         return replace(own, **sizes, unit=own.shown_unit, per=1.0, shown_unit="")
+
+    def _json(self, *names: str) -> dict[str, Any]:
+        """These fields as plain data, and as "written" in the display unit."""
+        plain_data, written = (
+            {name: plain(getattr(item, name)) for name in names} for item in (self, self.shown)
+        )
+        return {**plain_data, "written": written}
 
 
 @dataclass(frozen=True)
@@ -93,16 +109,8 @@ class Row(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, in the parameter's unit and in the display unit."""
-        return {
-            **self._sizes(),
-            "recommended": self.recommended,
-            "sentences": list(self.sentences),
-            "written": self.shown._sizes(),
-        }
-
-    def _sizes(self) -> dict[str, Any]:
-        intervals = {method: list(interval) for method, interval in self.intervals.items()}
-        return {"value": self.value, "unit": self.unit, "intervals": intervals}
+        told = {"recommended": self.recommended, "sentences": list(self.sentences)}
+        return self._json("value", "unit", "intervals") | told
 
     @property
     def best(self) -> Interval:
@@ -167,45 +175,38 @@ class Profile(Brief, Shown):
         return (self.high - self.value) / (self.value - self.low)
 
     @property
-    def sentence(self) -> str:
-        """The interval in words, in the display unit."""
-        return self.shown._sentence
+    def longer_arm(self) -> str:
+        """How much further the interval reaches to one side, in words; empty if hardly."""
+        ratio = self.lopsided
+        if ratio is None or 1 / LOPSIDED < ratio < LOPSIDED:
+            return ""
+        way, size = ("up", ratio) if ratio > 1 else ("down", 1 / ratio)
+        return f"{size:.2g} times as far {way} as the other way"
 
     @property
-    def _sentence(self) -> str:
-        unit, percent = f" {self.unit}".rstrip(), f"{100 * self.level:g} %"
-        low, high = (self._end_text(end) for end in (self.low, self.high))
-        if self.low is not None and self.high is not None:
-            words = f"{self.name} lies between {low} and {high}{unit} ({percent})"
-            ratio = self.lopsided
-            if ratio is not None and not 1 / LOPSIDED < ratio < LOPSIDED:
-                longer, size = ("up", ratio) if ratio > 1 else ("down", 1 / ratio)
-                words += f", reaching {size:.2g} times as far {longer} as the other way"
-            return f"{words}."
-        if self.low is not None:
-            return f"{self.name} is at least {low}{unit} ({percent}); upwards {self.open_high}."
-        if self.high is not None:
-            return f"{self.name} is at most {high}{unit} ({percent}); downwards {self.open_low}."
-        return (
-            f"{self.name} is not bounded by these logs: downwards {self.open_low}, "
-            f"upwards {self.open_high}."
+    def sentence(self) -> str:
+        """The interval in words, in the display unit."""
+        p = self.shown
+        low, high = (
+            "" if end is None else with_error(end, 0.5 * abs(end - p.value))[0]
+            for end in (p.low, p.high)
         )
-
-    def _end_text(self, end: float | None) -> str:
-        if end is None:
-            return "-"
-        return with_error(end, 0.5 * abs(end - self.value))[0]
+        unit = f" {p.unit}".rstrip() + f" ({100 * p.level:g} %)"
+        if low and high:
+            longer = f", reaching {p.longer_arm}" if p.longer_arm else ""
+            return f"{p.name} lies between {low} and {high}{unit}{longer}."
+        if low:
+            return f"{p.name} is at least {low}{unit}; upwards {p.open_high}."
+        if high:
+            return f"{p.name} is at most {high}{unit}; downwards {p.open_low}."
+        return (
+            f"{p.name} is not bounded by these logs: downwards {p.open_low}, upwards {p.open_high}."
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, the interval in the parameter's unit and in the display unit."""
+        also = ("open_low", "open_high", "grid", "drop")
         return {
-            **self._ends(),
-            "written": self.shown._ends(),
-            "open_low": self.open_low,
-            "open_high": self.open_high,
-            "grid": self.grid.tolist(),
-            "drop": self.drop.tolist(),
+            **self._json("value", "unit", "low", "high", "std_error"),
+            **{name: plain(getattr(self, name)) for name in also},
         }
-
-    def _ends(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in ("value", "unit", "low", "high", "std_error")}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from short_logs import MODEL, TRUE, fitted, made_log
+from short_logs import MODEL, TRUE, TwiceTheSame, fitted, made_log
 
 import diffthrust as dft
 from diffthrust.uncertainty import directions
@@ -38,17 +38,6 @@ def test_the_words_name_what_moves_together():
     assert found[1].members.keys() == {"alpha", "beta"}
     assert found[1].sentence.count("up") == 2
     assert "Moves together" in found.report()
-
-
-class TwiceTheSame(dft.Effect):
-    """A gain on the drive: the same as beta."""
-
-    name = "drive_gain"
-    port = "drive"
-    gain: float = dft.parameter(1.0, bounds=(0, None))
-
-    def __call__(self, value, s):
-        return self.gain * value
 
 
 def test_a_direction_of_which_nothing_is_known_is_the_last():

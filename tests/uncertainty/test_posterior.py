@@ -19,6 +19,7 @@ from posterior_cases import (
 from scipy.integrate import quad
 from scipy.stats import norm
 from scipy.stats import t as student
+from short_logs import TwiceTheSame
 
 import diffthrust as dft
 
@@ -176,16 +177,8 @@ def test_bounded_coordinates_and_their_jacobian():
 
 @pytest.mark.thorough
 def test_a_fit_that_did_not_converge_is_refused():
-    class Twice(dft.Effect):
-        name = "drive_gain"
-        port = "drive"
-        gain: float = dft.parameter(1.0, bounds=(0, None))
-
-        def __call__(self, value, s):
-            return self.gain * value
-
     log = thruster_log()
-    fit = dft.fit(dft.Thruster(**TRUE) + Twice(), log, starts=4, substeps=1)
+    fit = dft.fit(dft.Thruster(**TRUE) + TwiceTheSame(), log, starts=4, substeps=1)
     with pytest.raises(dft.InputError, match=r"not_identifiable.*beta"):
         posterior_of(fit, log)
 

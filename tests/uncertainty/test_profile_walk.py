@@ -229,9 +229,8 @@ def test_the_ends_of_a_line_are_the_bounds_or_ten_decades_away():
 def test_an_open_end_in_words(why, limit, words):
     point = ProfilePoint(0.12345, 1.0, None, None, 0.12345)
     side = SimpleNamespace(points=[point], end=None, why=why)
-    assert profile_module._why(Known(quadratic), side, limit, "more") == words
-    met = profile_module._met(Known(quadratic), side, limit)
-    assert met == (0.12345 if words == "reaches the bound 3" else None)
+    met = 0.12345 if words == "reaches the bound 3" else None
+    assert profile_module._open_end(Known(quadratic), side, limit, "more") == (words, met)
 
 
 def quantity(value, slope, information):

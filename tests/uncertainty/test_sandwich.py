@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from posterior_cases import sample_scores, scores_module, summed
+from posterior_cases import sample_scores, sandwich_module, summed
 from problems import problem_of, solve
 from reference import noise
-from short_logs import MODEL, TRUE, fitted, made_log
+from short_logs import MODEL, TRUE, TwiceTheSame, fitted, made_log
 
 import diffthrust as dft
 from diffthrust.uncertainty import sandwich
@@ -82,17 +82,6 @@ def test_a_parameter_at_a_bound_has_no_error_and_the_others_have_theirs():
     assert told.to_json()["covariance"][0][0] is None
 
 
-class TwiceTheSame(dft.Effect):
-    """A gain on the drive: the same as beta."""
-
-    name = "drive_gain"
-    port = "drive"
-    gain: float = dft.parameter(1.0, bounds=(0, None))
-
-    def __call__(self, value, s):
-        return self.gain * value
-
-
 @pytest.mark.thorough
 def test_parameters_that_cannot_be_told_apart_have_no_error():
     log = made_log(seed=7)
@@ -143,9 +132,9 @@ def test_the_scatter_of_a_first_order_series_is_its_long_run_variance():
 def test_blocks_are_as_long_as_a_first_order_series_asks(a):
     """Andrews 1991: 1.1447 (alpha(1) n)^(1/3), with alpha(1) = 4 a^2 / ((1 - a)^2 (1 + a)^2)."""
     asked = 1.1447 * (4 * a**2 / (1 - a**2) ** 2 * 5000) ** (1 / 3)
-    assert scores_module._block(np.array([a]), 5000) == pytest.approx(asked)
-    assert scores_module._block(np.array([a, np.nan, a]), 5000) == pytest.approx(asked)
-    assert scores_module._block(np.array([0.0, a]), 5000) < asked
+    assert sandwich_module._block(np.array([a]), 5000) == pytest.approx(asked)
+    assert sandwich_module._block(np.array([a, np.nan, a]), 5000) == pytest.approx(asked)
+    assert sandwich_module._block(np.array([0.0, a]), 5000) < asked
 
 
 def test_few_samples_that_last_have_a_wide_interval_and_not_an_endless_one():

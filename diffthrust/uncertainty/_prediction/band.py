@@ -17,7 +17,7 @@ from diffthrust.estimation._laws import Law
 from diffthrust.logs._written import ShownUnits
 from diffthrust.simulation._record import Record
 from diffthrust.uncertainty._prediction.draws import Draws
-from diffthrust.uncertainty._values import Shown
+from diffthrust.uncertainty._values import Shown, central
 
 _HALVINGS = 32
 """The ends of a band with noise are found by bisection, to this many binary digits."""
@@ -61,51 +61,51 @@ def band_of(
     record: Record,
     channel: str,
     mean: np.ndarray,
-    shown: np.ndarray | None,
+    noisy: np.ndarray | None,
     level: float,
     noise: bool,
 ) -> Band:
     """The band of one channel, and its coverage of the measurements.
 
-    ``mean`` are predictions by draw without noise, ``shown`` with random forces and noise, ``(n,
+    ``mean`` are predictions by draw without noise, ``noisy`` with random forces and noise, ``(n,
     T)`` each; if ``None``, noise is added to ``mean`` in closed form. ``noise`` says whether the
     coverage refers to the band with it.
     """
     unit = drawn.model.outputs[channel]
-    # the sensor gives the size: bands of the signed output would reach below zero
-    if channel in record.unsigned:
-        mean = np.abs(mean)
-        shown = None if shown is None else np.abs(shown)
-    fine = np.all(np.isfinite(mean), axis=1)
-    fine_shown = fine if shown is None else np.all(np.isfinite(shown), axis=1)
-    if not (fine.any() and fine_shown.any()):
-        raise InputError(
-            f"{record.name}: no draw of the parameters gives a finite {channel}.",
-            "Look at the posterior; raise substeps.",
-        )
-    tails = [0.5 * (1 - level), 0.5, 0.5 * (1 + level)]
-    # draws at which the simulation fails are left out; one of two hundred must not end the
-    # prediction
-    low, median, high = np.quantile(mean[fine], tails, axis=0)
+
+    def finite(runs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        # draws at which the simulation fails are left out; one of two hundred must not end the
+        # prediction
+        rows = np.all(np.isfinite(runs), axis=1)
+        if not rows.any():
+            raise InputError(
+                f"{record.name}: no draw of the parameters gives a finite {channel}.",
+                "Look at the posterior; raise substeps.",
+            )
+        # an unsigned sensor gives the size: bands of the signed output would reach below zero
+        return rows, np.abs(runs[rows]) if channel in record.unsigned else runs[rows]
+
+    rows, runs = finite(mean)
+    low, median, high = central(runs, level, axis=0)
     sigma = drawn.noise.get(channel)
     noisy_low, noisy_high = low, high
-    if shown is not None:
-        noisy_low, noisy_high = np.quantile(shown[fine_shown], [tails[0], tails[2]], axis=0)
+    if noisy is not None:
+        noisy_low, _, noisy_high = central(finite(noisy)[1], level, axis=0)
     elif sigma is not None:
-        law = LOSSES[drawn.loss]
-        ends = [mixed_quantile(law, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
-        noisy_low, noisy_high = (np.asarray(end) for end in ends)
+        tails = 0.5 * (1 - level), 0.5 * (1 + level)
+        noisy_low, noisy_high = (
+            np.asarray(mixed_quantile(LOSSES[drawn.loss], runs, sigma[rows], p)) for p in tails
+        )
     measured = record.observed[channel]
     if channel in drawn.model.angles:
         # an angle may be logged a turn away from the simulated one
         turns = np.round((measured - median) / (2 * np.pi))
         measured = measured - 2 * np.pi * turns
     valid = np.isfinite(measured)
-    inside = (measured >= noisy_low) & (measured <= noisy_high)
-    if not noise:
-        inside = (measured >= low) & (measured <= high)
-    share = float(np.mean(inside[valid])) if valid.any() else float("nan")
     ends = (low, high, noisy_low, noisy_high)
+    bottom, top = ends[2:] if noise else ends[:2]
+    inside = (measured >= bottom) & (measured <= top)
+    share = float(np.mean(inside[valid])) if valid.any() else float("nan")
     size = ShownUnits((record.log.written,)).size(channel, 1.0, unit)
     return Band(measured, median, *ends, share, int(valid.sum()), unit, *size)
 
@@ -196,9 +196,8 @@ def summarised(
 ) -> DerivedQuantity:
     """Summarise values by draw, ``(n,)``, or ``(n, m)`` over a grid."""
     # a missing response counts as infinitely late, which cannot be interpolated
-    method: Any = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
-    ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
-    median, low, high = np.quantile(values, ends, axis=0, method=method)
+    method = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
+    low, median, high = central(values, level, axis=0, method=method)
     if values.ndim == 1:
         median, low, high = float(median), float(low), float(high)
     return DerivedQuantity(name, unit, median, low, high, values, *grid)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,23 +25,17 @@ _ROUNDS = 200
 class Draws(Brief):
     """Draws of the parameters of a model and of its noise, each ``(n,)`` by name.
 
-    Args:
-        model: the model whose parameters they are.
-        values: every parameter of the model by full name, in its unit; constant where it is fixed.
-        noise: standard deviation of the noise (scale, for a Student-t loss) by channel.
-        nuisance: gains and memories of an observer, or correlation times of the noise.
-        kind: "posterior" or "covariance".
-        likelihood: "simulation" or "innovations".
-        loss: "gaussian" or "student_t".
-        fit: the fit, if given.
-        notes: remarks for the user.
+    Those of fixed parameters are constant.
     """
 
     model: Model
     values: Mapping[str, np.ndarray]
     noise: Mapping[str, np.ndarray]
+    """Standard deviation by channel; the scale, for a Student-t loss."""
     nuisance: Mapping[str, np.ndarray]
+    """Gains and memories of an observer, or correlation times of the noise."""
     kind: str
+    """Where they are from: "posterior" or "covariance"."""
     likelihood: str = "simulation"
     loss: str = "gaussian"
     fit: Fit | None = field(default=None, repr=False)
@@ -73,8 +67,10 @@ def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0
             "Give the model or the fit besides the posterior.",
         )
     if isinstance(source, Fit):
-        return _in_a_new_log(_of_fit(source, drawn_model, count, rng), rng)
-    return _in_a_new_log(_of_posterior(source, drawn_model, fit, count, rng), rng)
+        drawn = _of_fit(source, drawn_model, count, rng)
+    else:
+        drawn = _of_posterior(source, drawn_model, fit, count, rng)
+    return _in_a_new_log(drawn, rng)
 
 
 def check_level(level: Any, where: str = "level") -> None:
@@ -88,13 +84,14 @@ def check_level(level: Any, where: str = "level") -> None:
 
 def _in_a_new_log(draws: Draws, rng: np.random.Generator) -> Draws:
     """The draws of a log of which nothing is known: what differs by log is as wide as in others."""
-    values, named = dict(draws.values), draws.model.parameters
-    spread = {n: named[n] for n in draws.model.per_log if named[n].width is not None}
-    for name, p in spread.items():
-        assert p.width is not None
-        away = p.width * rng.standard_normal(values[name].shape)
-        moved = values[name] * np.exp(away) if p.transform == "log" else values[name] + away
-        values[name] = np.clip(moved, *p.limits)
+    values, spread = dict(draws.values), []
+    for name in draws.model.per_log:
+        p = draws.model.parameters[name]
+        if p.width is not None:
+            away = p.width * rng.standard_normal(values[name].shape)
+            moved = values[name] * np.exp(away) if p.transform == "log" else values[name] + away
+            values[name] = np.clip(moved, *p.limits)
+            spread.append(name)
     if not spread:
         return draws
     note = f"{listing(spread)} differs by log: drawn as in a log of which nothing is known."
@@ -104,7 +101,7 @@ def _in_a_new_log(draws: Draws, rng: np.random.Generator) -> Draws:
 def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Draws:
     if fit.status is Status.SIMULATION_FAILED:
         raise InputError("The fit failed, so that there is nothing to draw from.", fit.message)
-    _same(model, [n for n in fit.parameters], "The fit")
+    _same(model, fit.parameters, "The fit")
     determined = [i for i in range(len(fit.free)) if np.isfinite(fit.covariance[i, i])]
     names = [fit.free[i] for i in determined]
     if not names:
@@ -115,13 +112,11 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
     held = [n for n in fit.free if n not in names]
     notes = fit.correlation if fit.status.ok else (f"The fit is to be doubted. {fit.message}",)
     if held:
-        has, is_held, it = ("have", "are held at their values", "them")
-        if len(held) == 1:
-            has, is_held, it = ("has", "is held at its value", "it")
-        notes += (
-            f"{listing(held)} {has} no standard error and {is_held}: "
-            f"intervals that depend on {it} are too narrow.",
-        )
+        has, them = "has no standard error and is held at its value", "it"
+        if len(held) > 1:
+            has, them = "have no standard error and are held at their values", "them"
+        narrow = f"intervals that depend on {them} are too narrow."
+        notes += (f"{listing(held)} {has}: {narrow}",)
     described = [fit.model.parameters[n] for n in names]
     best = np.array([fit.parameters[n].value for n in names])
     logs = np.array([p.transform == "log" for p in described])
@@ -144,12 +139,10 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
             break
         # redrawn and not clipped: a mass of draws at the bound would end every interval there
         drawn[outside] = some(int(outside.sum()))
-    drawn = np.clip(drawn, low, high)
-    named = dict(zip(names, drawn.T, strict=True))
-    values_by_name = {n: named.get(n, np.full(count, e.value)) for n, e in fit.parameters.items()}
+    constant = {n: np.full(count, e.value) for n, e in fit.parameters.items()}
     return Draws(
         model=model,
-        values=values_by_name,
+        values=constant | dict(zip(names, np.clip(drawn, low, high).T, strict=True)),
         noise={c: np.full(count, s) for c, s in fit.noise.items()},
         nuisance={n: np.full(count, e.value) for n, e in (fit.disturbance or {}).items()},
         kind="covariance",
@@ -164,13 +157,11 @@ def _of_posterior(
     source: Any, model: Model, fit: Fit | None, count: int, rng: np.random.Generator
 ) -> Draws:
     posterior = posterior_data(source)
-    scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
+    scalars = scalars_of(posterior)
     drawn = [n for n in scalars if n in model.parameters]
     _same(model, [n for n in scalars if not n.startswith("noise.")], "The posterior", subset=True)
-    silent = [] if fit is None else [n for n in fit.model.parameters if n not in fit.free]
-    absent = [
-        n for n, p in model.parameters.items() if not p.fixed and n not in drawn and n not in silent
-    ]
+    silent = {*drawn, *(set(fit.model.parameters) - set(fit.free) if fit else ())}
+    absent = [n for n, p in model.parameters.items() if not p.fixed and n not in silent]
     if absent:
         raise InputError(
             f"The posterior has no draws of {listing(absent)}, which the model '{model}' leaves "
@@ -182,14 +173,10 @@ def _of_posterior(
     total = posterior.sizes["chain"] * posterior.sizes["draw"]
     picked = np.sort(rng.choice(total, min(count, total), replace=False))
 
-    def flat(name: str, **at: Any) -> np.ndarray:
-        variable = posterior[name].sel(**at) if at else posterior[name]
-        return np.asarray(variable.transpose("chain", "draw").values, float).reshape(-1)[picked]
-
-    values = {
-        n: flat(n) if n in drawn else np.full(picked.size, _value(n, model, fit))
-        for n in model.parameters
-    }
+    fixed = {n: p.value for n, p in model.parameters.items()}
+    fixed |= {n: e.value for n, e in fit.parameters.items() if n in fixed} if fit else {}
+    values = {n: np.full(picked.size, value) for n, value in fixed.items()}
+    values |= {n: scalars[n].reshape(-1)[picked] for n in drawn}
     bad = [n for n in drawn if not np.all(np.isfinite(values[n]))]
     if bad:
         raise InputError(
@@ -197,9 +184,9 @@ def _of_posterior(
         )
     noise = {c: np.full(picked.size, s) for c, s in (fit.noise if fit else {}).items()}
     if "sigma" in posterior and "channel" in posterior["sigma"].dims:
-        noise |= {
-            str(c): flat("sigma", channel=c) for c in posterior["sigma"].coords["channel"].values
-        }
+        sigma = posterior["sigma"].transpose("chain", "draw", "channel")
+        levels = np.asarray(sigma.values, float).reshape(total, -1)[picked].T
+        noise |= dict(zip(map(str, sigma["channel"].values), levels, strict=True))
     attrs = {**source.attrs, **posterior.attrs}
     held = (fit.disturbance if fit else None) or {}
     return Draws(
@@ -208,7 +195,7 @@ def _of_posterior(
         noise=noise,
         nuisance={
             **{n: np.full(picked.size, e.value) for n, e in held.items()},
-            **{n: flat(n) for n in scalars if n.startswith("noise.")},
+            **{n: v.reshape(-1)[picked] for n, v in scalars.items() if n.startswith("noise.")},
         },
         kind="posterior",
         likelihood=fit.likelihood if fit else str(attrs.get("likelihood", "simulation")),
@@ -237,12 +224,16 @@ def posterior_data(source: Any) -> Any:
     return posterior
 
 
-def _value(name: str, model: Model, fit: Fit | None) -> float:
-    estimate = fit.parameters.get(name) if fit else None
-    return estimate.value if estimate else model.parameters[name].value
+def scalars_of(posterior: Any) -> dict[str, np.ndarray]:
+    """The draws ``(chain, draw)`` of each parameter of the model and of its noise."""
+    return {
+        str(name): np.asarray(variable.transpose("chain", "draw").values, float)
+        for name, variable in posterior.data_vars.items()
+        if set(variable.dims) == {"chain", "draw"}
+    }
 
 
-def _same(model: Model, names: list[str], what: str, subset: bool = False) -> None:
+def _same(model: Model, names: Collection[str], what: str, subset: bool = False) -> None:
     """Raise `InputError` if the parameters belong to another model."""
     unknown = [n for n in names if n not in model.parameters]
     missing = [] if subset else [n for n in model.parameters if n not in names]

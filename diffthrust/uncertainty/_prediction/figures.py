@@ -24,23 +24,17 @@ def prediction_figure(
     count = len(channels)
     noise = f"start{', random forces' if random_forces else ''} and noise"
     figure = Figure(figsize=(9.0, 1.2 + 3.6 * count), layout="constrained")
-    grid = figure.add_gridspec(2 * count, 1, height_ratios=[3, 2] * count)
-    shared = None
+    panels = figure.subplots(2 * count, 1, sharex=True, height_ratios=[3, 2] * count)
+    labels = f"{percent(level)}: parameters, {noise}", f"{percent(level)}: parameters and start"
     for i, (name, band) in enumerate((n, band.shown) for n, band in channels.items()):
-        top = figure.add_subplot(grid[2 * i], sharex=shared)
-        shared = shared or top
-        below = figure.add_subplot(grid[2 * i + 1], sharex=shared)
+        top, below = panels[2 * i], panels[2 * i + 1]
         share = percent(band.coverage)
         unit = f" [{band.unit}]" if band.unit else ""
         title = f"{name}: {share} of {band.samples} samples inside the {percent(level)}"
-        labels = f"{percent(level)}: parameters, {noise}", f"{percent(level)}: parameters and start"
         _banded(top, time, band, np.zeros_like(band.median), labels)
         _banded(below, time, band, band.median, labels)
         styled(top, f"{literal(title)} band", "", literal(f"{name}{unit}"))
-        last = i == count - 1
-        styled(below, "", "time [s]" if last else "", literal(f"minus median{unit}"))
-        top.tick_params(labelbottom=False)
-        below.tick_params(labelbottom=last)
+        styled(below, "", "time [s]" if i == count - 1 else "", literal(f"minus median{unit}"))
     figure.legend(
         *figure.axes[0].get_legend_handles_labels(),
         title=literal(log),
@@ -108,27 +102,24 @@ def logarithmic(axes: Axes, axis: Any, span: float) -> None:
 def _banded(
     axes: Axes, time: np.ndarray, band: Band, off: np.ndarray, labels: tuple[str, str]
 ) -> None:
-    step = max(1, time.size // 4000)
-    t = time[::step]
-
-    def filled(low: np.ndarray, high: np.ndarray, label: str, **look: Any) -> None:
-        ends = (low - off)[::step], (high - off)[::step]
-        axes.fill_between(t, *ends, linewidth=0, label=label, **look)
-
-    filled(band.noisy_low, band.noisy_high, labels[0], color=BLUE, alpha=0.22)
-    filled(band.low, band.high, labels[1], color=VERMILLION, alpha=0.55)
-    axes.plot(t, (band.median - off)[::step], color=VERMILLION, linewidth=0.9, label="median")
-    outside = (band.measured < band.noisy_low) | (band.measured > band.noisy_high)
-    few = np.isfinite(band.measured).sum() <= 400
-    size = 3.0 if few else 1.4
-    for where, colour, label in (
-        (~outside, "0.35", "measured, inside"),
-        (outside, "#000000", "measured, outside"),
+    some = slice(None, None, max(1, time.size // 4000))
+    for low, high, label, colour, alpha in (
+        (band.noisy_low, band.noisy_high, labels[0], BLUE, 0.22),
+        (band.low, band.high, labels[1], VERMILLION, 0.55),
     ):
-        deviation = np.where(where, band.measured - off, np.nan)
-        at, values = thinned(time, deviation)
-        axes.plot(at, values, color=colour, linestyle="none", markersize=size, label=label,
-                  marker="." if colour != "#000000" else "x", markeredgewidth=0.7)  # fmt: skip
+        ends = (low - off)[some], (high - off)[some]
+        axes.fill_between(time[some], *ends, linewidth=0, label=label, color=colour, alpha=alpha)
+    axes.plot(time[some], (band.median - off)[some], color=VERMILLION, linewidth=0.9,
+              label="median")  # fmt: skip
+    outside = (band.measured < band.noisy_low) | (band.measured > band.noisy_high)
+    size = 3.0 if np.isfinite(band.measured).sum() <= 400 else 1.4
+    for where, colour, mark, label in (
+        (~outside, "0.35", ".", "measured, inside"),
+        (outside, "#000000", "x", "measured, outside"),
+    ):
+        at, values = thinned(time, np.where(where, band.measured - off, np.nan))
+        axes.plot(at, values, mark, color=colour, markersize=size, label=label,
+                  markeredgewidth=0.7)  # fmt: skip
 
 
 def bracketed(name: str, unit: str) -> str:

@@ -142,18 +142,17 @@ def derived(
         '1/(V s^2)'
     """
     values = {name: jnp.asarray(e.value) for name, e in fit.parameters.items()}
-    values_of = function(values)
     slopes = jax.jacfwd(function)(values)
     uncertain = [name for name, e in fit.parameters.items() if not e.fixed]
     rows = {name: i for i, name in enumerate(fit.free)}
     out = {}
-    for name, value in values_of.items():
+    for name, value in function(values).items():
         slope = {n: float(slopes[name][n]) for n in uncertain if float(slopes[name][n]) != 0.0}
-        variance = 0.0
-        for a, da in slope.items():
-            for b, db in slope.items():
-                known = a in rows and b in rows
-                variance += da * db * fit.covariance[rows[a], rows[b]] if known else np.nan
+        variance = sum(
+            da * db * fit.covariance[rows[a], rows[b]] if {a, b} <= rows.keys() else np.nan
+            for a, da in slope.items()
+            for b, db in slope.items()
+        )
         error = float(np.sqrt(variance)) if np.isfinite(variance) else None
         out[name] = Quantity(float(value), error, units.get(name, ""))
     return out

@@ -94,18 +94,16 @@ class Prediction(Result):
                 else "its errors last from sample to sample, as random forces and drifting sensors "
                 "make them"
             )
-            text += (
-                f" That is too few for {' and '.join(low)}: something is missing from the model, "
-                f"or {why}. The intervals of the parameters are then too narrow as well."
+            return (
+                f"{text} That is too few for {' and '.join(low)}: something is missing from the "
+                f"model, or {why}. The intervals of the parameters are then too narrow as well."
             )
-        elif high:
-            text += (
-                f" That is more than asked for {' and '.join(high)}: these errors are smaller than "
-                "those of the training logs."
+        if high:
+            return (
+                f"{text} That is more than asked for {' and '.join(high)}: these errors are "
+                "smaller than those of the training logs."
             )
-        else:
-            text += " That is what a model that lacks nothing would give."
-        return text
+        return f"{text} That is what a model that lacks nothing would give."
 
     def table(self) -> Renderable:
         """The report as a renderable of rich."""
@@ -216,8 +214,8 @@ def predict(
     means = mean_runs(drawn, record, channels, substeps, rng)
     report("simulating their noise", 0.6)
     random = LIKELIHOODS[drawn.likelihood].corrects
-    shown = random_runs(drawn, record, channels, substeps, rng) if random else {}
-    bands = {c: band_of(drawn, record, c, means[c], shown.get(c), level, noise) for c in channels}
+    noisy = random_runs(drawn, record, channels, substeps, rng) if random else {}
+    bands = {c: band_of(drawn, record, c, means[c], noisy.get(c), level, noise) for c in channels}
     report("done", 1.0)
     return Prediction(
         log=log.name,

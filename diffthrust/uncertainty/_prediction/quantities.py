@@ -150,11 +150,8 @@ def quantities(
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
     if (pitch is None) != (area is None):
         raise InputError("quantities: expected both pitch and area, found one.", "Give both.")
-    curves = {
-        name: _points(name, wanted)
-        for name, wanted in {"commands": commands, "steps": steps, "amplitudes": amplitudes}.items()
-        if wanted is not None
-    }
+    requested = {"commands": commands, "steps": steps, "amplitudes": amplitudes}
+    curves = {n: _points(n, wanted) for n, wanted in requested.items() if wanted is not None}
     if functions is not None and not (
         isinstance(functions, Mapping) and all(map(callable, functions.values()))
     ):
@@ -167,78 +164,84 @@ def quantities(
             "quantities: no quantity is requested.",
             "Give pitch and area, commands, steps, amplitudes or functions.",
         )
-    by_name: dict[str, DerivedQuantity] = {}
     notes = list(drawn.notes)
-    share = level
+    found: list[_Found] = []
+    if pitch is not None and area is not None:
+        check_sizes("quantities", pitch, area, density)
+        thruster = torque_driven("quantities", drawn.model, drawn.values)
+        constants = duct_quantities(thruster, pitch, area, density)
+        found += [(n, u, constants[n], ()) for n, u in physical_units(drawn.model).items()]
     shown = ShownUnits((drawn.fit.written,) if drawn.fit else ())
-
-    def add(name: str, unit: str, values: Any, *grid: Any) -> None:
+    if "commands" in curves or "steps" in curves:
+        found += _responses(drawn, curves, response, inputs or {}, shown, notes)
+    if "amplitudes" in curves:
+        found.append(_break_frequency(drawn, curves["amplitudes"], shown, notes))
+    for name, function in (functions or {}).items():
+        values = _by_draw(name, function, drawn)
+        grid = () if values.ndim == 1 else (np.arange(values.shape[1], dtype=float), "index", "")
+        found.append((name, (units or {}).get(name, ""), values, grid))
+    by_name: dict[str, DerivedQuantity] = {}
+    for name, unit, values, grid in found:
         if name in by_name:
             raise InputError(
                 f"quantities: there are two of the name {name!r}.", "Give the function another."
             )
-        by_name[name] = summarised(name, unit, np.asarray(values, float), share, *grid)
-
-    if pitch is not None and area is not None:
-        check_sizes("quantities", pitch, area, density)
-        thruster = torque_driven("quantities", drawn.model, drawn.values)
-        for name, values in duct_quantities(thruster, pitch, area, density).items():
-            add(name, physical_units(drawn.model)[name], values)
-    if "commands" in curves or "steps" in curves:
-        _add_responses(drawn, curves, response, inputs or {}, shown, add, notes)
-    if "amplitudes" in curves:
-        thruster = torque_driven("quantities", drawn.model, drawn.values)
-        swing = curves["amplitudes"]
-        pace = thruster.sine_load[:, None] * np.abs(swing)
-        size, unit = shown.size("speed", 1.0, "rad/s")
-        grid = (swing, "speed amplitude", "rad/s", 1.0, "", size * swing, unit)
-        add("break_frequency", "rad/s", pace, *grid)
-        shafted = [e.name for e in drawn.model.effects if {"load", "shaft"} & set(e.ports)]
-        if shafted:
-            notes.append(
-                f"break_frequency counts the load in proportion to speed squared alone, not "
-                f"{', '.join(shafted)}."
-            )
-    for name, function in (functions or {}).items():
-        values = _by_draw(name, function, drawn)
-        grid = () if values.ndim == 1 else (np.arange(values.shape[1], dtype=float), "index", "")
-        add(name, (units or {}).get(name, ""), values, *grid)
+        by_name[name] = summarised(name, unit, np.asarray(values, float), level, *grid)
     return Quantities(by_name, level, drawn.kind, tuple(notes))
 
 
-def _add_responses(
+_Found = tuple[str, str, Any, tuple[Any, ...]]
+"""Name and unit of a quantity, its values by draw, and the grid of a curve."""
+
+
+def _break_frequency(
+    drawn: Draws, swing: np.ndarray, shown: ShownUnits, notes: list[str]
+) -> _Found:
+    thruster = torque_driven("quantities", drawn.model, drawn.values)
+    size, unit = shown.size("speed", 1.0, "rad/s")
+    shafted = [e.name for e in drawn.model.effects if {"load", "shaft"} & set(e.ports)]
+    if shafted:
+        notes.append(
+            "break_frequency counts the load in proportion to speed squared alone, not "
+            f"{', '.join(shafted)}."
+        )
+    grid = (swing, "speed amplitude", "rad/s", 1.0, "", size * swing, unit)
+    return "break_frequency", "rad/s", thruster.sine_load[:, None] * np.abs(swing), grid
+
+
+def _responses(
     drawn: Draws,
     curves: Mapping[str, np.ndarray],
     response: str | None,
     inputs: Mapping[str, float],
     shown: ShownUnits,
-    add: Callable[..., None],
     notes: list[str],
-) -> None:
-    model = drawn.model
+) -> list[_Found]:
+    model, found = drawn.model, []
     output = response or ("thrust" if "thrust" in model.outputs else next(iter(model.outputs)))
-    commands = curves.get("commands", np.empty(0))
-    steps = curves.get("steps", np.empty(0))
+    commands, steps = (curves.get(name, np.empty(0)) for name in ("commands", "steps"))
     answers = responses(drawn, np.concatenate([commands, steps]), output, inputs)
     drive = next((n for n in model.inputs if n not in inputs), "input")
     unit, count = model.inputs.get(drive, ""), commands.size
     if count:
-        values = answers.steady[:, :count]
+        out = model.outputs[output]
+        size = shown.size(output, 1.0, out)
         grid = shown.values(drive, commands, unit), shown.unit(drive, unit)
-        size = shown.size(output, 1.0, model.outputs[output])
-        over = commands, drive, unit, *size, *grid
-        add(f"steady_{output}", model.outputs[output], values, *over)
+        over = (commands, drive, unit, *size, *grid)
+        found.append((f"steady_{output}", out, answers.steady[:, :count], over))
+    times = answers.time[:, count:]
     if steps.size:
         size, shown_unit = shown.size(drive, 1.0, unit)
-        over = steps, f"step of {drive}", unit, 1.0, "", size * steps, shown_unit
-        add("step_time", "s", answers.time[:, count:], *over)
-    if not np.all(np.isfinite(answers.time[:, count:])):
+        over = (steps, f"step of {drive}", unit, 1.0, "", size * steps, shown_unit)
+        found.append(("step_time", "s", times, over))
+    if not np.all(np.isfinite(times)):
         notes.append("step_time is infinite (inf) where a step moves nothing, as in a dead band.")
     if answers.unsettled > 0:
         notes.append(
             f"In {100 * answers.unsettled:.2g} % of the draws a response had not settled at the "
             "end of its simulation: its parameters are badly determined."
         )
+    return found
 
 
 def _points(name: str, wanted: Any) -> np.ndarray:

@@ -36,9 +36,9 @@ def mean_runs(
 
     Measured states start from their first measurement plus a draw of its noise.
     """
-    model, grid, time, inputs = _arranged(draws.model, record, substeps)
-    start = _starts(draws, record, rng)
-    outputs = _runs(Key(model), grid, tuple(channels), _held(draws.values), time, inputs, start)
+    grid, time, inputs = _arranged(draws.model, record, substeps)
+    numbers = _held(draws.values), time, inputs, _starts(draws, record, rng)
+    outputs = _runs(Key(draws.model), grid, tuple(channels), *numbers)
     return {name: np.asarray(value)[:, record.original] for name, value in outputs.items()}
 
 
@@ -51,23 +51,19 @@ def random_runs(
     estimated gains, as the errors of a recorded log would. This reproduces random forces and
     lasting sensor errors as in the training logs (Ljung 1999, section 7.3).
     """
-    model, grid, time, inputs = _arranged(draws.model, record, substeps)
-    channels_known = tuple(c for c in model.outputs if c in draws.noise)
+    model = draws.model
+    grid, time, inputs = _arranged(model, record, substeps)
+    measured = tuple(c for c in model.outputs if c in draws.noise)
     remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
-    observer = observer_of(model, record, channels_known, remembering)
+    observer = observer_of(model, record, measured, remembering)
     nuisance = {
         n: draws.nuisance.get(n, np.full(len(draws), p.value if is_memory(n) else 0.0))
         for n, p in observer.parameters(record.duration, record.step).items()
     }
-    shape = (len(draws), len(channels_known), time.size)
-    law = LOSSES[draws.loss].draws(rng, shape)
-    sigma = np.stack([draws.noise[c] for c in channels_known], axis=1)
-    fit = draws.fit
-    clip = [fit.limits.get(c, np.inf) if fit and fit.limits else np.inf for c in channels_known]
-    limits = Limits(
-        jnp.asarray(np.array(clip, float)), jnp.asarray(np.array(fit.reach if fit else 1.0, float))
-    )
-    shown = _random(
+    law = LOSSES[draws.loss].draws(rng, (len(draws), len(measured), time.size))
+    sigma = np.stack([draws.noise[c] for c in measured], axis=1)
+    clip, reach = (draws.fit.limits or {}, draws.fit.reach) if draws.fit else ({}, 1.0)
+    noisy = _random(
         Key(model),
         grid,
         observer,
@@ -76,18 +72,24 @@ def random_runs(
         inputs,
         _starts(draws, record, rng),
         jnp.asarray(sigma[:, :, None] * law),
-        jnp.asarray(np.array([c in record.unsigned for c in channels_known], bool)),
-        limits,
+        jnp.asarray(np.array([c in record.unsigned for c in measured], bool)),
+        Limits(*_floats([clip.get(c, np.inf) for c in measured], reach)),
     )
-    return {c: np.asarray(shown[c])[:, record.original] for c in channels_known if c in channels}
+    return {c: np.asarray(noisy[c])[:, record.original] for c in measured if c in channels}
 
 
-def _arranged(
-    model: Model, record: Record, substeps: int
-) -> tuple[Model, Grid, Any, dict[str, Any]]:
+def _floats(*values: Any) -> tuple[Any, ...]:
+    return tuple(jnp.asarray(np.asarray(value, float)) for value in values)
+
+
+def _held(values: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    return dict(zip(values, _floats(*values.values()), strict=True))
+
+
+def _arranged(model: Model, record: Record, substeps: int) -> tuple[Grid, Any, dict[str, Any]]:
     series = record.inputs_for(model)
     grid = Grid(record.holds(series), substeps, uniform=record.even)
-    return model, grid, jnp.asarray(record.time), {n: jnp.asarray(v) for n, v in series.items()}
+    return grid, jnp.asarray(record.time), {n: jnp.asarray(v) for n, v in series.items()}
 
 
 def _starts(draws: Draws, record: Record, rng: np.random.Generator) -> dict[str, Any]:
@@ -98,10 +100,6 @@ def _starts(draws: Draws, record: Record, rng: np.random.Generator) -> dict[str,
         error = 0.0 if name in record.unsigned else sigma * rng.standard_normal(len(draws))
         begin[name] = jnp.asarray(np.full(len(draws), value) + error)
     return begin
-
-
-def _held(values: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    return {name: jnp.asarray(np.asarray(value, float)) for name, value in values.items()}
 
 
 @program(3)

@@ -8,8 +8,7 @@ compilation serves all.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -32,20 +31,15 @@ _TRIALS = 40
 """Most durations tried before a model counts as not settling."""
 
 
-@dataclass(frozen=True)
-class Responses:
-    """Steady outputs and times to 63 % by draw and size of step, ``(n, m)`` each.
-
-    Args:
-        steady: the output at the end.
-        time: time after the step [s] at which the output has covered 1 - 1/e of its change;
-            infinite if it does not move.
-        unsettled: share of draws not settled at the end, at the worst size.
-    """
+class Responses(NamedTuple):
+    """Responses by draw and size of step, ``(n, m)``."""
 
     steady: np.ndarray
+    """The output at the end."""
     time: np.ndarray
+    """Time after the step [s] at which 1 - 1/e of the change is covered; infinite without any."""
     unsettled: float
+    """Share of draws not settled at the end, at the worst size."""
 
 
 def responses(
@@ -64,21 +58,22 @@ def responses(
             "Correct the response.",
         )
     grid = Grid(tuple((n, "zero") for n in sorted({drive, *inputs})))
-    key = Key(model)
-    constants = {n: jnp.asarray(float(v)) for n, v in inputs.items()}
+    static = Key(model), grid, (drive, output)
+    constants = _numbers(inputs)
 
     def run(values: Mapping[str, float], ends: np.ndarray) -> tuple[np.ndarray, ...]:
-        at = {n: jnp.asarray(float(v)) for n, v in values.items()}
-        results = step_responses(
-            key, grid, (drive, output), at, jnp.asarray(ends), jnp.asarray(sizes), constants
-        )
-        return tuple(np.asarray(column) for column in results)
+        numbers = _numbers(values), jnp.asarray(ends), jnp.asarray(sizes), constants
+        return tuple(np.asarray(column) for column in step_responses(*static, *numbers))
 
     ends = _durations(model, run, {n: float(np.median(v)) for n, v in draws.values.items()}, sizes)
     rows = [run({n: v[i] for n, v in draws.values.items()}, ends) for i in range(len(draws))]
     steady, time, moving = (np.stack(column) for column in zip(*rows, strict=True))
     unsettled = ~(moving <= 3 * _SETTLED)
     return Responses(steady, time, float(unsettled.mean(axis=0).max()))
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, Any]:
+    return {name: jnp.asarray(float(value)) for name, value in values.items()}
 
 
 def _drive(model: Model, inputs: Mapping[str, float]) -> str:

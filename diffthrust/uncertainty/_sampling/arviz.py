@@ -83,7 +83,7 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
     import xarray as xr
 
     problem, draw = posterior.problem, ("chain", "draw")
-    names = log_names([record.name for record in problem.records])
+    names = _log_names([record.name for record in problem.records])
     units = problem.model.all_states | dict(problem.model.outputs)
     variables: dict[str, Any] = {}
     written = ShownUnits(record.log.written for record in problem.records)
@@ -98,9 +98,16 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
         variables[f"per_log.{name}"] = ((*draw, "log"), values, unit)
     channels = [problem.layout.channels[i] for i in posterior.unknown]
     if channels:
-        sigma = noise_draws(posterior, chains, int(attrs["seed"]))
+        sigma = _noise_draws(posterior, chains, int(attrs["seed"]))
         listed = ", ".join(f"{name}: {problem.model.outputs[name]}" for name in channels)
         variables["sigma"] = ((*draw, "channel"), sigma, {"unit": listed})
+    observed = {}
+    for name, record in zip(names, problem.records, strict=True):
+        time = f"time[{name}]"
+        observed[time] = ((time,), record.time, {"unit": "s"})
+        for channel in (c for c in problem.layout.channels if c in record.measured):
+            unit = {"unit": problem.model.outputs[channel]}
+            observed[f"{channel}[{name}]"] = ((time,), record.measured[channel], unit)
     count = chains.points.shape[:2]
     coords = {"chain": np.arange(count[0]), "draw": np.arange(count[1])}
     used = {dim for entry in variables.values() for dim in entry[0]}
@@ -112,7 +119,7 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
             attrs,
         ),
         "sample_stats": xr.Dataset({k: (draw, v) for k, v in stats.items()}, coords),
-        "observed_data": xr.Dataset(_observed(posterior, names)),
+        "observed_data": xr.Dataset(observed),
     }
     return arviz().InferenceData(attrs=dict(attrs), **groups)
 
@@ -123,7 +130,7 @@ def shown_in(variable: Any) -> Size:
     return Size(float(variable.attrs.get("per", 1.0)), str(variable.attrs.get("shown_unit", unit)))
 
 
-def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
+def _noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
     """Draws of unknown noise levels, ``(chains, draws, channels)``.
 
     For the Gaussian law, whose level was integrated out, they come from the exact conditional:
@@ -140,22 +147,10 @@ def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
     return np.stack(out, axis=-1)
 
 
-def log_names(names: list[str]) -> list[str]:
+def _log_names(names: list[str]) -> list[str]:
     """Names of the logs without slashes; duplicates are numbered."""
     names = [name.replace("/", "|") for name in names]
     return [
         f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name
         for i, name in enumerate(names)
     ]
-
-
-def _observed(posterior: Posterior, names: list[str]) -> dict[str, Any]:
-    problem, out = posterior.problem, {}
-    for name, record in zip(names, problem.records, strict=True):
-        time = f"time[{name}]"
-        out[time] = ((time,), record.time, {"unit": "s"})
-        for channel in problem.layout.channels:
-            if channel in record.measured:
-                unit = problem.model.outputs[channel]
-                out[f"{channel}[{name}]"] = ((time,), record.measured[channel], {"unit": unit})
-    return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -101,31 +101,32 @@ def convergence(post: Any) -> Convergence:
         raise InputError(
             f"{posterior.sizes['draw']} draws by chain are too few to judge.", "Draw at least 100."
         )
-    r_hat = _flat(az.rhat(_several(posterior), method="rank"))
-    bulk = _flat(az.ess(posterior, method="bulk"))
-    tail = _flat(az.ess(posterior, method="tail"))
-    memory = {}
-    for name, values in _series(posterior).items():
-        with np.errstate(invalid="ignore", divide="ignore"):  # chains that never moved
-            memory[name] = float(integrated_time(values.T, tol=0, quiet=True, has_walkers=True)[0])
+    r_hat, bulk, tail = (
+        {name: float(value) for name, value in _scalars(found).items()}
+        for found in (
+            az.rhat(_several(posterior), method="rank"),
+            az.ess(posterior, method="bulk"),
+            az.ess(posterior, method="tail"),
+        )
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):  # chains that never moved
+        memory = {
+            name: float(integrated_time(values.T, tol=0, quiet=True, has_walkers=True)[0])
+            for name, values in _scalars(posterior).items()
+        }
     stats = getattr(post, "sample_stats", None)
     lost = int(stats["diverging"].sum()) if stats is not None and "diverging" in stats else 0
     total = posterior.sizes["chain"] * posterior.sizes["draw"]
-    alternative = " or sample with method='nuts'" if post.attrs.get("method") == "emcee" else ""
-    status, message = _judged(r_hat, bulk, tail, lost, total, alternative)
-    if improper := str(posterior.attrs.get("improper", "")):
-        status, message = Mixing.IMPROPER, improper
-    return Convergence(status, message, r_hat, bulk, tail, memory, lost, total)
+    judged = Convergence(Mixing.IMPROPER, str(posterior.attrs.get("improper", "")),
+                         r_hat, bulk, tail, memory, lost, total)  # fmt: skip
+    if judged.message:
+        return judged
+    status, message = _judged(judged, emcee=post.attrs.get("method") == "emcee")
+    return replace(judged, status=status, message=message)
 
 
-def _judged(
-    r_hat: Mapping[str, float],
-    bulk: Mapping[str, float],
-    tail: Mapping[str, float],
-    lost: int,
-    total: int,
-    alternative: str,
-) -> tuple[Mixing, str]:
+def _judged(c: Convergence, emcee: bool) -> tuple[Mixing, str]:
+    r_hat, bulk, tail, lost, total = c.r_hat, c.ess_bulk, c.ess_tail, c.divergences, c.draws
     stuck = [name for name, value in r_hat.items() if not math.isfinite(value)]
     if stuck:
         return Mixing.NOT_MIXED, (
@@ -138,6 +139,7 @@ def _judged(
     if r_hat[worst] > _R_HAT:
         # chains that have not mixed give no reliable count: between four and ten times as many
         times = min(max(math.ceil(_SAMPLES / least), 4), 10)
+        alternative = " or sample with method='nuts'" if emcee else ""
         return Mixing.NOT_MIXED, (
             f"R-hat of {worst} {r_hat[worst]:.3f} (allowed {_R_HAT}): the chains have not found "
             f"the same distribution. Draw {times} times as many with a longer warmup{alternative}."
@@ -173,19 +175,13 @@ def _several(posterior: Any) -> Any:
     return xr.concat(relabelled, dim="chain")
 
 
-def _series(data: Any) -> dict[str, np.ndarray]:
-    """Each scalar of a data set by name, ``(chains, draws)``."""
+def _scalars(data: Any) -> dict[str, Any]:
+    """Each scalar of a data set by name, ``(chains, draws)`` where it has these."""
     out = {}
     for name, variable in data.data_vars.items():
-        values = variable.transpose("chain", "draw", ...).values
+        values = variable.transpose(..., "chain", "draw", missing_dims="ignore").values
         dims = [dim for dim in variable.dims if dim not in ("chain", "draw")]
-        for place in np.ndindex(values.shape[2:]):
+        for place in np.ndindex(*(variable.sizes[dim] for dim in dims)):
             at = ", ".join(str(variable[d].values[i]) for d, i in zip(dims, place, strict=True))
-            out[f"{name}[{at}]" if dims else str(name)] = values[(..., *place)]
+            out[f"{name}[{at}]" if dims else str(name)] = values[place]
     return out
-
-
-def _flat(data: Any) -> dict[str, float]:
-    """Each scalar of a data set without chains, by name."""
-    lifted = data.expand_dims(("chain", "draw"))
-    return {name: float(value[0, 0]) for name, value in _series(lifted).items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,15 +18,17 @@ from diffthrust._support.names import listing
 from diffthrust._support.words import percent
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import Size
-from diffthrust.uncertainty._prediction.draws import posterior_data
+from diffthrust.uncertainty._prediction.draws import posterior_data, scalars_of
 from diffthrust.uncertainty._prediction.figures import bracketed
 from diffthrust.uncertainty._prediction.tables import interval_text
 from diffthrust.uncertainty._sampling.arviz import shown_in
+from diffthrust.uncertainty._values import central
 
 _LEVEL = 0.95
 _REGIONS = (0.5, 0.95)
 """The contours of two parameters hold these shares of the draws."""
 _BINS = 32
+_NEARLY_ALL = (0.0005, 0.9995)
 _REACH = 1.0
 """Most lengths of its own by which an axis is stretched to show a value that is marked."""
 # Okabe & Ito 2008, besides those of the other figures
@@ -59,33 +61,28 @@ def plot_corner(
         >>> dft.uncertainty.plot_corner(post, fit, marks).savefig("corner.png")
     """
     draws, sizes = _shown(post, names)
-    units = {n: size.unit for n, size in sizes.items()}
-    sets = _marked(marks, draws)
-    if fit is not None:
-        values = {n: fit.parameters[n].value for n in draws if n in fit.parameters}
-        sets = {"fit": values, **sets}
-    sets = {label: {n: sizes[n].value * v for n, v in s.items()} for label, s in sets.items()}
-    looks = _looks(sets)
+    labels = _labels(sizes)
+    sets = _marked(fit, marks, sizes)
     count = len(draws)
     figure = Figure(figsize=(max(5.4, 2.3 * count), max(3.6, 2.2 * count)), layout="constrained")
     grid = figure.add_gridspec(count, count)
-    limits = {n: _limits(v, [s[n] for s in sets.values() if n in s]) for n, v in draws.items()}
+    limits = {n: _limits(v, [m.values[n] for m in sets if n in m.values]) for n, v in draws.items()}
     for row, below in enumerate(draws):
         for column, across in enumerate(list(draws)[: row + 1]):
             axes = figure.add_subplot(grid[row, column])
             axes.set_xlim(limits[across])
             if row == column:
-                _histogram(axes, across, draws[across], units[across])
-                _lines(axes, across, sets, looks)
+                _histogram(axes, draws[across], labels[across])
+                _lines(axes, across, sets)
             else:
                 axes.set_ylim(limits[below])
                 _pair(axes, draws[across], draws[below])
-                _crossings(axes, across, below, sets, looks)
-            _corner_labels(axes, row, column, count, _label(across, units), _label(below, units))
+                _crossings(axes, across, below, sets)
+            _corner_labels(axes, row, column, count, labels[across], labels[below])
     handles: list[Any] = [
         Line2D([], [], color=BLUE, linewidth=1.2, label="median"),
         Patch(color=BLUE, alpha=0.2, linewidth=0, label=f"{percent(_LEVEL)} interval"),
-        *(Line2D([], [], label=literal(label), **looks[label]) for label in sets),
+        *(Line2D([], [], label=literal(mark.label), **mark.look) for mark in sets),
     ]
     if count > 1:
         regions = f"{' and '.join(map(percent, _REGIONS))} of the draws"
@@ -112,7 +109,7 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
         >>> dft.uncertainty.plot_trace(post, names=["alpha"]).savefig("trace.png")
     """
     draws, sizes = _shown(post, names)
-    units = {n: size.unit for n, size in sizes.items()}
+    labels = _labels(sizes)
     figure = Figure(figsize=(9.0, 0.7 + 1.75 * len(draws)), layout="constrained")
     grid = figure.add_gridspec(len(draws), 2, width_ratios=[4, 1])
     for row, (name, values) in enumerate(draws.items()):
@@ -133,7 +130,7 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
                 density.hist(chosen.ravel(), edges, density=True, histtype="step", color=colour,
                            orientation="horizontal", label=label)  # fmt: skip
         last = row == len(draws) - 1
-        styled(trace, "", "draw" if last else "", _label(name, units))
+        styled(trace, "", "draw" if last else "", labels[name])
         styled(density, "", "density" if last else "", "")
         density.tick_params(labelleft=False, labelbottom=False)
         _plain_ticks(trace, "y", values)
@@ -147,7 +144,7 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
 def _shown(post: Any, names: Sequence[str] | None) -> tuple[dict[str, np.ndarray], dict[str, Size]]:
     """Draws ``(chain, draw)`` of the parameters to show, in the units for people, and these."""
     posterior = posterior_data(post)
-    scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
+    scalars = scalars_of(posterior)
     chosen = list(names) if names else [n for n in scalars if not n.startswith("noise.")]
     unknown = [n for n in chosen if n not in scalars]
     if unknown or not chosen:
@@ -156,86 +153,89 @@ def _shown(post: Any, names: Sequence[str] | None) -> tuple[dict[str, np.ndarray
             "Correct the names.",
         )
     sizes = {n: shown_in(posterior[n]) for n in chosen}
-    draws = {
-        n: sizes[n].value * np.asarray(posterior[n].transpose("chain", "draw").values, float)
-        for n in chosen
-    }
-    return draws, sizes
+    return {n: sizes[n].value * scalars[n] for n in chosen}, sizes
 
 
-def _marked(marks: Any, draws: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    if not marks:
-        return {}
-    sets = marks if all(isinstance(v, Mapping) for v in marks.values()) else {"marked": marks}
-    unknown = [n for values in sets.values() for n in values if n not in draws]
+def _labels(sizes: Mapping[str, Size]) -> dict[str, str]:
+    """Names and units; that of an effect's parameter in two lines."""
+    return {n: bracketed(n.replace(".", ".\n"), size.unit) for n, size in sizes.items()}
+
+
+class _Mark(NamedTuple):
+    """Values by parameter to show beside the draws, and the look of their lines."""
+
+    label: str
+    values: Mapping[str, float]
+    look: Mapping[str, Any]
+
+
+def _marked(fit: Fit | None, marks: Any, sizes: Mapping[str, Size]) -> list[_Mark]:
+    sets = marks or {}
+    if not all(isinstance(v, Mapping) for v in sets.values()):
+        sets = {"marked": sets}
+    unknown = [n for values in sets.values() for n in values if n not in sizes]
     if unknown:
         raise InputError(
-            f"marks: there is no parameter {listing(unknown)} in the figure, but {listing(draws)}.",
+            f"marks: there is no parameter {listing(unknown)} in the figure, but {listing(sizes)}.",
             "Correct the names.",
         )
-    return {str(label): {n: float(v) for n, v in s.items()} for label, s in sets.items()}
-
-
-def _looks(sets: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    labels = [label for label in sets if label != "fit"]
-    looks: dict[str, dict[str, Any]] = {
-        label: {"color": _MARKS[i % len(_MARKS)], "linestyle": ":", "linewidth": 1.6}
-        for i, label in enumerate(labels)
-    }
-    return {"fit": {"color": VERMILLION, "linestyle": "--", "linewidth": 1.3}, **looks}
+    dashed = {"color": VERMILLION, "linestyle": "--", "linewidth": 1.3}
+    dotted = [{"color": colour, "linestyle": ":", "linewidth": 1.6} for colour in _MARKS]
+    looks = [(label, values, dotted[i % 4]) for i, (label, values) in enumerate(sets.items())]
+    if fit is not None:
+        best = {n: fit.parameters[n].value for n in sizes if n in fit.parameters}
+        looks.insert(0, ("fit", best, dashed))
+    return [
+        _Mark(str(label), {n: sizes[n].value * float(v) for n, v in values.items()}, look)
+        for label, values, look in looks
+    ]
 
 
 def _limits(values: np.ndarray, marked: Sequence[float]) -> tuple[float, float]:
     """The range of nearly all draws, stretched to marks that are not far."""
-    low, high = np.quantile(values, [0.0005, 0.9995])
+    low, high = np.quantile(values, _NEARLY_ALL)
     width = float(high - low) or abs(float(low)) or 1.0
     near = [m for m in marked if low - _REACH * width <= m <= high + _REACH * width]
     low, high = min([low, *near]), max([high, *near])
     return float(low - 0.06 * width), float(high + 0.06 * width)
 
 
-def _histogram(axes: Axes, name: str, values: np.ndarray, unit: str) -> None:
+def _histogram(axes: Axes, values: np.ndarray, label: str) -> None:
     flat = values.ravel()
-    low, median, high = np.quantile(flat, [0.5 * (1 - _LEVEL), 0.5, 0.5 * (1 + _LEVEL)])
+    low, median, high = central(flat, _LEVEL)
     # bins as fine over the draws however far a mark stretches the axis
-    axes.hist(flat, _BINS, range=tuple(np.quantile(flat, [0.0005, 0.9995])), density=True,
+    axes.hist(flat, _BINS, range=tuple(np.quantile(flat, _NEARLY_ALL)), density=True,
               histtype="stepfilled", color=BLUE, alpha=0.35)  # fmt: skip
     axes.axvspan(low, high, color=BLUE, alpha=0.12, linewidth=0)
     axes.axvline(median, color=BLUE, linewidth=1.2)
     ends = interval_text(float(median), float(low), float(high))
-    shown = _label(name, {name: unit})
-    axes.set_title(f"{shown}\n{ends[0]}\n{ends[1]} to {ends[2]}", loc="left")
+    axes.set_title(f"{label}\n{ends[0]}\n{ends[1]} to {ends[2]}", loc="left")
 
 
-def _lines(axes: Axes, name: str, sets: Mapping[str, Any], looks: Mapping[str, Any]) -> None:
+def _lines(axes: Axes, name: str, marks: Sequence[_Mark]) -> None:
     low, high = axes.get_xlim()
     far = 0
-    for label, values in sets.items():
-        if name not in values:
-            continue
-        value = values[name]
+    for mark in (mark for mark in marks if name in mark.values):
+        value = mark.values[name]
         if low <= value <= high:
-            axes.axvline(value, **looks[label])
+            axes.axvline(value, **mark.look)
             continue
         below = value < low
-        text = f"← {label} {value:.4g}" if below else f"{label} {value:.4g} →"
+        text = f"← {mark.label} {value:.4g}" if below else f"{mark.label} {value:.4g} →"
         axes.text(0.03 if below else 0.97, 0.95 - 0.12 * far, literal(text), fontsize=8,
                   transform=axes.transAxes, ha="left" if below else "right", va="top",
-                  color=looks[label]["color"])  # fmt: skip
+                  color=mark.look["color"])  # fmt: skip
         far += 1
     if far:  # room above the histogram
         axes.set_ylim(0.0, (1.05 + 0.2 * far) * axes.get_ylim()[1])
 
 
-def _crossings(
-    axes: Axes, x: str, y: str, sets: Mapping[str, Any], looks: Mapping[str, Any]
-) -> None:
-    (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    for label, values in sets.items():
-        if x in values and low <= values[x] <= high:
-            axes.axvline(values[x], **looks[label])
-        if y in values and bottom <= values[y] <= top:
-            axes.axhline(values[y], **looks[label])
+def _crossings(axes: Axes, x: str, y: str, marks: Sequence[_Mark]) -> None:
+    sides = ((x, axes.get_xlim(), axes.axvline), (y, axes.get_ylim(), axes.axhline))
+    for mark in marks:
+        for name, (low, high), line in sides:
+            if name in mark.values and low <= mark.values[name] <= high:
+                line(mark.values[name], **mark.look)
 
 
 def _pair(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
@@ -247,7 +247,7 @@ def _pair(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
     axes.plot(x[some], y[some], ".", color=BLUE, markersize=1.5, alpha=0.25, rasterized=True)
     if x.size < 200 or not (np.ptp(x) > 0 and np.ptp(y) > 0):
         return
-    ranges = [tuple(np.quantile(v, [0.0005, 0.9995]) + np.ptp(v) * np.array([-0.05, 0.05]))
+    ranges = [tuple(np.quantile(v, _NEARLY_ALL) + np.ptp(v) * np.array([-0.05, 0.05]))
               for v in (x, y)]  # fmt: skip
     counts, across, up = np.histogram2d(x, y, _BINS, range=ranges)
     smooth = gaussian_filter(counts, 1.2)
@@ -290,8 +290,3 @@ def _plain_ticks(axes: Axes, side: str, values: np.ndarray) -> None:
     plain = places <= 7 and 1e-3 <= size < 1e6
     kind = f".{places}f" if plain else f".{min(digits, 10)}g"
     axis.set_major_formatter(lambda value, _: f"{value:{kind}}")
-
-
-def _label(name: str, units: Mapping[str, str]) -> str:
-    """Name and unit; that of an effect's parameter in two lines."""
-    return bracketed(name.replace(".", ".\n"), units[name])

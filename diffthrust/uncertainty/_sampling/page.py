@@ -22,14 +22,15 @@ from diffthrust._support.report import (
 )
 from diffthrust._support.results import report_of
 from diffthrust._support.words import percent, with_error
-from diffthrust.estimation._result import Fit
 from diffthrust.uncertainty._prediction.predict import Prediction
 from diffthrust.uncertainty._prediction.tables import interval_text
-from diffthrust.uncertainty._sampling.convergence import Convergence
 from diffthrust.uncertainty._sampling.figures import plot_corner, plot_trace
 from diffthrust.uncertainty._sampling.summary import INTERVAL_LEVEL, Sampled
 
-_NONE_UNSEEN = "There is no unseen log to hold the predictions against."
+_NONE_UNSEEN = (
+    "There is no unseen log to hold the predictions against. A posterior says how well the "
+    "training logs determine the parameters if the model is right, not whether it is."
+)
 _HEADINGS = (
     *("Parameter", "Median", "95 % from", "to", "Unit"),
     *("R-hat", "ESS bulk", "ESS tail", "Fit ± std error"),
@@ -63,22 +64,35 @@ def write_posterior_page(
     sampled: Sampled, path: Path | str, *, title: str = "", spec: str = ""
 ) -> None:
     """Write a posterior as one page, with the text of a spec file at its end."""
-    model = str(sampled.fit.model)
+    report = Report(*sample_report(sampled).sections, spec_section(spec))
+    write_page(Path(path), page(report, title or f"Posterior of the {sampled.fit.model}"))
+
+
+def sample_report(sampled: Sampled) -> Report:
+    """Convergence, the parameters, and how the predictions of unseen logs came out.
+
+    Pages add the figures, and what the words mean.
+    """
+    fit, convergence = sampled.fit, sampled.convergence
+    model = Line(("Model: ", Styled(str(fit.model), "strong"), f". Sampled by {sampled.method}."))
+    mixed = Styled(convergence.status.value, "good" if convergence.status.ok else "bad")
+    fitted = Styled(fit.status.value, "good" if fit.status.ok else "bad")
     names = [name for name in sampled.parameters if not name.startswith("noise.")]
-    report = Report(
+    return Report(
+        Section("", model, Outcome("Status", mixed, convergence.message)),
         Section(
-            "",
-            Line(("Model: ", Styled(model, "strong"), f". Sampled by {sampled.method}.")),
-            _outcome(sampled.convergence),
+            "Parameters",
+            _draw_rows(sampled),
+            Line(("The fit that was sampled: ", fitted, f". {fit.message}")),
+            *notes(fit.notes),
         ),
-        Section("Parameters", _draw_rows(sampled), *_fit_parts(sampled.fit)),
         Section("How far to trust them", Picture(sampled.intervals.plot, _METHODS)),
         *report_of(sampled.intervals).sections,
         Section("Unseen logs", *_prediction_parts(sampled.predictions)),
         Section(
             "Parameters two by two",
             Picture(
-                lambda: plot_corner(sampled.post, sampled.fit, names=names[:_MOST]),
+                lambda: plot_corner(sampled.post, fit, names=names[:_MOST]),
                 "Histograms of the parameters and contours of every pair.",
             ),
             OnPage(f"Not shown: {', '.join(names[_MOST:])}." if names[_MOST:] else ""),
@@ -86,25 +100,14 @@ def write_posterior_page(
         Section("The chains", Picture(lambda: plot_trace(sampled.post), _CHAINS)),
         glossary(_GLOSSARY),
         closing_section(sampled.closing),
-        spec_section(spec),
     )
-    write_page(Path(path), page(report, title or f"Posterior of the {model}"))
-
-
-def _fit_parts(fit: Fit) -> tuple[Part, ...]:
-    status = Styled(fit.status.value, "good" if fit.status.ok else "bad")
-    return Line(("The fit that was sampled: ", status, f". {fit.message}")), *notes(fit.notes)
 
 
 def _prediction_parts(predictions: tuple[Prediction, ...]) -> Iterator[Part]:
     if not predictions:
-        yield (
-            f"{_NONE_UNSEEN} A posterior says how well the training logs determine the parameters "
-            "if the model is right, not whether it is."
-        )
+        yield _NONE_UNSEEN
     for prediction in predictions:
-        yield prediction.sentence
-        yield from notes(prediction.notes)
+        yield from (part for section in report_of(prediction).sections for part in section.parts)
         yield Picture(
             prediction.plot,
             f"{prediction.log}: what was measured, the median of the predictions and their "
@@ -126,26 +129,3 @@ def _draw_rows(sampled: Sampled) -> Rows:
         mixing = f"{s.rhat:.3f}", f"{s.ess_bulk:.0f}", f"{s.ess_tail:.0f}"
         rows.append((name, *interval, s.unit, *mixing, estimate))
     return Rows.of(_HEADINGS, rows, numbers=(1, 2, 3, 5, 6, 7, 8))
-
-
-def sample_report(sampled: Sampled) -> Report:
-    """Convergence, the parameters, and how the predictions of unseen logs came out.
-
-    Pages add the figures, and what the words mean.
-    """
-    return Report(
-        Section("", Styled(str(sampled.fit.model), "strong"), _outcome(sampled.convergence)),
-        Section("", _draw_rows(sampled)),
-        *report_of(sampled.intervals).sections,
-        *(section for p in sampled.predictions for section in report_of(p).sections),
-        Section("", "" if sampled.predictions else _NONE_UNSEEN),
-        Section("", *notes(sampled.fit.notes)),
-        closing_section(sampled.closing),
-    )
-
-
-def _outcome(convergence: Convergence) -> Outcome:
-    """How well the chains mixed."""
-    style = "good" if convergence.status.ok else "bad"
-    status = Styled(convergence.status.value, style)
-    return Outcome("Status", status, convergence.message)

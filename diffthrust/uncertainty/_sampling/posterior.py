@@ -103,24 +103,17 @@ class Posterior:
 
     A `Normal` prior is a density in the parameter's value. Without one the prior is flat between
     the bounds in the coordinate, for a "log" parameter in its logarithm.
-
-    Args:
-        fit: the fit it belongs to.
-        problem: its estimation problem.
-        base: all coordinates of the problem at the fit.
-        moved: indices of the sampled coordinates.
-        sampled: channels whose noise level is sampled.
-        centre: the sampled coordinates at the fit, ``(d,)``.
-        low: their lower limits.
-        high: their upper limits.
     """
 
     fit: Fit
     problem: Problem
     base: np.ndarray
+    """All coordinates of the problem at the fit, of which those at ``moved`` are sampled."""
     moved: np.ndarray
     sampled: tuple[int, ...]
+    """Channels whose noise level is sampled."""
     centre: np.ndarray
+    """The sampled coordinates at the fit, ``(d,)``, within their limits ``low`` and ``high``."""
     low: np.ndarray
     high: np.ndarray
 
@@ -148,9 +141,7 @@ class Posterior:
     @property
     def unknown(self) -> tuple[int, ...]:
         """Channels with unknown noise level, sampled or integrated out."""
-        return tuple(
-            i for i, is_known in enumerate(self.problem.layout.known_noise) if not is_known
-        )
+        return tuple(np.flatnonzero(~np.array(self.problem.layout.known_noise, bool)).tolist())
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
@@ -209,14 +200,10 @@ class Posterior:
 
     def values(self, points: np.ndarray) -> dict[str, np.ndarray]:
         """Values of sampled parameters, including those of the noise, at points ``(..., d)``."""
-        out = {}
-        for column, i in enumerate(self.moved):
-            if i >= len(self.problem.free):
-                break
-            p = self.problem.named[self.problem.free[i]]
-            x = points[..., column]
-            out[self.problem.free[i]] = np.exp(x) if p.transform == "log" else x * p.scale
-        return out
+        names = self.problem.free
+        columns = {names[i]: points[..., k] for k, i in enumerate(self.moved) if i < len(names)}
+        described = ((n, x, self.problem.named[n]) for n, x in columns.items())
+        return {n: np.exp(x) if p.transform == "log" else x * p.scale for n, x, p in described}
 
     def initial(self, points: np.ndarray) -> dict[str, np.ndarray]:
         """Initial states at points ``(..., d)``: ``(..., logs)`` for each state."""
@@ -274,16 +261,8 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
     flat = np.full(len(sampled), np.inf)
     # the reported optimum may exceed its bounds by rounding
     centre = np.concatenate([np.clip(z, low, high)[moved], levels])
-    posterior = Posterior(
-        fit,
-        problem,
-        np.asarray(z),
-        moved,
-        sampled,
-        centre,
-        np.concatenate([low[moved], -flat]),
-        np.concatenate([high[moved], flat]),
-    )
+    low, high = np.concatenate([low[moved], -flat]), np.concatenate([high[moved], flat])
+    posterior = Posterior(fit, problem, np.asarray(z), moved, sampled, centre, low, high)
     _refuse(posterior)
     return posterior
 
@@ -308,12 +287,10 @@ def _contradiction(fit: Fit, name: str, value: float, prior: Normal) -> float:
 def _refuse(posterior: Posterior) -> None:
     """Raise `InputError` if the posterior is improper, contradictory, or not finite at the fit."""
     problem = posterior.problem
-    for name, p in problem.named.items():
-        if name not in problem.free:
-            continue
-        value = problem.values(posterior.base)[name]
-        away = 0.0 if p.prior is None else _contradiction(posterior.fit, name, value, p.prior)
-        if p.prior is not None and away > _FAR:
+    values = problem.values(posterior.base)
+    for name, p in ((name, problem.named[name]) for name in problem.free):
+        value = values[name]
+        if p.prior and (away := _contradiction(posterior.fit, name, value, p.prior)) > _FAR:
             raise InputError(
                 f"Parameter '{name}': its prior, {p.prior.mean:g} +- {p.prior.std:g} {p.unit}, "
                 f"excludes what the logs say (the fit: {value:.5g} within {p.range_text()}), by "
@@ -322,7 +299,7 @@ def _refuse(posterior: Posterior) -> None:
             )
         start = posterior.fit.guess.get(name, p.value)
         vanished = p.transform == "log" and value < start * np.exp(-VANISHED) and p.limits[0] <= 0
-        if vanished and p.prior is None and name not in problem.nuisance:
+        if vanished and not p.prior and name not in problem.nuisance:
             raise InputError(
                 f"Parameter '{name}' ran to zero in the fit ({value:.3g} {p.unit}), where a "
                 "prior flat in the logarithm is unbounded.",

@@ -7,41 +7,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from diffthrust._support.lossless import Decoder
 from diffthrust._support.results import Brief
 from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._intervals import intervals
-from diffthrust.uncertainty._prediction.draws import posterior_data
+from diffthrust.uncertainty._prediction.draws import posterior_data, scalars_of
 from diffthrust.uncertainty._prediction.predict import Prediction, predict
 from diffthrust.uncertainty._results import Intervals
 from diffthrust.uncertainty._sampling.arviz import shown_in
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
-from diffthrust.uncertainty._values import Shown
+from diffthrust.uncertainty._values import Shown, central
 
 INTERVAL_LEVEL = 0.95
 
 
 @dataclass(frozen=True)
 class Summary(Shown):
-    """The draws of one parameter, in ``unit``.
-
-    Args:
-        median: of the draws.
-        low: lower end of the 95 % interval, with equal tails.
-        high: upper end.
-        mean: of the draws.
-        sd: their standard deviation.
-        rhat: 1 where the chains agree.
-        ess_bulk: effective samples for the mean.
-        ess_tail: effective samples for the ends of the interval.
-        unit: of the first five.
-        per: number of ``shown_unit`` per ``unit``.
-        shown_unit: display unit.
-    """
+    """The draws of one parameter: a 95 % interval of equal tails, and how well the chains mixed."""
 
     _in_unit = ("median", "low", "high", "mean", "sd")
 
@@ -59,22 +43,16 @@ class Summary(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, in the parameter's unit and in the display unit."""
-        kept = {k: v for k, v in vars(self).items() if k not in ("per", "shown_unit")}
-        written = {k: getattr(self.shown, k) for k in (*self._in_unit, "unit")}
-        return {**kept, "written": written}
+        mixing = {name: getattr(self, name) for name in ("rhat", "ess_bulk", "ess_tail")}
+        return mixing | self._json(*self._in_unit, "unit")
 
 
 @dataclass(frozen=True, repr=False)
 class Sampled(Brief):
     """The content of the report of ``diffthrust sample``.
 
-    Args:
-        post: the posterior.
-        fit: the fit that was sampled.
-        convergence: how well the chains mixed.
-        parameters: a `Summary` by name, for parameters of the model and its noise.
-        intervals: posterior intervals next to covariance, sandwich and profile.
-        predictions: one for each unseen log.
+    A `Summary` of each parameter of the model and its noise, posterior intervals next to the other
+    ones, and a prediction of each unseen log.
     """
 
     post: Any = field(repr=False)
@@ -142,25 +120,12 @@ def sampled(
     posterior = posterior_data(post)
     judged = convergence(post)
     parameters = {}
-    for name, variable in posterior.data_vars.items():
-        if set(variable.dims) != {"chain", "draw"}:
-            continue
-        values, size = np.asarray(variable.values, float), shown_in(variable)
-        ends = [0.5 * (1 - INTERVAL_LEVEL), 0.5, 0.5 * (1 + INTERVAL_LEVEL)]
-        low, median, high = np.quantile(values, ends)
-        parameters[str(name)] = Summary(
-            median=float(median),
-            low=float(low),
-            high=float(high),
-            mean=float(values.mean()),
-            sd=float(values.std(ddof=1)),
-            rhat=judged.r_hat.get(str(name), float("nan")),
-            ess_bulk=judged.ess_bulk.get(str(name), float("nan")),
-            ess_tail=judged.ess_tail.get(str(name), float("nan")),
-            unit=str(variable.attrs.get("unit", "")),
-            per=size.value,
-            shown_unit=size.unit,
-        )
+    for name, values in scalars_of(posterior).items():
+        low, median, high = map(float, central(values, INTERVAL_LEVEL))
+        mean, sd = float(values.mean()), float(values.std(ddof=1))
+        mixing = judged.r_hat[name], judged.ess_bulk[name], judged.ess_tail[name]
+        unit, size = str(posterior[name].attrs.get("unit", "")), shown_in(posterior[name])
+        parameters[name] = Summary(median, low, high, mean, sd, *mixing, unit, *size)
     bands = tuple(predict(post, fit, log, level=INTERVAL_LEVEL, seed=seed) for log in unseen)
     side_by_side = intervals(fit, logs, post, level=INTERVAL_LEVEL)
     return Sampled(post, fit, judged, parameters, side_by_side, bands)
