@@ -33,7 +33,7 @@ from diffthrust.uncertainty._sampling.ensemble import independent_proposals as i
 from diffthrust.uncertainty._sampling.ensemble import learned as learned  # of a law not their own
 from diffthrust.uncertainty._sampling.posterior import Posterior as Posterior  # made to fail
 from diffthrust.uncertainty._sampling.posterior import posterior_of as posterior_of
-from diffthrust.uncertainty._sampling.propriety import open_ends as open_ends  # before any draw
+from diffthrust.uncertainty._sampling.sample import open_ends as open_ends  # before any draw
 from diffthrust.uncertainty._sandwich import sample_scores as sample_scores  # the parts alone
 from diffthrust.uncertainty._sandwich import summed as summed
 from diffthrust.uncertainty._values import Interval as Interval  # rows that no logs give

@@ -15,11 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust.blackbox._records import SampledLog
+from diffthrust.blackbox._search import FLAT
 from diffthrust.blackbox._system import System
 
 _STEPS = 100
-_FLAT = 1e-5
-"""Largest |J_j . r| / (|J_j| |r|) at a point that counts as stationary."""
 _STILL = 1e-6
 """The search ends if a step lowers the squared error by less than this share."""
 
@@ -60,7 +59,7 @@ def _searched(
         squares, slope = j.T @ j, j.T @ r
         length = np.linalg.norm(j, axis=0) * np.linalg.norm(r)
         flat = np.max(np.abs(slope) / np.where(length > 0, length, 1.0), initial=0.0)
-        if error <= 1e-18 * r.size or flat < _FLAT:  # the remaining error is rounding
+        if error <= 1e-18 * r.size or flat < FLAT:  # the remaining error is rounding
             return Simulated(current, error, True)
         # damping also selects the step: the Jacobian has n^2 null directions, one for each change
         # of basis

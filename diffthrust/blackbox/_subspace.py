@@ -80,16 +80,7 @@ def state_space(
     delay = check_order("state_space", "delay", delay)
     direct, lag = delay == 0, max(delay - 1, 0)
     m, p = len(channels.inputs), len(channels.outputs)
-    level = np.zeros(m + p)
-    if offset:
-        joined = np.concatenate([np.concatenate([r.u, r.y], axis=1)[r.complete] for r in records])
-        # the mean is taken off before the regression and comes back as the offset input's columns
-        level = joined.mean(axis=0)
-    series = [_late(record, lag, level) for record in records]
-    joined = np.concatenate(series)
-    size = np.sqrt(np.mean(joined[np.isfinite(joined).all(axis=1)] ** 2, axis=0))  # any units
-    size[~(size > 0)] = 1.0
-    series = [z / size for z in series]
+    series, level, size = _standardised(records, lag, offset)
     if horizon is None:
         horizon = _horizon(series, m, order, direct)
     elif check_order("state_space", "order", horizon) <= order:
@@ -137,11 +128,22 @@ def state_space(
     return _refined(model, records, order, delay) if refine and p == 1 else model
 
 
-def _late(record: SampledLog, lag: int, level: np.ndarray) -> np.ndarray:
-    """Delayed inputs and outputs side by side, ``(n, m + p)``; NaN in gaps."""
-    before = np.full((lag, record.u.shape[1]), np.nan)
-    u = np.concatenate([before, record.u])[: len(record.u)]
-    return np.concatenate([u, record.y], axis=1) - level
+def _standardised(
+    records: Sequence[SampledLog], lag: int, offset: bool
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Delayed inputs and outputs side by side, ``(n, m + p)``, NaN in gaps; their level and size.
+
+    The mean is taken off before the regression and comes back as the offset input's columns.
+    """
+    joined = np.concatenate([np.concatenate([r.u, r.y], axis=1)[r.complete] for r in records])
+    level = joined.mean(axis=0) if offset else np.zeros(joined.shape[1])
+    before = np.full((lag, records[0].u.shape[1]), np.nan)
+    late = (np.concatenate([before, r.u])[: len(r.u)] for r in records)
+    series = [np.concatenate([u, r.y], axis=1) - level for u, r in zip(late, records, strict=True)]
+    joined = np.concatenate(series)
+    size = np.sqrt(np.mean(joined[np.isfinite(joined).all(axis=1)] ** 2, axis=0))  # any units
+    size[~(size > 0)] = 1.0
+    return [z / size for z in series], level, size
 
 
 def _windows(series: Sequence[np.ndarray], length: int) -> np.ndarray:

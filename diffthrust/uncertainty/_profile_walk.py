@@ -52,15 +52,19 @@ def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
 
     Undetermined directions are left out: the result sets only step lengths, never intervals.
     """
-    low, high = problem.limits()
     # a coordinate at its bound does not move with the others: it would widen steps that cannot be
     # taken
-    inside = (point.z > low + 1e-9) & (point.z < high - 1e-9)
+    inside = _inside(problem, point.z)
     information = np.asarray(point.quadratic.information) * np.outer(inside, inside)
     length = np.sqrt(np.maximum(np.diagonal(information), 0.0))
     length = np.where(length > 0, length, 1.0)
     scaled = np.linalg.pinv(information / np.outer(length, length), rcond=1e-10, hermitian=True)
     return scaled / np.outer(length, length)
+
+
+def _inside(problem: Problem, z: np.ndarray) -> np.ndarray:
+    low, high = problem.limits()
+    return (z > low + 1e-9) & (z < high - 1e-9)
 
 
 @dataclass(frozen=True)
@@ -104,8 +108,8 @@ class ParameterLine:
     def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
         """The least cost at ``x``, starting from a neighbour along the direction of the valley."""
         i, (low, high) = self.place, self.problem.limits()
-        information = np.asarray(near.quadratic.information).copy()
-        inside = (near.z > low + 1e-9) & (near.z < high - 1e-9)
+        information = np.asarray(near.quadratic.information)
+        inside = _inside(self.problem, near.z)
         inside[i] = False
         # the implicit function theorem: dz/dx = -H^-1 h along the valley, which saves most of the
         # refit
@@ -114,7 +118,6 @@ class ParameterLine:
         slope = np.linalg.lstsq(
             gram / np.outer(length, length), information[inside, i] / length, rcond=1e-10
         )[0]
-        low, high = low.copy(), high.copy()
         low[i] = high[i] = x
         straight = near.z.copy()
         straight[inside] -= slope / length * (x - near.x)

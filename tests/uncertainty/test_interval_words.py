@@ -131,29 +131,15 @@ def test_open_ends():
     assert "upwards the profile is open; up there." in evidence(
         {"high": None, "open_high": "up there"}
     )
-    e = Evidence(
-        fit=SimpleNamespace(parameters={"a": SimpleNamespace(at_bound=False, std_error=1.0)}),
-        profile=replace(PROFILE, low=None, open_low="reaches the bound 0.5"),
-        intervals={"profile": Interval(None, 2.6)},
-        inflation=None,
-        chance=0.0,
-        correlation=0.0,
-        prior=False,
-        recommended="profile",
-    )
-    (told,) = sentences(e)
+    bound = {"low": None, "open_low": "reaches the bound 0.5", "bounds": (0.5, None)}
+    told = evidence(bound)
     assert told == "a: downwards the profile is open; it reaches the bound 0.5."
-    e.fit.parameters["a"].at_bound = True
-    (told,) = sentences(e)  # that it lies there has been said
-    assert "open" not in told
+    assert "open" not in evidence(bound, at_bound=True)  # that it lies there has been said
 
 
 def arms(low, high, **more):
-    profile = replace(PROFILE, low=low, high=high, bounds=(None, None))
-    fit = SimpleNamespace(parameters={"a": SimpleNamespace(at_bound=False, std_error=0.2)})
-    told = {"inflation": None, "chance": 0.0, "correlation": 0.0, "prior": False}
-    told |= {"recommended": "profile", "intervals": {"profile": Interval(low, high)}, **more}
-    return " ".join(sentences(Evidence(fit=fit, profile=profile, **told)))
+    told = {"inflation": None, "intervals": {"profile": Interval(low, high)}, **more}
+    return evidence({"low": low, "high": high}, **told)
 
 
 def test_lopsided_profiles():
