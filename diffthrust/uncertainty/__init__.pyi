@@ -1,5 +1,6 @@
 from ._directions import Directions as Directions
 from ._directions import directions as directions
+from ._intervals import Intervals as Intervals
 from ._intervals import intervals as intervals
 from ._prediction.physical import Quantity as Quantity
 from ._prediction.physical import derived as derived
@@ -8,9 +9,8 @@ from ._prediction.predict import Prediction as Prediction
 from ._prediction.predict import predict as predict
 from ._prediction.quantities import Quantities as Quantities
 from ._prediction.quantities import quantities as quantities
+from ._profile import Profiles as Profiles
 from ._profile import profile as profile
-from ._results import Intervals as Intervals
-from ._results import Profiles as Profiles
 from ._sampling.convergence import Convergence as Convergence
 from ._sampling.convergence import convergence as convergence
 from ._sampling.figures import plot_corner as plot_corner

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust._support.progress import ProgressOption, progressing, reporter
-from diffthrust.estimation._arguments import LIKELIHOODS, NOISE_MODELS
+from diffthrust._support.report import Report
+from diffthrust._support.results import Result, report_of
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import check_mark, problem_of
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
-from diffthrust.uncertainty._directions import directions_of
+from diffthrust.uncertainty._directions import Directions, directions_of
 from diffthrust.uncertainty._prediction.draws import check_level
-from diffthrust.uncertainty._profile import degrees_of, profiles_of, threshold_of
-from diffthrust.uncertainty._results import Intervals, Profiles
+from diffthrust.uncertainty._profile import Profiles, degrees_of, profiles_of, threshold_of
 from diffthrust.uncertainty._sandwich import (
     Sandwich,
     converged,
@@ -28,13 +29,103 @@ from diffthrust.uncertainty._sandwich import (
     sample_scores,
     sandwich_of,
 )
-from diffthrust.uncertainty._values import Interval, Profile, Row
+from diffthrust.uncertainty._tables import Evidence, heading, intervals_report, sentences
+from diffthrust.uncertainty._values import Interval, Row
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from diffthrust._support.tables import Renderable
 
 _WHITE = 0.1
 """Residuals with a lag-one correlation below this count as white: standard errors are then too
 short by at most a tenth."""
 _WIDER = 1.25
 """The sandwich is preferred if it is wider than the covariance by this factor and beyond chance."""
+
+
+_METHODS = ("covariance", "sandwich", "profile", "posterior")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Intervals(Result):
+    """Intervals of all free parameters of a fit: ``intervals["alpha"].best``.
+
+    Args:
+        rows: by parameter.
+        level: of all intervals.
+        correlation: lag-one correlation of the residuals assumed white; zero if within chance.
+        notes: remarks on all intervals, the recommendation first.
+        directions: combinations of parameters, by how well the logs determine them.
+        profiles: the profiles behind the intervals.
+
+    Example:
+        >>> found = dft.intervals(fit, log)
+        >>> found.methods, found.level, len(found.sentences), found.table() is not None
+        (('covariance', 'sandwich', 'profile'), 0.95, 1, True)
+        >>> list(found.to_json())
+        ['schema', 'level', 'correlation', 'notes', 'parameters', 'directions']
+        >>> figure = found.plot()
+    """
+
+    rows: Mapping[str, Row]
+    level: float
+    correlation: float
+    notes: tuple[str, ...]
+    directions: Directions
+    profiles: Profiles = field(repr=False)
+
+    def __getitem__(self, name: str) -> Row:
+        return self.rows[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The methods for which any parameter has an interval."""
+        return tuple(m for m in _METHODS if any(m in row.intervals for row in self.rows.values()))
+
+    @property
+    def sentences(self) -> list[str]:
+        """Why methods disagree, over all parameters."""
+        return [s for row in self.rows.values() for s in row.sentences]
+
+    def _line(self) -> str:
+        each = ", ".join(f"{row.name} by {row.recommended}" for row in self.rows.values())
+        return f"{100 * self.level:g} %: {each}"
+
+    def table(self) -> Renderable:
+        """The report as a renderable of rich."""
+        from diffthrust._support.tables import renderable
+
+        return renderable(self._report())
+
+    def _report(self) -> Report:
+        rows = [row.shown for row in self.rows.values()]
+        directions = report_of(self.directions)
+        return intervals_report(rows, self.methods, self.level, self.notes, directions)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; ``None`` for an open end."""
+        return {
+            "schema": 1,
+            "level": self.level,
+            "correlation": self.correlation,
+            "notes": list(self.notes),
+            "parameters": {name: row.to_json() for name, row in self.rows.items()},
+            "directions": self.directions.to_json(),
+        }
+
+    @showing
+    def plot(self) -> Figure:
+        """Plot the intervals as stacked bars, one panel for each parameter."""
+        from diffthrust.uncertainty._figures import intervals_figure
+
+        return intervals_figure([row.shown for row in self.rows.values()], self.methods, self.level)
 
 
 @progressing
@@ -211,136 +302,3 @@ def _judged(posterior: Any) -> list[str]:
     if attrs.get("status", "converged") == "converged":
         return []
     return [f"Posterior: {attrs.get('message', attrs['status'])}"]
-
-
-_APART = 0.2
-"""Two intervals disagree where an end differs by this share of the arm it belongs to."""
-_CLEARLY = 1.25
-"""A sandwich and a covariance disagree where one is wider by this factor."""
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What is known of one parameter's intervals.
-
-    The sandwich is ``inflation`` times as wide as the covariance, within ``chance``; the
-    ``correlation`` is that of residuals taken as white; ``met`` are other parameters whose bounds
-    are within their own intervals.
-    """
-
-    fit: Fit
-    profile: Profile
-    intervals: Mapping[str, Interval]
-    inflation: float | None
-    chance: float
-    correlation: float
-    prior: bool
-    recommended: str
-    met: tuple[str, ...] = ()
-
-
-def heading(fit: Fit, lag: float, correlated: bool, sandwich: bool) -> str:
-    """The recommendation, with its reason."""
-    lasting = NOISE_MODELS[fit.noise_model].lasts
-    if correlated:
-        kind = "What is new in the noise is" if lasting else "Residuals are"
-        mend = "something is missing from the model" if lasting else _mend(fit)
-        return (
-            f"{kind} correlated from sample to sample ({lag:.2f}) where the fit takes them as "
-            f"white: covariance, profile and posterior are too narrow, take the sandwich. To "
-            f"narrow it down: {mend}."
-        )
-    if sandwich:
-        return (
-            "Residuals are white, but not of one size or law: take the sandwich where it is "
-            "marked, else the profile."
-        )
-    what = "What is new in the noise at each sample is" if lasting else "Residuals are"
-    return f"{what} white, as the fit takes them: take the profile."
-
-
-def _mend(fit: Fit) -> str:
-    if LIKELIHOODS[fit.likelihood].corrects or not fit.model.states:
-        return "look for what the model lacks (diagnose)"
-    return (
-        'look for what the model lacks (diagnose), or fit with noise_model="ar1" or '
-        'likelihood="innovations"'
-    )
-
-
-def sentences(e: Evidence) -> Iterator[str]:
-    """A sentence for each disagreement."""
-    name = e.profile.name
-    estimate = e.fit.parameters[name]
-    if estimate.at_bound:
-        yield (
-            f"{name} lies at its bound: it has no standard error there, only the profile says how "
-            "far it may be from it."
-        )
-    elif estimate.std_error is None:
-        yield (
-            f"{name} has no standard error: these logs cannot tell it from others; the profile "
-            "says what is known of it alone."
-        )
-    whys = ("downwards", e.profile.open_low), ("upwards", e.profile.open_high)
-    for (side, why), bound in zip(whys, e.profile.bounds, strict=True):
-        if why and not (estimate.at_bound and bound is not None):
-            it = "it " if bound is not None else ""
-            yield f"{name}: {side} the profile is open; {it}{why}."
-    yield from _lopsided(e, name)
-    yield from _inflated(e, name)
-    yield from _posterior_apart(e, name)
-
-
-def _lopsided(e: Evidence, name: str) -> Iterator[str]:
-    if not e.profile.longer_arm:
-        return
-    met = f", for {' and '.join(e.met)} may meet a bound" if e.met else ""
-    expect = ": expect the same of the truth, within the width of the sandwich"
-    yield (
-        f"{name}: the profile reaches {e.profile.longer_arm}. The likelihood is not quadratic "
-        f"there{met}, and covariance and sandwich are symmetric by construction"
-        f"{expect if e.recommended == 'sandwich' else ''}."
-    )
-
-
-def _inflated(e: Evidence, name: str) -> Iterator[str]:
-    if e.inflation is None or 1 / _CLEARLY < e.inflation < _CLEARLY:
-        return
-    words = f"{name}: the sandwich is {e.inflation:.2g} times as wide as the covariance: "
-    if e.correlation:
-        yield f"{words}residuals are correlated from sample to sample ({e.correlation:.2f})."
-    elif abs(e.inflation - 1) < e.chance:
-        yield f"{words}no more than chance gives on so few samples."
-    elif e.inflation < 1:
-        yield f"{words}residuals are small where this parameter acts most, or alternate in sign."
-    else:
-        yield f"{words}residuals are large, or last long, where this parameter acts most."
-
-
-def _posterior_apart(e: Evidence, name: str) -> Iterator[str]:
-    drawn, profile = e.intervals.get("posterior"), e.intervals["profile"]
-    if drawn is None or drawn.low is None or drawn.high is None:
-        return
-    ends = (("lower", drawn.low, profile.low), ("upper", drawn.high, profile.high))
-    apart = [
-        side
-        for side, here, end in ends
-        if end is not None and abs(here - end) > _APART * max(abs(end - e.profile.value), 1e-300)
-    ]
-    if not apart:
-        return
-    where = f"the {apart[0]} end" if len(apart) == 1 else "both ends"
-    if e.profile.lopsided is None or e.profile.longer_arm:
-        why = (
-            "the likelihood is not quadratic, and a posterior averages over the other parameters "
-            "where a profile takes their best"
-        )
-    elif e.prior:
-        why = "the draws follow the density of the prior, which weighs values once more"
-    else:
-        why = (
-            "a bound or the prior cuts the posterior off, other parameters are far from quadratic, "
-            "or the chains have not converged"
-        )
-    yield f"{name}: posterior and profile differ at {where}: {why}."

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
+from diffthrust._support.report import Report, Section
+from diffthrust._support.results import Result
+from diffthrust._support.words import number
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
@@ -29,12 +34,87 @@ from diffthrust.uncertainty._profile_walk import (
     Side,
     walk,
 )
-from diffthrust.uncertainty._results import Better, Profiles
 from diffthrust.uncertainty._sandwich import converged, quantile
+from diffthrust.uncertainty._tables import profile_rows
 from diffthrust.uncertainty._values import Profile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _ROUNDS = 3
 """Most restarts of all profiles from a lower cost found by a walk."""
+
+
+class Better(NamedTuple):
+    """A better optimum found by a walk: all parameters, and the gain in log-likelihood."""
+
+    values: Mapping[str, float]
+    gain: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Profiles(Result):
+    """Profiles by the name of the parameter or quantity: ``profiles["alpha"].low``.
+
+    Args:
+        profiles: by name.
+        level: of their intervals.
+        better: a better optimum found on the way, which the profiles then belong to, or ``None``.
+
+    Example:
+        >>> found = dft.uncertainty.profile(fit, log, "alpha")
+        >>> found["alpha"].level, len(found.sentences), list(found.to_json())
+        (0.95, 1, ['schema', 'level', 'profiles', 'better'])
+        >>> figure = found.plot()
+    """
+
+    profiles: Mapping[str, Profile]
+    level: float
+    better: Better | None = None
+
+    def __getitem__(self, name: str) -> Profile:
+        return self.profiles[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.profiles)
+
+    def __len__(self) -> int:
+        return len(self.profiles)
+
+    @property
+    def sentences(self) -> list[str]:
+        """One for each profile, and one on a better optimum."""
+        sentences = [p.sentence for p in self.profiles.values()]
+        if self.better is not None:
+            values = ", ".join(f"{n} = {number(v)}" for n, v in self.better.values.items())
+            sentences.append(
+                f"A better optimum than the fit's was found on the way, by {self.better.gain:.3g} "
+                f"in log-likelihood, and the profiles belong to it: {values}. Fit again from there."
+            )
+        return sentences
+
+    def _report(self) -> Report:
+        rows = profile_rows(self.profiles.values(), self.level)
+        return Report(Section("", rows), Section("", *self.sentences))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "schema": 1,
+            "level": self.level,
+            "profiles": {name: p.to_json() for name, p in self.profiles.items()},
+            "better": self.better and self.better._asdict(),
+        }
+
+    @showing
+    def plot(self) -> Figure:
+        """Plot each profile with the quadratic of the covariance, the threshold and the ends."""
+        from diffthrust.uncertainty._figures import profile_figure
+
+        return profile_figure(list(self.profiles.values()))
+
+    def _line(self) -> str:
+        return f"{100 * self.level:g} %: {', '.join(self.profiles)}"
 
 
 @progressing
@@ -162,8 +242,7 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
 
     Under autocorrelated noise, n independent samples give a noise level with n / 2 degrees of
     freedom, because the correlation is estimated as well: the long-run variance has the relative
-    variance 4 / n (for an AR(1) coefficient a over T samples, 4 (1 + a) / (1 - a) / T, see the
-    sandwich).
+    variance 4 / n (see the sandwich).
     """
     noise = problem.layout.likelihood.noise
     if noise.lasts:

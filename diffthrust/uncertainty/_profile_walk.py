@@ -136,12 +136,11 @@ class ParameterLine:
 
 @dataclass(frozen=True)
 class QuantityLine:
-    """A function of the parameters, moved by a penalty.
+    """A function of the parameters, moved by the penalty ``((q(z) - target) / width)^2 / 2``.
 
-    With ``((q(z) - target) / width)^2 / 2`` added to the cost, the minimiser has the least cost of
-    all z with the same q, since they all pay the same penalty. The cost without the penalty is
-    therefore on the profile, at the q that was reached. No equality constraint is needed, and all
-    quantities of a function share a compilation.
+    The minimiser has the least cost of all z with the same q, since they all pay the same: the cost
+    without the penalty is on the profile, at the q that was reached. No equality constraint is
+    needed, and all quantities of a function share a compilation.
     """
 
     problem: Problem

@@ -247,10 +247,9 @@ class Scores:
 def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
     """Scores at given coordinates, by one forward-mode pass over the logs.
 
-    For the Gaussian law the curvature is that of Gauss-Newton. For the Student-t law it is weighted
-    by the mean derivative of the law's score in each channel, evaluated on the residuals: the
-    weights of the fit's information would count outliers twice (Huber & Ronchetti 2009, section
-    7.6). A failed simulation gives non-finite values.
+    Of the Student-t law the curvature is weighted by the mean derivative of the law's score in each
+    channel, evaluated on the residuals: the weights of the fit's information would count outliers
+    twice (Huber & Ronchetti 2009, section 7.6).
     """
     batches = _pass(problem.layout, problem.numbers, jnp.asarray(z))
     n, m = problem.shared, problem.each
@@ -306,14 +305,10 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
     """Covariance of the sum of series: logs are independent, samples within a log are not.
 
     Each channel's series is prewhitened by a first-order autoregression from one measured sample to
-    the next, and recoloured by its long-run gain (Andrews & Monahan 1992). Channels are then
-    summed, as the noise of two sensors may be common, and products are summed over overlapping
-    blocks with linearly falling weights (Newey & West 1987). Runs are ``(C, k, T)``, NaN where a
-    channel was not measured.
-
-    Returns:
-        The covariance ``(k, k)``, the block length in samples, the factor by which correlation
-        increases a variance ``(k,)``, and the degrees of freedom ``(k,)``.
+    the next, and recoloured by its long-run gain. Channels are then summed, as the noise of two
+    sensors may be common, and products are summed over overlapping blocks. Runs are ``(C, k, T)``,
+    NaN where a channel was not measured. Also the block length in samples, the factor by which
+    correlation increases a variance ``(k,)``, and the degrees of freedom ``(k,)``.
     """
     size = runs[0].shape[1]
     together = [np.zeros((size, run.shape[2])) for run in runs]

@@ -48,10 +48,9 @@ class Draws(Brief):
 def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0.95) -> Draws:
     """At most ``count`` draws of the parameters, of a posterior or a fit.
 
-    For a posterior, draws are picked at random (or all, if it has fewer). For a fit, they come from
-    the Gaussian of its covariance in the coordinates of the fit (logarithms of parameters that are
-    positive by nature), redrawn if outside the bounds; parameters without a standard error keep
-    their values, with a note. ``level`` is only checked.
+    Those of a fit come from the Gaussian of its covariance in its own coordinates (logarithms of
+    parameters that are positive by nature), redrawn if outside the bounds; parameters without a
+    standard error keep their values, with a note. ``level`` is only checked.
     """
     whole_number("draws", count, 2)
     whole_number("seed", seed, 0)

@@ -74,11 +74,9 @@ def read_posterior(path: Path) -> Any:
 def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any]) -> Any:
     """Draws, statistics of the sampler and measurements, as `arviz.InferenceData`.
 
-    Variables of the posterior: parameters by full name in their units, those of the noise as
-    ``noise.*``; initial states as ``initial.<state>`` by ``log``, parameters that differ by log as
-    ``per_log.<parameter>`` beside their means; unknown noise levels as ``sigma``
-    by ``channel``. Each has an attribute ``unit``. Measured channels are ``channel[log name]``,
-    each over a separate time.
+    Initial states are ``initial.<state>`` and what differs by log ``per_log.<parameter>``, both by
+    ``log``; unknown noise levels ``sigma`` by ``channel``; measurements ``channel[log name]``, each
+    over a time of its own.
     """
     import xarray as xr
 

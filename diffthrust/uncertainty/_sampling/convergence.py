@@ -117,9 +117,9 @@ def convergence(post: Any) -> Convergence:
     stats = getattr(post, "sample_stats", None)
     lost = int(stats["diverging"].sum()) if stats is not None and "diverging" in stats else 0
     total = posterior.sizes["chain"] * posterior.sizes["draw"]
-    judged = Convergence(Mixing.IMPROPER, str(posterior.attrs.get("improper", "")),
-                         r_hat, bulk, tail, memory, lost, total)  # fmt: skip
-    if judged.message:
+    improper = str(posterior.attrs.get("improper", ""))
+    judged = Convergence(Mixing.IMPROPER, improper, r_hat, bulk, tail, memory, lost, total)
+    if improper:
         return judged
     status, message = _judged(judged, emcee=post.attrs.get("method") == "emcee")
     return replace(judged, status=status, message=message)

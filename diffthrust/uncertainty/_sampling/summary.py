@@ -12,10 +12,9 @@ from diffthrust._support.results import Brief
 from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
-from diffthrust.uncertainty._intervals import intervals
+from diffthrust.uncertainty._intervals import Intervals, intervals
 from diffthrust.uncertainty._prediction.draws import posterior_data, scalars_of
 from diffthrust.uncertainty._prediction.predict import Prediction, predict
-from diffthrust.uncertainty._results import Intervals
 from diffthrust.uncertainty._sampling.arviz import shown_in
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
 from diffthrust.uncertainty._values import Shown, central
