@@ -10,7 +10,13 @@ from diffthrust._support.report import Bullets, Report, Rows, Section
 from diffthrust._support.words import with_error
 from diffthrust.estimation._arguments import LIKELIHOODS, NOISE_MODELS
 from diffthrust.estimation._result import Fit
-from diffthrust.uncertainty._values import Interval, Profile, Row, shortest_half_arm
+from diffthrust.uncertainty._values import (
+    Interval,
+    Profile,
+    Row,
+    longer_arm,
+    shortest_half_arm,
+)
 
 
 def profile_rows(profiles: Iterable[Profile], level: float) -> Rows:
@@ -162,12 +168,13 @@ def sentences(e: Evidence) -> Iterator[str]:
 
 
 def _lopsided(e: Evidence, name: str) -> Iterator[str]:
-    if not e.profile.longer_arm:
+    longer = longer_arm(e.profile)
+    if not longer:
         return
     met = f", for {' and '.join(e.met)} may meet a bound" if e.met else ""
     expect = ": expect the same of the truth, within the width of the sandwich"
     yield (
-        f"{name}: the profile reaches {e.profile.longer_arm}. The likelihood is not quadratic "
+        f"{name}: the profile reaches {longer}. The likelihood is not quadratic "
         f"there{met}, and covariance and sandwich are symmetric by construction"
         f"{expect if e.recommended == 'sandwich' else ''}."
     )
@@ -200,7 +207,7 @@ def _posterior_apart(e: Evidence, name: str) -> Iterator[str]:
     if not apart:
         return
     where = f"the {apart[0]} end" if len(apart) == 1 else "both ends"
-    if e.profile.lopsided is None or e.profile.longer_arm:
+    if e.profile.lopsided is None or longer_arm(e.profile):
         why = (
             "the likelihood is not quadratic, and a posterior averages over the other parameters "
             "where a profile takes their best"

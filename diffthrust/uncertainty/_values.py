@@ -175,15 +175,6 @@ class Profile(Brief, Shown):
         return (self.high - self.value) / (self.value - self.low)
 
     @property
-    def longer_arm(self) -> str:
-        """How much further the interval reaches to one side, in words; empty if hardly."""
-        ratio = self.lopsided
-        if ratio is None or 1 / LOPSIDED < ratio < LOPSIDED:
-            return ""
-        way, size = ("up", ratio) if ratio > 1 else ("down", 1 / ratio)
-        return f"{size:.2g} times as far {way} as the other way"
-
-    @property
     def sentence(self) -> str:
         """The interval in words, in the display unit."""
         p = self.shown
@@ -193,8 +184,9 @@ class Profile(Brief, Shown):
         )
         unit = f" {p.unit}".rstrip() + f" ({100 * p.level:g} %)"
         if low and high:
-            longer = f", reaching {p.longer_arm}" if p.longer_arm else ""
-            return f"{p.name} lies between {low} and {high}{unit}{longer}."
+            longer = longer_arm(p)
+            reaching = f", reaching {longer}" if longer else ""
+            return f"{p.name} lies between {low} and {high}{unit}{reaching}."
         if low:
             return f"{p.name} is at least {low}{unit}; upwards {p.open_high}."
         if high:
@@ -210,3 +202,12 @@ class Profile(Brief, Shown):
             **self._json("value", "unit", "low", "high", "std_error"),
             **{name: plain(getattr(self, name)) for name in also},
         }
+
+
+def longer_arm(profile: Profile) -> str:
+    """How much further an interval reaches to one side, in words; empty if hardly."""
+    ratio = profile.lopsided
+    if ratio is None or 1 / LOPSIDED < ratio < LOPSIDED:
+        return ""
+    way, size = ("up", ratio) if ratio > 1 else ("down", 1 / ratio)
+    return f"{size:.2g} times as far {way} as the other way"
