@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 _P = ParamSpec("_P")
 
-# Okabe & Ito 2008: distinct with every kind of colour vision
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
+COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Of Okabe & Ito 2008: distinct with every kind of colour vision."""
 _POINTS = 4000
 _SPARSE = 0.6
 """A channel with a smaller share of valid samples has a slower rate than its log."""

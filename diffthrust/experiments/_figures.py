@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, VERMILLION, unboxed
+from diffthrust._support.figures import COLOURS, unboxed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
 Series = Mapping[str, np.ndarray]
 _BAND = 2.0
 """Half width of the noise bands, in standard deviations."""
@@ -79,7 +78,7 @@ def _detail(
 
 def _predictions(panel: Axes, time: np.ndarray, series: Series, width: float) -> None:
     for i, (name, values) in enumerate(series.items()):
-        colour = _COLOURS[i % len(_COLOURS)]
+        colour = COLOURS[i % len(COLOURS)]
         low, high = values - width, values + width
         panel.fill_between(time, low, high, color=colour, alpha=0.18, linewidth=0)
         label, dashes = (f"imitated by {name}", "--") if i else (f"if {name} holds", "-")
@@ -92,7 +91,7 @@ def _differences(panel: Axes, time: np.ndarray, series: Series, width: float) ->
     panel.axhspan(-width, width, color="0.85", linewidth=0, label=label)
     panel.axhline(0.0, color="0.4", linewidth=0.8)
     for i, imitation in enumerate(imitations, 1):
-        colour = _COLOURS[i % len(_COLOURS)]
+        colour = COLOURS[i % len(COLOURS)]
         panel.plot(time, truth - imitation, color=colour, linewidth=1.0)
 
 

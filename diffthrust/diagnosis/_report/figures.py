@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, is_sparse, literal, thinned, unboxed
+from diffthrust._support.figures import (
+    BLUE,
+    COLOURS,
+    GREY,
+    VERMILLION,
+    is_sparse,
+    literal,
+    thinned,
+    unboxed,
+)
 from diffthrust._support.words import humanize, number, percent
 from diffthrust.comparison._figures import draw_drive, drives_of
 from diffthrust.diagnosis._findings import Findings, Stage, TriedEffect
@@ -26,7 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-_COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
 _PALE = "#B3D5E8"
 _TRAINING = ("training", "--", "s", "white", 1.1)
 _BAND = 2.0
@@ -146,7 +154,7 @@ def _falling(panel: Axes, diag: Findings) -> None:
     channels = dict.fromkeys(name for stage in diag.stages for name in stage.train.channels)
     top = 0.0
     for i, name in enumerate(channels):
-        colour = _COLOURS[i % len(_COLOURS)]
+        colour = COLOURS[i % len(COLOURS)]
         for unseen in (False, True):
             values = np.array([_nrmse(stage, name, unseen) for stage in diag.stages])
             if np.isnan(values).all():
@@ -252,7 +260,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
     panel.plot(position, mean, color=BLUE, linewidth=1.8, label="learned curve")
     worst = _WORSE * min(fit.train.nrmse for fit in (law.fit, law.reported))
     drawn = (tried for tried in law.forms if tried.fit.train.nrmse <= worst)
-    for colour, tried in zip(_COLOURS[1:], drawn, strict=False):
+    for colour, tried in zip(COLOURS[1:], drawn, strict=False):
         values = _form_over(law, tried, x)
         if values is not None:
             width, note = (1.8, " (its name)") if tried is law.form else (1.0, "")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
+from diffthrust._support.figures import BLUE, COLOURS, VERMILLION, literal, styled
 from diffthrust._support.words import humanize
 from diffthrust.many._fleet.entries import Axis
 from diffthrust.many._fleet.statistics import (
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 _ACROSS = 3
 _SIGMAS = NormalDist().inv_cdf(0.975)
 """Standard errors in half a 95 % interval."""
-_MARKED = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
 _MARKS = "osD^v"
 
 
@@ -68,7 +67,8 @@ def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
         raise InputError("No vehicle has fits at two times.", "There is no drift to show.")
     drifts = drift[drift["drifts"]]
     drifting = list(dict.fromkeys(drifts["vehicle"]))
-    colour = {v: _MARKED[i % len(_MARKED)] for i, v in enumerate(drifting)}
+    colours = COLOURS[1:]  # blue is for means elsewhere on these figures
+    colour = {v: colours[i % len(colours)] for i, v in enumerate(drifting)}
     mark = {v: _MARKS[i % len(_MARKS)] for i, v in enumerate(drifting)}
     parameters = [fleet.axes[name] for name in dict.fromkeys(drift["parameter"])]
     figure, panels = _panels(parameters, 3.2)
