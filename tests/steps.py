@@ -5,7 +5,9 @@ What a diagnosis decides is tested by what `dft.diagnose` returns; what stands h
 closed forms, or at the edge of a threshold.
 """
 
-from diffthrust.diagnosis import _admission as admission_module
+from diffthrust.diagnosis import (  # private: how a search begins
+    _admission as admission_module,
+)
 from diffthrust.diagnosis import _effect_shares as effect_shares_module
 from diffthrust.diagnosis import _mend_trials as mend_trials_module
 from diffthrust.diagnosis import _pairs as pairs_module
@@ -112,7 +114,10 @@ from diffthrust.diagnosis._missing_signal import (  # private: against a known l
     dependence_of,
     smoothed_signals,
 )
-from diffthrust.diagnosis._outcome import untested, upheld  # private: a search that never ran
+from diffthrust.diagnosis._outcome import (  # private: a search that never ran, a bad fit
+    untested,
+    upheld,
+)
 from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
     Slopes,
     deviations,
@@ -165,6 +170,7 @@ from diffthrust.diagnosis._report.tables import log_rows, worth_rows  # private:
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     added_bound_words,
     an_effect,
+    change_words,
     effect_words,
     parameter_words,
     sized_words,
@@ -220,7 +226,9 @@ from diffthrust.diagnosis._stepwise import (  # private: one step alone
     still_refused,
 )
 from diffthrust.diagnosis._trial_programs import Programs  # private: as a diagnosis makes them
-from diffthrust.diagnosis._unknown_term import evidence
+from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
+    evidence,
+)
 from diffthrust.diagnosis._unknown_term import fit as curve_fits
 from diffthrust.diagnosis._unknown_term import form_fits as fitting
 from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms without a diagnosis

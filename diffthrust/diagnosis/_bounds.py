@@ -62,8 +62,8 @@ def _falls_short(
 ) -> bool:
     """Whether the model as given, without these bounds, errs more than with all that was found."""
     freed = _without(context, first, names)
-    errors, least = (stage.holdout or stage.train for stage in (freed, last))
-    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * least.nrmse
+    errors, found = (stage.holdout or stage.train for stage in (freed, last))
+    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * found.nrmse
 
 
 def _without(context: SearchContext, stage: FittedStage, names: Sequence[str]) -> FittedStage:

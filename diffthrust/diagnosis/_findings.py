@@ -189,9 +189,9 @@ class OtherModel(Brief):
         """Both fits' effects and errors as plain data."""
 
         def data(fit: Fit) -> dict[str, Any]:
-            effects, train = [effect.name for effect in fit.model.effects], fit.train.to_json()
+            effects = [effect.name for effect in fit.model.effects]
             holdout = fit.holdout and fit.holdout.to_json()
-            return {"effects": effects, "train": train, "holdout": holdout}
+            return {"effects": effects, "train": fit.train.to_json(), "holdout": holdout}
 
         fits = {"plain": data(self.plain), "extended": self.extended and data(self.extended)}
         worth = self.worth.to_json()
@@ -253,7 +253,8 @@ class Assessment(Brief):
         before: the model as given, held against the logs (unseen ones, if any): where it fails.
         after: the last stage, held against the same.
         trained: the model as given and the last stage, held against the training logs.
-        one_step: by channel, within what most one-step errors of the last stage lie.
+        one_step: scale of the last stage's one-step errors, by channel, of which a few that are
+            large count no more than others: most lie within.
         remaining: structure that none of the effects tried explains.
         odd_logs: logs that disagree with the others.
         apart: where something is open and odd logs carry much of the error, the last stage without

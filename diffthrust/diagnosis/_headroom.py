@@ -314,10 +314,11 @@ def recurring_shares(model: Model, runs: Sequence[Run]) -> dict[str, Worth]:
     The inputs of a model are compared over whole logs; empty where no two have the same.
     """
     repeats = [(a, b, n) for a, b in combinations(runs, 2) if (n := _common(model, a, b))]
-    pairs: dict[str, list[dict[str, BeforeAfter]]] = {}
+    channels = (name for a, _, _ in repeats for name in a.channels)
+    pairs: dict[str, list[dict[str, BeforeAfter]]] = {name: [] for name in channels}
     for a, b, n in repeats:
         for name in (name for name in a.channels if name in b.channels):
-            pairs.setdefault(name, []).extend({name: pair} for pair in _halved(a, b, name, n))
+            pairs[name] += ({name: pair} for pair in _halved(a, b, name, n))
     return {name: explained_share(halves) for name, halves in pairs.items() if halves}
 
 

@@ -111,7 +111,8 @@ class LearnedLaw(Brief):
         """Other closed forms with no more parameters that these logs cannot tell from it."""
         if self.form is None:
             return ()
-        first, apart = self.form, SETTINGS.closed_form.most_bic_apart
+        first = self.form
+        apart = SETTINGS.closed_form.most_bic_apart
         return tuple(
             form
             for form in self.forms[1:]

@@ -80,8 +80,8 @@ def _fitted_to_mended(
         bind(context.given, doubt.mended([record.log for record in records], k))
         for records in (context.fitter.records, context.unseen)
     )
-    model, records = first.fit.model, (train, unseen)
-    return context.refit(model, guesses, starts=_STARTS, records=records, segments=True)
+    records = (train, unseen)
+    return context.refit(first.fit.model, guesses, starts=_STARTS, records=records, segments=True)
 
 
 def _as_they_are(

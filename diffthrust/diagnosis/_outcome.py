@@ -50,11 +50,12 @@ def assessed(context: SearchContext, search: SearchResult, cleared: Sequence[str
 
     Without accusing logs that a learned law has ``cleared``: it made them agree with the others.
     """
-    state, last = search.state, search.state.stages[-1]
+    state = search.state
+    last = state.stages[-1]
     with context.clock("remaining"):
         remaining = state.current.remaining
-    trial, runs = state.current.trial, _all_runs(context, last.trained, last.judged)
-    odd = odd_logs(context.fitter, trial, runs, structure=remaining is not None)
+    runs = _all_runs(context, last.trained, last.judged)
+    odd = odd_logs(context.fitter, state.current.trial, runs, structure=remaining is not None)
     odd, others = upheld(context, last, tuple(log for log in odd if log.log not in cleared))
     selection = selection_of(context, search)
     assessment = replace(

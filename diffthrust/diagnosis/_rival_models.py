@@ -69,7 +69,8 @@ def other_models(
         baseline = _runs_of(context, last, law)
         results = []
         for place, rival in enumerate(rivals):
-            fit, searched = rival.stage.fit, None
+            fit = rival.stage.fit
+            searched = None
             if not place and fit.status not in _OPEN and _error(fit) <= reach:
                 searched = _searched(context, state, rival, catalogue)
             last_stage = searched or rival.stage

@@ -26,6 +26,7 @@ from steps import (
     SignalForm,
     Stage,
     caution_words,
+    change_words,
     diagnosis_page,
     log_rows,
     missing_figure,
@@ -124,6 +125,20 @@ def test_an_error_that_rises_is_said_to_rise(full):
     channels = full.stages[0].fit.holdout.channels.items()
     larger = {name: replace(e, rmse=3 * e.rmse, nrmse=3 * e.nrmse) for name, e in channels}
     assert "rises from" in made.with_fit(made.found(), holdout=Errors(9.0, larger)).details
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "said"),
+    [
+        (3.4, 0.41, "falls from 3.4 to 0.41"),
+        (3.4, np.inf, "rises from 3.4 to inf"),
+        (3.4, np.nan, "goes from 3.4 to -"),
+        (np.nan, 3.4, "goes from - to 3.4"),
+        (3.4, 3.4, "stays at 3.400"),
+    ],
+)
+def test_an_error_that_is_no_number_neither_falls_nor_rises(first, last, said):
+    assert change_words(first, last) == said
 
 
 def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):

@@ -370,6 +370,19 @@ def test_the_size_of_a_law_is_that_of_the_form_that_is_told():
     assert claims.contradictions(diag, text=diag.summary) == []
 
 
+def test_the_size_of_a_law_is_worked_out_from_its_estimates_and_not_from_their_print():
+    """A formula has its numbers to five digits: 2.85 + 0.40 of 2.850049 + 0.40 makes 3.2."""
+    speeds = np.linspace(-60.0, 60.0, 241)
+    curve = Curve("load", "speed", -60.0, 60.0, shape=(3.7,) * 9)
+    diag = friction_as_told("rise and fall", {"a": 2.85, "c": 25.0, "d": -0.4}, curve, speeds)
+    (law,), (form,) = diag.laws, diag.laws[0].forms
+    of_a = f"{form.formula.name}.a"
+    estimate = replace(form.fit.parameters[of_a], value=2.850049)
+    fit = replace(form.fit, parameters={**form.fit.parameters, of_a: estimate})
+    told = replace(diag, laws=(replace(law, forms=(replace(form, fit=fit),)),))
+    assert "up to 3.3 rad/s^2" in told.summary
+
+
 def test_the_caution_is_of_the_fit_that_is_copied():
     """A T200's stage ended in a kink of its error; what was copied was the law beside it."""
     curve = Curve("load", "speed", -60.0, 60.0, shape=(3.7,) * 9)

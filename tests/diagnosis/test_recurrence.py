@@ -1,5 +1,7 @@
 """What recurs where logs repeat their inputs, against the share that was made."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference import thruster
@@ -45,3 +47,11 @@ def test_the_share_is_that_of_the_truth_and_its_interval_covers_it(common):
 
 def test_runs_of_other_inputs_say_nothing():
     assert recurring_shares(MODEL, pair(3, 0.9, other_inputs=True)) == {}
+
+
+def test_channels_keep_their_order_where_the_first_two_runs_share_but_the_last():
+    first, second = pair(3, 0.9)
+    speed = first.channels["speed"]
+    both = {"thrust": speed, "speed": speed}
+    runs = replace(first, channels=both), second, replace(second, channels=both)
+    assert list(recurring_shares(MODEL, runs)) == ["thrust", "speed"]

@@ -51,7 +51,10 @@ def figures_in(text: str) -> int:
 
 
 def within_budget(parts: Sequence[Part]) -> str:
-    """The parts as lines of at most sixty words and four figures, and whether more was to say."""
+    """The parts as lines of at most `_MOST_WORDS` and `_MOST_FIGURES`, and whether more was to say.
+
+    A part that says more is worded shorter, or left out.
+    """
     parts = [part for part in parts if part]
     chosen = [0] * len(parts)
 

@@ -122,8 +122,9 @@ def _hint_words(diag: Findings) -> list[str]:
 def _verdict_sentences(diag: Findings) -> list[str]:
     model = model_words(diag.model)
     if diag.best:
-        them, rivals = "it" if len(diag.best) == 1 else "them", rival_words(diag)
-        unsure = {n: f"these logs cannot tell it from {words}" for n, words in rivals.items()}
+        them = "it" if len(diag.best) == 1 else "them"
+        alike = rival_words(diag)
+        unsure = {n: f"these logs cannot tell it from {words}" for n, words in alike.items()}
         lacking = joined(sized_words(n, diag.fit, unsure.get(n, "")) for n in leading(diag))
         return [f"The {model} lacks {lacking}: with {them} {gain_words(diag)}."]
     if diag.verdict == "undecided":

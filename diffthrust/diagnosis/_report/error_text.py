@@ -74,7 +74,10 @@ def error_size(error: ChannelError) -> str:
 
 
 def squared_error(channel: str = "", of: str = GIVEN) -> str:
-    """What a share is a share of, of one channel or of all: `GIVEN`, `LEFT` or `WITHOUT`."""
+    """What a share is a share of, of one channel or of all: `GIVEN`, `LEFT` or `WITHOUT`.
+
+    Every share of a page is told of it in these words.
+    """
     error = f"squared {humanize(channel)} error" if channel else "squared error of all channels"
     return f"{error} {of}"
 

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 _PALE = "#B3D5E8"
-_TRAINING = ("training", "--", "s", "white", 1.1)
 _BAND = 2.0
 """Half width of bands, in standard errors."""
 _PORTS = 2
@@ -160,12 +159,12 @@ def _falling(panel: Axes, diag: Findings) -> None:
             if np.isnan(values).all():
                 continue
             top = max(top, float(np.nanmax(np.where(np.isfinite(values), values, np.nan))))
-            look = ("unseen", "-", "o", colour, 1.6)
-            kind, line, marker, face, width = look if unseen else _TRAINING
-            panel.plot(
-                where, values, line, color=colour, linewidth=width, marker=marker, markersize=6,
-                markerfacecolor=face, label=f"{humanize(name)}, {kind}",
-            )  # fmt: skip
+            style = {"color": colour, "linestyle": "--", "linewidth": 1.1, "marker": "s"}
+            if unseen:
+                style |= {"linestyle": "-", "linewidth": 1.6, "marker": "o"}
+            label = f"{humanize(name)}, {'unseen' if unseen else 'training'}"
+            face = colour if unseen else "white"
+            panel.plot(where, values, markersize=6, markerfacecolor=face, label=label, **style)
     panel.set_ylim(0.0, 1.12 * top if top > 0 else 1.0)
     panel.set_xlim(-0.4, len(where) - 0.6)
     many = len(where) > 3  # side by side their names would run into each other

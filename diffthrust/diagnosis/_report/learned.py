@@ -17,7 +17,7 @@ from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._missing import Missing, Remaining, after_effects
 from diffthrust.diagnosis._report.error_text import GIVEN, WITHOUT, squared_error, whole_words
 from diffthrust.diagnosis._report.text import amount, copied_fit, leading, sized_words, with_unit
-from diffthrust.diagnosis._unknown_term.closed_forms import form_of, form_values, parameter_names
+from diffthrust.diagnosis._unknown_term.closed_forms import form_of, parameter_names
 from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._class_text import class_name, effect_class_text
 from diffthrust.effects._curve import Curve
@@ -180,9 +180,12 @@ def reach_words(law: LearnedLaw) -> str:
 
 
 def form_over(tried: TriedForm, x: np.ndarray) -> np.ndarray:
-    """A closed form over its signal, at its estimates."""
+    """A closed form over its signal, at its estimates: its formula has them to five digits."""
     form = form_of(tried.name, tried.companion)
-    return form.over(x, {**form_values(form, tried.formula), "r": tried.reference})
+    start = f"{tried.formula.name}."
+    estimates = [e.value for n, e in tried.fit.parameters.items() if n.startswith(start)]
+    values = dict(zip(parameter_names(form), estimates, strict=False))
+    return form.over(x, {**values, "r": tried.reference})
 
 
 def _is_taken_back(curve: np.ndarray, most: float) -> bool:

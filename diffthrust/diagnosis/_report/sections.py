@@ -156,8 +156,9 @@ def beginnings(fit: Fit) -> str:
     if fit.holdout is None or not fit.begins_freely:
         return ""
     hidden = [n for n in fit.model.states if n not in fit.train.channels and n in fit.initial[0]]
-    but = f", but for the {joined(map(humanize, hidden))}, which no channel measures"
-    but = but if hidden else ""
+    but = ""
+    if hidden:
+        but = f", but for the {joined(map(humanize, hidden))}, which no channel measures"
     return f"Training runs begin at states that were fitted, unseen runs at measured ones{but}."
 
 
@@ -185,8 +186,9 @@ def _stages(diag: Findings) -> Section:
 
 def _shares(diag: Findings) -> list[Section]:
     """What effects, a flexible correction and other models remove of the errors."""
-    structure = "One-step errors show structure nevertheless: see what remains."
-    hidden = diag.remaining and diag.headroom and not diag.headroom[1].worth
+    nevertheless = ""
+    if diag.remaining and diag.headroom and not diag.headroom[1].worth:
+        nevertheless = "One-step errors show structure nevertheless: see what remains."
     return [
         Section(
             "What each effect removes of the squared error over whole runs",
@@ -207,7 +209,7 @@ def _shares(diag: Findings) -> list[Section]:
                 "on logs that it has not seen is structure, whatever its form: a physical effect "
                 "can remove about as much.",
             ),
-            structure if hidden else "",
+            nevertheless,
         ),
         Section(
             "Other models of these logs",
@@ -377,12 +379,13 @@ def unfinished_words(diag: Findings) -> list[str]:
 
 def caution_words(diag: Findings) -> list[str]:
     """What weakens the outcome, besides fits that did not converge, which the answer names."""
-    seen = (
-        "No log was kept unseen: the errors are those of the logs that the models were fitted to, "
-        "which every effect lowers. Give holdout logs."
-    )
-    unseen = diag.stages[-1].holdout is not None
-    return [*[seen] * (not unseen), *map(odd_words, diag.odd_logs), *diag.notes, *diag.fit.notes]
+    sentences = []
+    if diag.stages[-1].holdout is None:
+        sentences.append(
+            "No log was kept unseen: the errors are those of the logs that the models were fitted "
+            "to, which every effect lowers. Give holdout logs."
+        )
+    return [*sentences, *map(odd_words, diag.odd_logs), *diag.notes, *diag.fit.notes]
 
 
 def diagnosis_page(diag: Findings, *, title: str = "", spec: str = "") -> str:

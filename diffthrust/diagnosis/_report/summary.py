@@ -93,13 +93,15 @@ def _effects(diag: Findings) -> Part:
     if not names:
         return ()
     lines, hedged, wordings = [], [], []
-    rivals, shaky, count = rival_words(diag), provisional(diag), len(names)
+    rivals = rival_words(diag)
+    shaky = provisional(diag)
     for name in names:
         worth = diag.worth.get(name)
         sure = worth is None or surely_removes(worth)
         label = "Found" if sure and not shaky else "Perhaps"
         lines.append(f"{label}: {effect_words(name, diag.fit)}")
         hedged.append(lines[-1] + (f", or it is {rivals[name]}" if name in rivals else ""))
+    count = len(names)
     for k in range(count, 0, -1):
         also = [f"Also: {joined(map(humanize, names[k:]))}"] if k < count else []
         if hedged[:k] != lines[:k]:
@@ -142,8 +144,15 @@ def _laws(diag: Findings) -> list[Part]:
         label = f"Found {place_of(diag.model, law.curve.port)}"
         whole, lead, bare = (f"{label}: {words}" for words in law_wordings(law))
         size, valid = (f", {w}" if w else "" for w in (reach_words(law), valid_words(law)))
-        wordings = (1, whole + size + valid), (2, lead + size + valid), (6, lead + size), (7, lead)
-        parts.append(as_part(*wordings, (12, bare)))
+        parts.append(
+            as_part(
+                (1, whole + size + valid),
+                (2, lead + size + valid),
+                (6, lead + size),
+                (7, lead),
+                (12, bare),
+            )
+        )
     return parts
 
 

@@ -74,8 +74,8 @@ def _sure_cells(diag: Findings, worth: Worth, of: str) -> tuple[str, str, str]:
 
 def stage_rows(diag: Findings) -> Rows:
     """Errors of each channel at each stage, and with what was learned at the end."""
-    heads = ("Stage", "Model", "Channel", "RMSE training", "unseen", "Unit", "NRMSE training",
-             "unseen")  # fmt: skip
+    sizes, shares = ("RMSE training", "unseen"), ("NRMSE training", "unseen")
+    heads = ("Stage", "Model", "Channel", *sizes, "Unit", *shares)
     stages = [((str(i), stage_words(diag, i)), stage) for i, stage in enumerate(diag.stages)]
     if diag.laws:
         stages.append((("", "with what was learned"), Stage((), diag.laws[-1].reported)))

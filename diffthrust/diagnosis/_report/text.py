@@ -53,11 +53,12 @@ def measured(estimate: Estimate) -> str:
 
 
 def change_words(first: float, last: float) -> str:
-    """What an error does: "falls from 5.6 to 0.30"."""
+    """What an error does: "falls from 5.6 to 0.30"; neither where one of the two is no number."""
     start, end = distinct_numbers(first, last)
     if start == end:
         return f"stays at {start}"
-    return f"{'falls' if last < first else 'rises'} from {start} to {end}"
+    verb = "falls" if last < first else "rises" if last > first else "goes"
+    return f"{verb} from {start} to {end}"
 
 
 def verdict_words(diag: Findings) -> str:
@@ -89,7 +90,8 @@ def sized_words(name: str, fit: Fit, *more: str) -> str:
 
 def _sized(name: str, fit: Fit) -> tuple[str, ...]:
     """An effect with its one value, and what stands in its brackets."""
-    effect, called = _effect_of(name, fit), an_effect(name)
+    effect = _effect_of(name, fit)
+    called = an_effect(name)
     if effect is None:
         return (called,)
     if of_logs := effect.over_logs(fit.ranges):
@@ -115,7 +117,8 @@ def _sized(name: str, fit: Fit) -> tuple[str, ...]:
 
 def effect_words(name: str, fit: Fit) -> str:
     """An effect as a person would say it: "commands within ±0.40 V do nothing"."""
-    effect, called = _effect_of(name, fit), an_effect(name)
+    effect = _effect_of(name, fit)
+    called = an_effect(name)
     if effect is None:
         return called
     if by_log := _by_log_words(effect, fit):
@@ -157,6 +160,7 @@ def _by_log_words(effect: Effect, fit: Fit) -> str:
 
 
 def _numbers_by_log(name: str, own: Iterable[str], fit: Fit) -> list[dict[str, float]]:
+    """Log by log the numbers of an effect that are the log's own."""
     return [{n: log[f"{name}.{n}"] for n in own} for log in fit.initial]
 
 
