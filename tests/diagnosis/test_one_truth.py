@@ -257,6 +257,10 @@ def test_errors_from_sample_to_sample_are_held_against_runs_of_the_same_logs():
     assert growth_words(replace(diag, one_step={"thrust": trained / 3.99})) == []
     # where structure remains that says why: and of a boat, "the last reading" did as well
     assert growth_words(replace(far, verdict="unexplained")) == []
+    # runs that failed are no disturbance: "predicted to within - N; it errs by inf N" was one
+    channels = diag.fit.train.channels.items()
+    failed = {name: replace(error, rmse=np.inf, nrmse=np.inf) for name, error in channels}
+    assert growth_words(made.with_fit(far, train=replace(diag.fit.train, channels=failed))) == []
 
 
 def test_shares_that_add_up_to_more_than_all_are_seen():
