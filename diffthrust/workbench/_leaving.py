@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, cast
 
 import tomlkit
 
@@ -50,17 +50,16 @@ def spec_text(session: Session, folder: Path) -> str:
         if files:
             logs[key] = [_relative(file, folder) for file in files]
     _set_left_out(logs, (*spec.file.logs.leave_out, *setup.left_out))
-    channels = document.get("channels", {})
     for name, seconds in setup.shifts.items():
-        if not isinstance(channels[name], Mapping):  # channels.speed = "rpm", the column alone
-            channels[name] = {"column": channels[name]}
-        channels[name]["shift"] = spec.file.channels[name].shift + seconds
+        shift = spec.file.channels[name].shift + seconds
+        _set(document, "channels", name, "column", {"shift": shift})
     kept = zip(spec.model.effects, document.get("effects", []), strict=True)
     entries: dict[str, Any] = {effect.name: entry for effect, entry in kept}
     laws = tomlkit.parse(effects_line(session.laws.values()))["effects"]
     entries |= dict(zip(session.laws, laws, strict=True))
     added = [name for name in setup.effects if name not in _freed(session)]
-    home, words = spec.path.parent, [entries.get(name, name) for name in added]
+    words = [entries.get(name, name) for name in added]
+    home = spec.path.parent
     document["model"] = _word(document["model"], home, folder)
     document["effects"] = [_word(w, home, folder) if isinstance(w, str) else w for w in words]
     _set_parameters(document, session)
@@ -90,31 +89,41 @@ def _set_left_out(logs: Any, stretches: Iterable[Any]) -> None:
 
 def _set_parameters(document: Any, session: Session) -> None:
     """Drop those of effects that are gone; write what is estimated, and where a fit begins."""
-    parameters = document.get("parameters", {})
     gone = {*session.opened} - {*session.setup.effects}
-    for name in list(parameters):
+    for name in list(document.get("parameters", {})):
         if name.partition(".")[0] in gone:
-            del parameters[name]
-    freed, moved = _freed(session), _moved(session)
-    if freed or moved:
-        parameters = document.setdefault("parameters", tomlkit.table())
-    for name in freed:
-        _set(parameters, name, "fixed", False)
-    for name, value in moved.items():
-        _set(parameters, name, "value", value)
+            del document["parameters"][name]
+    fields: dict[str, dict[str, float | bool]] = {n: {"fixed": False} for n in _freed(session)}
+    for name, value in _moved(session).items():
+        fields[name] = {**fields.get(name, {}), "value": value}
+    if fields:
+        document.setdefault("parameters", tomlkit.table())
+    for name, new in fields.items():
+        _set(document, "parameters", name, "value", new)
 
 
-def _set(table: Any, name: str, field: str, value: float | bool) -> None:
-    """Set a field of a parameter, which may stand in its effect's table, or be its value alone."""
+def _set(
+    document: Any, kind: str, name: str, alone: str, fields: Mapping[str, float | bool]
+) -> None:
+    """Set fields of a channel or a parameter, which may be one field ``alone``: speed = "rpm".
+
+    The table is fetched anew for each: of one with dotted keys, or in several places of the file,
+    tomlkit gives a copy, and what is set in a copy after the first assignment is lost.
+    """
+    table = document[kind]
     effect, dot, of_effect = name.partition(".")
-    if dot and effect in table:
+    if dot and effect in table:  # in the table of its effect
         table, name = table[effect], of_effect
-    if isinstance(table.get(name), Mapping):
-        table[name][field] = value
-    elif field == "value":
-        table[name] = value
+    entry = table.get(name)
+    if isinstance(entry, Mapping):
+        cast(Any, entry).update(fields)
     else:
-        table[name] = ({"value": table[name]} if name in table else {}) | {field: value}
+        whole = tomlkit.inline_table()
+        if entry is not None:
+            whole.trivia.comment = entry.trivia.comment
+            whole[alone] = entry
+        whole.update(fields)
+        table[name] = whole[alone] if set(whole) == {alone} else whole
 
 
 def _freed(session: Session) -> list[str]:
@@ -123,7 +132,10 @@ def _freed(session: Session) -> list[str]:
 
 
 def _moved(session: Session) -> dict[str, float]:
-    """The values that sliders were moved to, of parameters that the model has."""
+    """The values that sliders were moved to, of parameters that the model has.
+
+    To eight digits: a slider gives 0.12000000000000001 where a reader expects 0.12.
+    """
     has = session.task.model.parameters if session.setup.moved else ()
     return {n: float(f"{v:.8g}") for n, v in session.setup.values.items() if n in has}
 

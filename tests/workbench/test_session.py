@@ -347,6 +347,72 @@ def test_sliders_say_where_a_fit_begins_and_comments_stay(session, lacking, tmp_
     assert "ct = 0.018" in written
 
 
+CHANNELS = {
+    "columns": '[channels]\ncommand = "command"\nspeed = "speed"  # by hand\n',
+    "dotted": '[channels]\ncommand.column = "command"\nspeed.column = "speed"  # by hand\n',
+    "dotted columns": 'channels.command = "command"\nchannels.speed = "speed"  # by hand\n',
+    "apart": """\
+[channels.command]
+column = "command"
+
+[fit]
+starts = 1
+
+[channels]
+speed = "speed"  # by hand
+""",
+}
+
+
+@pytest.mark.parametrize("channels", CHANNELS.values(), ids=CHANNELS)
+def test_shifts_are_saved_however_channels_are_written(lacking, channels):
+    logs = '[logs]\ntrain = ["run1.csv"]\n'
+    text = f'model = "thruster"\n{channels}{logs}'
+    (lacking / "channels.toml").write_text(text)
+    session = Session(opened(lacking / "channels.toml"))
+    session.shift(0.1, "speed", "command")
+    written = spec_text(session, lacking)
+    assert "# by hand" in written
+    (lacking / "shifted.toml").write_text(written)
+    saved = dft.load_spec(lacking / "shifted.toml")
+    assert {n: channel.shift for n, channel in saved.file.channels.items()} == {
+        "speed": 0.1,
+        "command": 0.1,
+    }
+
+
+PARAMETERS = {
+    "alone": "[parameters]\nresistance = 1.2\ninductance = 0.0052  # by hand\n",
+    "dotted": "[parameters]\nresistance.value = 1.2\ninductance.value = 0.0052  # by hand\n",
+    "apart": """\
+[parameters.resistance]
+value = 1.2
+
+[fit]
+starts = 1
+
+[parameters]
+inductance = 0.0052  # by hand
+""",
+}
+
+
+@pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
+def test_what_is_freed_and_moved_is_saved_however_parameters_are_written(lacking, parameters):
+    text = (lacking / "fit.toml").read_text().replace("[fit]\nstarts = 2\n", parameters)
+    text = text.replace('"thruster"', '"dc_motor_thruster"')
+    (lacking / "parameters.toml").write_text(text)
+    session = Session(opened(lacking / "parameters.toml"))
+    session.tick("inductance")
+    session.move({"inductance": 0.00624, "resistance": 1.5})
+    written = spec_text(session, lacking)
+    assert written.count("# by hand") == 2
+    (lacking / "moved.toml").write_text(written)
+    model = dft.load_spec(lacking / "moved.toml").model
+    assert (model.inductance, model.resistance) == (0.00624, 1.5)
+    assert not model.parameters["inductance"].fixed
+
+
 @pytest.fixture
 def held(lacking) -> Session:
     """Of a thruster whose ct is held at half of what it is."""
