@@ -166,7 +166,8 @@ class Page:
     def _compared(self, task: Task, comparison: Comparison) -> None:
         if task.setup.fitted_by != self.session.setup.fitted_by:
             return  # of a model that was left meanwhile
-        new, old = ([r.record.log.notes for r in c.runs] for c in (comparison, self.comparison))
+        old = [run.record.log.notes for run in self.comparison.runs]
+        new = [run.record.log.notes for run in comparison.runs]
         self.comparison, self._compared_by = comparison, task.setup.fitted_by
         self.regimes = ()  # until those of this model are there
         if new == old:
@@ -210,10 +211,8 @@ class Page:
             self._say("Select a stretch first.", "bad")
             return
         stretch = Stretch(self.run.record.name, *self.stretch)
-        show, doing = (
-            partial(self.results.show_stretch, where=str(stretch)),
-            f"looking at {stretch}",
-        )
+        show = partial(self.results.show_stretch, where=str(stretch))
+        doing = f"looking at {stretch}"
 
         def begin() -> None:
             self._ask(partial(self.session.task.diagnose_stretch, stretch), show, doing)
@@ -310,7 +309,8 @@ class Page:
 
     def _show_log(self, index: int, start: float | None = None, stop: float = 0.0) -> None:
         """Show a log from end to end, with a stretch of it selected."""
-        self.shown, log = index, self.comparison.runs[index].record.name
+        self.shown = index
+        log = self.run.record.name
         left_out = [(s.start, s.stop) for s in self.session.setup.left_out if s.log == log]
         self.plots.show(self.run, left_out)
         self.results.show_run(self.comparison.model, self.run)
@@ -357,9 +357,10 @@ class Page:
         fit = self.session.fit
         if fit is None:
             return "<p><b>not fitted yet: start values</b></p>"
-        if self.session.setup.moved:
-            words = 'sliders were moved since the fit: "Fit" goes back to it'
-            return paragraphs(words, "quiet")
+        if not self.session.fitted:
+            moved = self.session.setup.moved
+            what = "sliders were moved since the fit" if moved else "not the values of the fit"
+            return paragraphs(f'{what}: "Fit" goes back to it', "quiet")
         words = f"fit: {humanize(fit.status.value)}"
         return paragraphs(words, "quiet" if fit.status.ok else "bad")
 
@@ -383,7 +384,8 @@ class Page:
 
     def _show_regimes(self) -> None:
         """Shade where each channel fails, and say it, with a button that zooms there."""
-        derived, lines = self.results.derived, []
+        derived = self.results.derived
+        lines = []
         failing: dict[str, list[tuple[float, float]]] = {}
         for regime in self.regimes:
             if not {interval.signal for interval in regime.where} <= derived.keys():

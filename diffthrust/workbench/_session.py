@@ -6,6 +6,7 @@ by a `Task`, which is frozen: it may run in another thread while the session goe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -46,7 +47,10 @@ class Setup:
     """What a user has chosen; undo and redo go from one to another."""
 
     effects: tuple[str, ...] = ()
-    """Names of those in the model, and of constants that it held and that are estimated now."""
+    """Names of those in the model, and of constants that it held and that are estimated now.
+
+    In the order in which they were added: the staircase goes by it, and fits are kept by it.
+    """
     values: Mapping[str, float] = field(default_factory=dict)
     """Parameters that are not as they were opened, by full name, in the model's units."""
     moved: tuple[str, ...] = ()
@@ -62,7 +66,10 @@ class Setup:
 
 
 class Step(NamedTuple):
-    """A step of the staircase: the effect that it has more than the one before, and its fit."""
+    """A step of the staircase: the effect that it has more than the one before, and its fit.
+
+    ``added`` is empty for the first.
+    """
 
     added: str
     fit: Fit
@@ -137,9 +144,9 @@ class Task:
 
         ``like`` has the same effects and logs: its integrator steps and initial states are taken.
         """
-        if like is None:
-            return compare(self.model, self.logs)
         part = slice(None) if only is None else slice(only, only + 1)
+        if like is None:
+            return compare(self.model, self.logs[part])
         runs = like.runs[part]
         starts = [{name: run.start[name] for name in run.estimated} for run in runs]
         steps = max(run.substeps for run in runs)
@@ -236,8 +243,8 @@ class Session:
 
     @property
     def fitted(self) -> bool:
-        """Whether the present values are those of this fit."""
-        return self.fit is not None and not self.setup.moved
+        """Whether the present values are those of this fit: an undo may go back to older ones."""
+        return self.fit is not None and self.setup.values == _values(self.fit)
 
     @property
     def staircase(self) -> tuple[Step, ...]:
@@ -284,9 +291,13 @@ class Session:
             InputError: a value outside its bounds, or a name that the model does not have.
         """
         _ = self.task.model.replace(dict(values))
+        now = self.task.model.parameters
+        if all(math.isclose(now[name].value, value) for name, value in values.items()):
+            return
         names, setup = tuple(values), self.setup
         before = self.history[self.at - 1] if self.at else None
-        if setup.moved == names and before and before.fitted_by == setup.fitted_by:
+        last = self.at == len(self.history) - 1  # an undo has not come back to it
+        if last and setup.moved == names and before and before.fitted_by == setup.fitted_by:
             self.at -= 1
         self._append(replace(setup, values={**setup.values, **values}, moved=names))
 
@@ -321,7 +332,9 @@ class Session:
         task = Task(self.source, setup, self.laws)
         _ = task.logs, task.model  # says what is wrong
         self._task = task
-        if result := self.fits.get(setup.fitted_by):
+        result = self.fits.get(setup.fitted_by)
+        # sliders stay where the user has moved them, unless it is another model
+        if result and (not setup.moved or setup.effects != self.setup.effects):
             setup = replace(setup, values=_values(result), moved=())
         self._append(setup)
 

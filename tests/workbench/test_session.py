@@ -169,10 +169,57 @@ def test_undo_goes_back_to_a_fit_and_what_was_fitted_has_its_values_again(sessio
     session.undo()
     assert session.setup is optimum
     session.leave_out(Stretch("run1.csv", 1.0, 2.0))
-    session.move({"alpha": 0.05})
+    fitted(session)
     session.take_in(0)
     assert session.fitted
     assert session.setup.values == optimum.values
+
+
+def test_a_slider_stays_where_it_was_moved_once_a_stretch_counts_again(session):
+    fitted(session)
+    session.leave_out(Stretch("run1.csv", 1.0, 2.0))
+    session.move({"alpha": 0.05})
+    session.take_in(0)
+    assert session.setup.values["alpha"] == 0.05
+    assert session.fit is not None
+    assert not session.fitted
+
+
+def test_values_of_the_fit_of_other_logs_are_not_called_fitted(session):
+    fitted(session)
+    session.leave_out(Stretch("run1.csv", 1.0, 2.0))
+    others = session.setup
+    session.tick("actuator_lag")
+    session.untick("actuator_lag")
+    fitted(session)  # of the logs without the stretch
+    session.undo()
+    session.undo()
+    assert session.setup is others
+    assert session.fit is not None
+    assert not session.fitted
+
+
+def test_a_slider_to_which_an_undo_came_back_is_moved_anew(session):
+    session.move({"alpha": 0.0407})
+    first = session.setup
+    session.move({"beta": 40.0})
+    session.undo()
+    for value in (0.047, 0.048):
+        session.move({"alpha": value})
+    session.undo()
+    assert session.setup is first
+
+
+def test_a_slider_let_go_where_it_was_changes_nothing(session):
+    session.move({"alpha": 0.05})
+    session.move({"beta": 40.0})
+    session.undo()
+    history = session.history
+    for values in ({"alpha": 0.05}, {"beta": session.task.model.beta}, {}):
+        session.move(values)
+        assert session.history is history
+    session.redo()
+    assert session.setup.values["beta"] == 40.0
 
 
 def test_a_fit_that_comes_late_is_kept_and_takes_no_slider_back(session):
@@ -215,6 +262,8 @@ def test_a_slider_keeps_steps_and_starts_and_gives_the_same_comparison(session):
     for fast, full in zip(quick.runs, slow.runs, strict=True):
         np.testing.assert_allclose(fast.channels["speed"].modelled, full.channels["speed"].modelled)
     assert quick.errors.nrmse > like.errors.nrmse
+    for one in (session.task.compare(like, only=1), session.task.compare(only=1)):
+        assert [run.record.name for run in one.runs] == ["run2.csv"]
 
 
 def test_a_stretch_is_diagnosed_alone(session, monkeypatch):
