@@ -147,17 +147,30 @@ class Transient(Brief):
 
 
 def fit_transient(
+    what: str,
     runs: Sequence[Approach],
     others: Sequence[Approach],
     course: Callable[[np.ndarray, np.ndarray, Any, float], np.ndarray],
 ) -> Transient:
-    """The time constant that runs have in common; ``course`` is that of a run with one of them."""
+    """The time constant that runs have in common; ``course`` is that of a run with one of them.
+
+    ``what`` names the quantity in errors. Samples that were not measured are left out.
+
+    Raises:
+        InputError: no sample is left.
+    """
     from scipy.optimize import least_squares
 
     def residual(x: np.ndarray) -> np.ndarray:
         each = [course(time, y, end, np.exp(x[0])) - y for time, y, end in runs]
         joined = np.concatenate(each)
-        return joined[np.isfinite(joined)]
+        finite = joined[np.isfinite(joined)]
+        if not finite.size:  # of no residual SciPy makes the start value
+            raise InputError(
+                f"{what}: no sample of {len(runs)} run(s) can be held against the model.",
+                "Look for gaps in their inputs and speeds.",
+            )
+        return finite
 
     lag = float(np.exp(least_squares(residual, [0.0]).x[0]))
 

@@ -127,10 +127,10 @@ def sequential(
         first = finite("sequential, transient", transient, lambda x: x > 0, "seconds, above zero")
     line, d11 = _steady_speed(straight, settle)
     exponent = line.slope
-    runs, others = (
+    rising, verified = (
         [_rising(log, exponent, d11) for log in logs] for logs in (straight, listed(verify))
     )
-    surge = fit_transient(runs, others, _approaching)
+    surge = fit_transient("sequential, surge", rising, verified, _approaching)
     m11 = surge.time_constant * d11
     circles = listed(circles)
     ends = [_last(log, settle) for log in circles]
@@ -164,11 +164,11 @@ def sequential(
             "Look at the signs of sway, yaw rate and angle (see dft.Vessel), and at the lines.",
         )
     vessel = Vessel(exponent=exponent, lever_arm=lever_arm).replace(values)
-    runs, others = (
+    turns, other_turns = (
         [_turning(circles[i], angles[i], vessel, first) for i in np.flatnonzero(chosen)]
         for chosen in (widest, remaining)
     )
-    yaw = fit_transient(runs, others, _lagging)
+    yaw = fit_transient("sequential, yaw rate", turns, other_turns, _lagging)
     vessel = vessel.replace(i33=yaw.time_constant * d33.slope)
     notes = _off_course(values, float(np.max(push[turning])) / d11)
     for note in notes:

@@ -12,6 +12,7 @@ from test_examples import figure, run
 import diffthrust as dft
 from diffthrust import InputError, effects, papers
 from diffthrust.papers import siramdasu
+from diffthrust.papers._line import fit_transient  # private: what `sequential` fits by
 
 TRUE = dft.Vessel()
 SPEEDS = (69.2, 98.0, 120.0)
@@ -178,6 +179,20 @@ def test_what_cannot_be_meant_is_refused():
     ]  # fmt: skip
     with pytest.raises(InputError, match="has no meaning"):
         siramdasu.sequential(straight, mirrored)
+
+
+def test_a_time_constant_needs_a_sample():
+    time = np.arange(3.0)
+    runs = [(time, np.array([0.0, 0.6, 0.9]), end) for end in (1.0, np.nan)]
+
+    def course(time, measured, end, lag):
+        return end * (1.0 - np.exp(-time / lag))
+
+    with pytest.raises(InputError, match=r"surge: no sample of 1 run\(s\)"):
+        fit_transient("surge", runs[1:], [], course)
+    # a run without any does not take the others with it
+    both = fit_transient("surge", runs, [], course)
+    assert both.time_constant == fit_transient("surge", runs[:1], [], course).time_constant
 
 
 def test_wind_moves_the_sequence():
