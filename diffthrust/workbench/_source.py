@@ -98,7 +98,8 @@ def _of_path(path: Path, trust: Sequence[Path | str]) -> Source:
 def _refuse_scripts(file: Path, trust: Sequence[Path | str]) -> None:
     """Raise `InputError` for a spec that names a script outside the trusted folders.
 
-    Unlike elsewhere, not its own: a page that is opened to look at a log runs nothing beside it.
+    Elsewhere a spec's own folder is trusted. A page that is opened to look at a log should not run
+    what came with it.
     """
     for word in parse_spec(read_spec_text(file), file).words:
         script = script_file(word, file.parent)
@@ -110,7 +111,8 @@ def _refuse_scripts(file: Path, trust: Sequence[Path | str]) -> None:
 
 
 def _of_spec(spec: Spec) -> Source:
-    train, options = spec.train_logs(), spec.file.fit.model_dump(exclude_unset=True)
+    train = spec.train_logs()
+    options = spec.file.fit.model_dump(exclude_unset=True)
     return Source(spec.name, spec.model, train, spec.holdout_logs(), spec=spec, options=options)
 
 
@@ -124,7 +126,8 @@ def _of_logs(path: Path) -> Source:
     folder = Path(tempfile.mkdtemp(prefix="diffthrust-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     source = _of_spec(load_spec(survey.save_spec(folder / NAME)))
-    return replace(source, drafted=True, name=path.stem)
+    named = path if path.is_file() else path.resolve()  # "." has no name of its own
+    return replace(source, drafted=True, name=named.stem)
 
 
 def _of_saved(path: Path, trust: Sequence[Path | str]) -> Source:

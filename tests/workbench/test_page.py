@@ -314,6 +314,15 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
     assert moved == [("command_deadband.half_width", pytest.approx(0.075))]
 
 
+def test_a_slider_ends_at_the_bounds_and_around_the_value_where_there_is_none():
+    model = dft.Thruster(alpha=0.04) + "speed_sensor_offset"
+    controls, _ = controls_of(Session(opened(model, example_names.log())))
+    controls.show(awake=True)
+    alpha, offset = (controls._sliders[n][0] for n in ("alpha", "speed_sensor_offset.offset"))
+    assert (alpha.start, alpha.end) == (0.0, pytest.approx(0.12))
+    assert (offset.start, offset.value, offset.end) == (-2.0, 1.0, 3.0)
+
+
 def test_constants_are_listed_and_those_that_a_diagnosis_wants_elsewhere_are_found():
     session = Session(opened(dft.SpeedLoopThruster().fix("time_constant"), in_pulses()))
     controls, _ = controls_of(session)

@@ -61,7 +61,7 @@ def test_a_spec_is_opened_with_its_logs_and_options(lacking):
     assert source.unseen[0].name == "run2.csv"
 
 
-def test_bare_logs_are_opened_by_the_drafted_spec(lacking):
+def test_bare_logs_are_opened_by_the_drafted_spec(lacking, monkeypatch):
     one = opened(lacking / "run1.csv")
     assert (one.name, one.model.name, one.drafted) == ("run1", "thruster", True)
     folder = lacking / "logs"
@@ -70,6 +70,8 @@ def test_bare_logs_are_opened_by_the_drafted_spec(lacking):
         (folder / name).write_bytes((lacking / name).read_bytes())
     several = opened(folder)
     assert [log.name for log in (*several.train, *several.unseen)] == ["run1.csv", "run2.csv"]
+    monkeypatch.chdir(folder)
+    assert opened(".").name == "logs"
 
 
 def test_a_fit_and_a_diagnosis_are_opened_with_what_they_know():
