@@ -22,9 +22,9 @@ def static_test_figure(
 ) -> Figure:
     """The two lines of a static test."""
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    first, second = figure.subplots(1, 2)
-    _line(first, thrust, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {ct}")
-    _line(second, speed, "command [V]", "speed |speed| [rad²/s²]", f"beta/alpha = {ratio}")
+    thrust_panel, second_panel = figure.subplots(1, 2)
+    _line(thrust_panel, thrust, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {ct}")
+    _line(second_panel, speed, "command [V]", "speed |speed| [rad²/s²]", f"beta/alpha = {ratio}")
     return figure
 
 
@@ -46,7 +46,8 @@ def dynamic_test_figure(
 def steady_map_figure(thrust: np.ndarray, printed: np.ndarray, modelled: np.ndarray) -> Figure:
     """Voltage against thrust, by equation 7 and of the model."""
     figure = Figure(figsize=(6.0, 4.0), layout="constrained")
-    axes, equation = figure.subplots(), "equation 7: R T / Km + Ke √(T / KT)"
+    axes = figure.subplots()
+    equation = "equation 7: R T / Km + Ke √(T / KT)"
     axes.plot(thrust, printed, color=VERMILLION, linestyle="--", label=equation)
     axes.plot(thrust, modelled, color=BLUE, label="steady state of the model, with friction")
     _finished(axes, "Steady map of the thruster", "thrust [N]", "voltage [V]")

@@ -148,7 +148,8 @@ def _edges(inputs: Sequence[tuple[np.ndarray, float]]) -> list[int]:
 
     Compared with the sample before, a slow ramp would count as held.
     """
-    edges, samples = [0], inputs[0][0].size
+    edges = [0]
+    samples = inputs[0][0].size
     for k in range(1, samples):
         if any(abs(u[k] - u[edges[-1]]) > allowed for u, allowed in inputs):
             edges.append(k)
@@ -296,7 +297,8 @@ def undisturbed(
         ...     print(error.mend)
         Hold each level longer, or lower settle.
     """
-    portions, inputs = [], ("propeller_speed", "rudder_angle")
+    portions = []
+    inputs = ("propeller_speed", "rudder_angle")
     for held in steady_portions(logs, settle=0.0, least=least, inputs=inputs):
         log = _cut_out(held.log, held.start, held.stop)
         r, u, v = (

@@ -108,7 +108,8 @@ class DynamicTest(Brief):
         """Command, and measured and simulated thrust (or speed), as in the paper's figure 10."""
         from diffthrust.papers._figures import dynamic_test_figure
 
-        log, (name, unit) = self.log, _SPEED if self.ct is None else _THRUST
+        log = self.log
+        name, unit = _SPEED if self.ct is None else _THRUST
         command, measured = log.values(*_COMMAND), log.values(name, unit)
         simulated = simulate(self.model, log)[name]
         return dynamic_test_figure(log.time, command, measured, simulated, f"{name} [{unit}]")

@@ -66,7 +66,8 @@ class Controls:
         )
         self.boxes = CheckboxGroup(labels=[], active=[], width=RIGHT - 20)
         self.boxes.on_change("active", self._on_boxes)
-        self.about, self.sliders = text(), column(width=RIGHT - 10)
+        self.about = text()
+        self.sliders = column(width=RIGHT - 10)
         self.layout = column(
             heading("Signal path: tap a blue box to see what may be missing there"),
             self.path.figure,
@@ -89,7 +90,8 @@ class Controls:
     # -- effects ---------------------------------------------------------------------------------
 
     def _show_effects(self) -> None:
-        session, at, worth = self.session, self.port.value, self._worth()
+        session, at = self.session, self.port.value
+        worth = self._worth()
         added, effects = session.setup.effects, session.effects
         places = {name: effect.ports for name, effect in effects.items()}
         places |= dict.fromkeys(session.constants, (CONSTANTS,))
@@ -120,7 +122,8 @@ class Controls:
         """The first sentence of what an effect or a constant is, and what it is worth."""
         session = self.session
         if name in session.constants:
-            p, held = session.constants[name], session.diagnosis.held if session.diagnosis else {}
+            p = session.constants[name]
+            held = session.diagnosis.held if session.diagnosis else {}
             sentence = f"{p.doc or 'a constant'}, held at {p.value:.4g} {p.unit}".rstrip()
             if name in held:
                 sentence += f"; these logs suggest {held[name].wanted:.4g}"
@@ -157,10 +160,11 @@ class Controls:
     def _slider(self, name: str, parameter: Parameter) -> tuple[Slider, float]:
         """A slider in the unit of the logs, and how many of these the parameter's own has."""
         per, unit = shown_unit(parameter, self.session.task.model, self.shown)
-        words, unit = humanize(name.replace(".", ", ")), f" [{unit}]" if unit else ""
-        longer = f"{words}, {parameter.doc}{unit}"
+        words = humanize(name.replace(".", ", "))
+        in_unit = f" [{unit}]" if unit else ""
+        longer = f"{words}, {parameter.doc}{in_unit}"
         slider = Slider(
-            title=longer if parameter.doc and len(longer) <= _TITLE else words + unit,
+            title=longer if parameter.doc and len(longer) <= _TITLE else words + in_unit,
             value=per * parameter.value,
             format=BasicTickFormatter(precision=4),
             width=RIGHT - 30,

@@ -198,5 +198,6 @@ def _arrow(begin: np.ndarray, end: np.ndarray) -> Any:
     step = end - begin
     reach = float(np.min(0.5 * np.array(_BOX) / np.maximum(np.abs(step), 1e-9)))
     (x0, y0), (x1, y1) = begin + reach * step, end - reach * step
-    head, arrow = VeeHead(size=6, fill_color="#888", line_color="#888"), cast(Any, Arrow)
+    head = VeeHead(size=6, fill_color="#888", line_color="#888")
+    arrow = cast(Any, Arrow)
     return arrow(x_start=x0, y_start=y0, x_end=x1, y_end=y1, line_color="#888", end=head)
