@@ -96,7 +96,8 @@ def _precision(
     kept = [i for i, name in enumerate(names) if name in free and 0 < spread[i] < math.inf]
     if not kept:
         return out
-    described, size = [model.parameters[names[i]] for i in kept], spread[kept]
+    described = [model.parameters[names[i]] for i in kept]
+    size = spread[kept]
     # d(value)/d(coordinate)
     slopes = [p.value if p.transform == "log" else p.scale for p in described]
     # the inverse is taken of the correlation: units of 1e3 between parameters would fall below

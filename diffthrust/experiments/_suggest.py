@@ -258,7 +258,8 @@ def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
 
 def in_words(design: Design, request: Request) -> str:
     """A design in words, such as "Staircase of command between -2 V and 2 V", as logs write it."""
-    space, units, shown = request.space, request.units, ShownUnits((request.written,))
+    space, units = request.space, request.units
+    shown = ShownUnits((request.written,))
     levels = {
         n: [
             f"{_number(float(level))} {shown.unit(n, units[n])}".rstrip()
@@ -271,7 +272,8 @@ def in_words(design: Design, request: Request) -> str:
     joined = " and of ".join(f"{n} {span.format(*levels[n])}" for n in design.moved)
     if len(set(design.moved.values())) > 1:
         joined += " in opposite senses"
-    family, hold = KINDS[design.kind], design.hold
+    family = KINDS[design.kind]
+    hold = design.hold
     times = {"hold": hold, "way": 2 * hold, "cycle": 4 * hold}  # [s]
     tempo = family.tempo.format(**times, first=1 / space.active, last=0.5 / hold)
     text = f"{family.words} of {joined}{tempo}"

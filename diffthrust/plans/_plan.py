@@ -243,7 +243,8 @@ class Plan(Brief):
         elif held.absent:
             outcome = f"{listing(held.absent)} not measured"
         else:
-            rested, good = held.lasted - self.settle, True
+            good = True
+            rested = held.lasted - self.settle
             outcome = f"held for {held.lasted:.3g} s, at rest for {rested:.3g} s"
         return Finding(level.run, ", ".join(planned), outcome, good)
 
@@ -268,7 +269,8 @@ def _not_run(level: Level, units: Mapping[str, str], logs: Sequence[Log]) -> str
 
 def _levels(name: str, run: Log, settle: float) -> list[Level]:
     moved = np.any([np.diff(values) != 0 for values in run.inputs.values()], axis=0)
-    edges, t = [0, *(np.flatnonzero(moved) + 1), len(run) - 1], run.time
+    edges = [0, *(np.flatnonzero(moved) + 1), len(run) - 1]
+    t = run.time
     return [
         Level(name, float(t[a]), float(t[b]), {n: float(v[a]) for n, v in run.inputs.items()})
         for a, b in pairwise(edges)
@@ -285,8 +287,8 @@ def _moved(name: str, channel: str, wanted: np.ndarray, unit: str, logs: Sequenc
     if not span or max(span) <= 0:
         return Finding(name, words, "not run", False)
     a, b = reached[int(np.argmax(span))]
-    widest, enough = f"from {a:.3g} to {b:.3g} {unit}".rstrip(), max(span) >= 0.9 * (high - low)
-    return Finding(name, words, widest, enough)
+    widest = f"from {a:.3g} to {b:.3g} {unit}".rstrip()
+    return Finding(name, words, widest, max(span) >= 0.9 * (high - low))
 
 
 def _excites(
@@ -305,7 +307,10 @@ def _excites(
 def _excited(
     log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """The widest part of a band [Hz] in which a log's input has enough of the planned power."""
+    """The widest part of a band [Hz] in which a log's input has enough of the planned power.
+
+    ``None`` where no part is excited.
+    """
     edges = np.geomspace(*band, _PARTS + 1)
     wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
     parts = list(true_stretches(recorded >= _ENOUGH * wanted))

@@ -149,12 +149,13 @@ def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tupl
     """A unique name for each member; duplicates are numbered."""
     chosen = [str(name) for name in otherwise]
     if names is not None:
-        count, chosen = len(chosen), [str(name) for name in names]
-        if len(chosen) != count:
+        wanted = [str(name) for name in names]
+        if len(wanted) != len(chosen):
             raise InputError(
-                f"names: expected one for each of {count} members, found {len(chosen)}.",
+                f"names: expected one for each of {len(chosen)} members, found {len(wanted)}.",
                 "Give lists of equal length.",
             )
+        chosen = wanted
     taken, counts = set(chosen), Counter[str]()
     out = []
     for name in chosen:

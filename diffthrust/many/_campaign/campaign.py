@@ -195,15 +195,20 @@ def campaign(
 
 
 def _run(
-    executor: Executor | str | None, jobs: int | None, todo: list[Job],
-    rows: dict[str, ResultRow], out: Path, report_progress: Progress,
-) -> None:  # fmt: skip
+    executor: Executor | str | None,
+    jobs: int | None,
+    todo: list[Job],
+    rows: dict[str, ResultRow],
+    out: Path,
+    report_progress: Progress,
+) -> None:
     """Do the remaining work, and write the table from time to time."""
     kept, total = len(rows), len(rows) + len(todo)
     report_progress(_progress_text(rows, kept, total, 0.0), kept / total)
     jobs = min(jobs or processors(), len(todo))
     with executor_for(executor, jobs) as chosen, closing(as_done(chosen, perform, todo)) as each:
-        started, saved, cost = time.monotonic(), time.monotonic(), 0.0
+        started = saved = time.monotonic()
+        cost = 0.0
         for i, future in each:
             rows[todo[i].name] = row_of(future, todo[i])
             now = time.monotonic()

@@ -94,7 +94,8 @@ def gather_evidence(
             f"logs: there is no vehicle '{unknown[0]}' in the fleet ({', '.join(fleet.vehicles)}).",
             "Name the logs by vehicle.",
         )
-    out, fits_of, tabular, uncertain = [], {}, False, []
+    out, tabular, uncertain = [], False, []
+    fits_of: dict[str, list[Entry]] = {}
     for vehicle in fleet.vehicles:
         # For an exact likelihood fits need not have converged.
         fits = [e for e in fleet.entries if e.vehicle == vehicle and (e.usable or vehicle in logs)]

@@ -78,7 +78,8 @@ def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
             times, values, errors = fleet.series(vehicle, axis.name)
             order = np.argsort(times)
             times, values, errors = times[order], values[order], errors[order]
-            moves, half = vehicle in here, _SIGMAS * errors
+            moves = vehicle in here
+            half = _SIGMAS * errors
             axes.errorbar(
                 times,
                 axis.value(values),

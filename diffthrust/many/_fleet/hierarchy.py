@@ -29,7 +29,7 @@ class ExactKind(NamedTuple):
 
 
 class Hierarchy(NamedTuple):
-    """The joint density of a fleet's law and its pooled parameters, as a target of NUTS.
+    """The joint density of a fleet's law and its vehicles' parameters, as a target of NUTS.
 
     The coordinates are those of the law (mean, logarithm of the standard deviations, correlations),
     then each vehicle's parameters, then further coordinates of exact likelihoods. A vehicle's
@@ -180,7 +180,8 @@ def arrange(
 
 def _numbers(row: int, vehicle: VehicleEvidence, e: Exact) -> dict[str, Any]:
     """The arrays of an exact likelihood."""
-    # Unpooled coordinates are whitened conditionally on the pooled ones.
+    # Unpooled coordinates are whitened conditionally on the pooled ones, by the quadratic
+    # likelihood.
     q = e.pooled.size
     inverse = np.linalg.inv(e.covariance[:q, :q])
     slope = e.covariance[q:, :q] @ inverse

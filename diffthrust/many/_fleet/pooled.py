@@ -125,7 +125,8 @@ class Pooled(Result):
         """
         import pandas as pd
 
-        rows, posterior = [], self.post.posterior
+        rows = []
+        posterior = self.post.posterior
         for i, axis in enumerate(self.ruler.axes):
             low, median, high = _quantiles(posterior[f"{axis.name}.mean"].values, self.level)
             spread = _quantiles(posterior[f"{axis.name}.between"].values, self.level)
@@ -151,7 +152,8 @@ class Pooled(Result):
             >>> pooled.new_vehicle(seed=0)["ct"].ndim
             1
         """
-        posterior, axes, p = self.post.posterior, self.ruler.axes, len(self.ruler.axes)
+        posterior, axes = self.post.posterior, self.ruler.axes
+        p = len(axes)
         means, spreads = (
             np.stack([posterior[f"{axis.name}.{what}"].values.ravel() for axis in axes], -1)
             for what in ("mean", "between")
@@ -192,8 +194,9 @@ class Pooled(Result):
     @showing
     def plot(self) -> Figure:
         """Plot each vehicle's separate and pooled estimates with intervals."""
-        axes, draws = self.ruler.axes, self.post.posterior
-        return pooled_figure(self.fleet, axes, draws, self.table, self.level)
+        return pooled_figure(
+            self.fleet, self.ruler.axes, self.post.posterior, self.table, self.level
+        )
 
     def _line(self) -> str:
         return f"{len(self.evidence)} vehicles, {self.convergence.status.value}"
@@ -287,7 +290,8 @@ def _posterior(
 
     from diffthrust.uncertainty._sampling.arviz import arviz
 
-    draw, series, kept = ("chain", "draw"), {}, walked.kept
+    draw, series = ("chain", "draw"), {}
+    kept = walked.kept
     vehicles = [vehicle.vehicle for vehicle in evidence]
     theta, mean = ruler.values(kept["theta"]), ruler.values(kept["mean"])
     for i, axis in enumerate(ruler.axes):
