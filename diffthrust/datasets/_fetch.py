@@ -169,6 +169,8 @@ def _download(about: DataSet, file: DataFile, path: Path, expected: str | None) 
                 f"sha256 {expected}, found {digest}.",
                 f"{mend}." if file.sha256 else f"{mend}; {meant}.",
             )
+        # Caches are often shared: others may read it, whatever files one's own system makes.
+        partial.chmod(0o644)
         os.replace(partial, path)
     return path
 

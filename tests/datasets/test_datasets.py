@@ -1,5 +1,6 @@
 """Public data sets: from a local folder, or downloaded once and compared ever after."""
 
+import os
 import threading
 from contextlib import contextmanager
 from dataclasses import replace
@@ -75,6 +76,18 @@ def test_a_file_is_downloaded_once(tmp_path, checksum):
             assert path.read_bytes() == CONTENT
         assert asked == ["/abc123/data/raw_1.csv"]
     assert left(tmp_path) == ["run_1.csv"] + (["sha256.json"] if checksum is None else [])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="has no such permissions")
+def test_a_downloaded_file_can_be_read_by_others(tmp_path):
+    """Caches are often shared, also by those whose own files are for nobody else."""
+    before = os.umask(0o077)
+    try:
+        with served({"abc123/data/raw_1.csv": CONTENT}) as (address, _):
+            path = _fetch.located(small(address))["run_1.csv"]
+    finally:
+        os.umask(before)
+    assert path.stat().st_mode & 0o777 == 0o644
 
 
 def test_half_a_download_is_no_file(tmp_path):
