@@ -6,12 +6,14 @@ import errno
 import json
 import os
 import sys
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
 from pathlib import Path
 
 import command_line
+import numpy as np
 import pandas as pd
 import pytest
 from campaign_specs import SENSOR, InPlace, sensor_log, sensor_spec
@@ -226,6 +228,21 @@ def test_a_full_disk_is_a_row_and_loses_nothing(dives, monkeypatch):
     assert "No space left" in done.table["error"][0]
     assert (done.output / "a" / "fit.json").read_bytes() == before
     assert ran(dives)[0].ok
+
+
+def test_what_failed_holds_no_memory_while_its_row_is_written(dives, monkeypatch):
+    made, left = [], []
+
+    def greedy(*_):
+        array = np.ones(3)
+        made.append(weakref.ref(array))
+        raise MemoryError
+
+    monkeypatch.setitem(task._TASKS, "fit", greedy)
+    monkeypatch.setattr(task, "store", lambda *_: left.append(made[-1]() is not None))
+    done, _ = ran(dives)
+    assert done.counts == {"failed": 3}
+    assert left == [False] * 3
 
 
 def test_a_table_that_cannot_be_written_is_an_error_at_once(dives, monkeypatch):

@@ -85,7 +85,8 @@ def run_job(job: Job) -> ResultRow:
         return row
     except Exception as error:
         told = as_input_error(error, f"diffthrust {job.task} {job.spec}")
-        return failed(job, "failed", told.problem, told.mend, started, mark)
+    # Not before here: until an error is let go, all that the failed work had in memory stays.
+    return failed(job, "failed", told.problem, told.mend, started, mark)
 
 
 def head(job: Job, status: str) -> ResultRow:
@@ -120,7 +121,7 @@ def _fit(spec: Spec, job: Job) -> _Result:
 
 def _diagnose(spec: Spec, job: Job) -> _Result:
     found = spec.diagnose(candidates=job.options.get("candidates"))
-    columns = {"verdict": found.verdict, "added": ", ".join(found.added), **_columns(found.fit)}
+    columns = {**_columns(found.fit), "verdict": found.verdict, "added": ", ".join(found.added)}
     title = f"Diagnosis: {job.name}"
     return found.to_json(), columns, lambda path: found.save(path, title=title, spec=spec.text)
 
