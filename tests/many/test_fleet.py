@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from scipy.optimize import curve_fit
 from scipy.stats import kstest
 from short_logs import MODEL, made_log
@@ -132,6 +133,14 @@ def test_a_fouled_vehicle_is_an_outlier():
     first = found.iloc[0]
     rest = np.delete(values, 3)
     assert first["others"] == pytest.approx(np.exp(np.mean(np.log(rest))), rel=0.05)
+
+
+def test_the_chance_of_a_false_alarm_is_any_kind_of_number():
+    made = dft.many.fleet(over_time(np.random.default_rng(6), slope=0.05, fits=8))
+    for told in (made.drift, made.outliers):
+        pd.testing.assert_frame_equal(
+            told(false_alarms=xr.DataArray(0.05)), told(false_alarms=0.05)
+        )
 
 
 def test_units_do_not_change_what_is_told():

@@ -38,13 +38,13 @@ class Entry(Brief):
     """One fit of one vehicle, at a time that may be ``None``."""
 
     name: str
+    vehicle: str
+    time: Any
     model: str  # without its effects
     effects: tuple[str, ...]
     columns: Mapping[str, Any]  # further ones of the table
     estimates: Mapping[str, tuple[float, float | None]]  # values and standard errors
     fit: Fit | None = field(default=None, repr=False)  # None where only a row of a table is known
-    vehicle: str = ""
-    time: Any = None
 
     def has(self, parameter: str) -> bool:
         """Whether the fit estimated a parameter; for a table row, whether it has an error."""
@@ -107,7 +107,8 @@ def _of_fits(
         if not isinstance(fit, Fit):
             raise InputError(f"{name}: expected a fit, found {type(fit).__name__}.", _SOURCES)
         columns, effects = fit_row(fit), tuple(effect.name for effect in fit.model.effects)
-        made.append(Entry(name, columns["model"], effects, columns, estimates_of(fit), fit))
+        model, estimates = columns["model"], estimates_of(fit)
+        made.append(Entry(name, "", None, model, effects, columns, estimates, fit))
     return made, notes, {"vehicle": [name for name, _ in fits]}
 
 
@@ -168,7 +169,8 @@ def _of_table(frame: Any) -> tuple[list[Entry], list[str], Columns]:
             for c, (value, error) in numbers.items()
             if value is not None
         }
-        made.append(Entry(str(row.get("name", f"row {i}")), model, effects, columns, estimates))
+        name = str(row.get("name", f"row {i}"))
+        made.append(Entry(name, "", None, model, effects, columns, estimates))
     return made, notes, {c: list(frame[c]) for c in ("vehicle", "time") if c in frame}
 
 

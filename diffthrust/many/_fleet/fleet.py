@@ -139,21 +139,22 @@ class Fleet(Estimates, Result):
                 "The fits have no times, which a drift needs.",
                 "Give dft.many.fleet(..., time=[...]), or a table with a column 'time'.",
             )
-        _share("false_alarms", false_alarms)
+        level = _share("false_alarms", false_alarms)
         rows = []
         for vehicle in self.vehicles:
             for name, axis in self.axes.items():
                 line = trend(*self.series(vehicle, name))
                 if line is None:
                     continue
-                level = axis.value(line.level)
-                per = float(axis.slope(level))
-                slope, unit = line.slope * per, f"{axis.unit or '1'} per {self.time_unit}"
-                size = (line.fits, slope, line.error * per, slope / abs(float(level)))
+                value = axis.value(line.level)
+                per = float(axis.slope(value))
+                slope = line.slope * per
+                unit = f"{axis.unit or '1'} per {self.time_unit}"
+                size = (line.fits, slope, line.error * per, slope / abs(float(value)))
                 rows.append((vehicle, name, unit, *size, line.dispersion, line.p_value))
         columns = ["vehicle", "parameter", "unit", "fits", "slope", "slope_std_error", "relative"]
         table = pd.DataFrame(rows, columns=[*columns, "dispersion", "p_value"])
-        table["drifts"] = holm(table["p_value"].to_numpy(float), false_alarms)
+        table["drifts"] = holm(table["p_value"].to_numpy(float), level)
         return table
 
     def effects(self) -> pd.DataFrame:
@@ -204,7 +205,7 @@ class Fleet(Estimates, Result):
         import pandas as pd
         from scipy.stats import t as student
 
-        _share("false_alarms", false_alarms)
+        level = _share("false_alarms", false_alarms)
         rows = []
         for name, axis in self.axes.items():
             means = vehicle_means(self, name)
@@ -223,7 +224,7 @@ class Fleet(Estimates, Result):
                 rows.append((vehicle, name, axis.unit, *values_at, distance, p_value))
         columns = ["vehicle", "parameter", "unit", "value", "others", "distance", "p_value"]
         table = pd.DataFrame(rows, columns=columns)
-        table["outlier"] = holm(table["p_value"].to_numpy(float), false_alarms)
+        table["outlier"] = holm(table["p_value"].to_numpy(float), level)
         return table.sort_values("p_value", ignore_index=True)
 
     @progressing
@@ -283,9 +284,9 @@ class Fleet(Estimates, Result):
         from diffthrust.many._fleet.pooled import pool_vehicles  # slow to import
 
         sampling = {"draws": draws, "warmup": warmup, "chains": chains, "seed": seed}
-        share, report = _share("level", level), reporter(progress)
+        share = _share("level", level)
         return pool_vehicles(
-            self, parameters, dict(logs or {}), correlated, share, sampling, report
+            self, parameters, dict(logs or {}), correlated, share, sampling, reporter(progress)
         )
 
     @showing
