@@ -25,6 +25,7 @@ from posterior_cases import (
 
 import diffthrust as dft
 from diffthrust.uncertainty import sample
+from diffthrust.uncertainty._sampling import ensemble  # private: how often it saves
 
 RUN = dict(draws=60, warmup=20, seed=3)
 
@@ -207,6 +208,15 @@ def test_the_identity_of_a_problem_does_not_change_from_run_to_run(case, finishe
     assert chain_file.read(finished, found) is not None
 
 
+def test_a_file_that_tells_more_of_its_problem_is_of_another(case, copied, tmp_path):
+    who = problem_identity(posterior_of(*case), seed=3, walkers=32, warmup=20)
+    chain = chain_file.read(copied, who)
+    later = tmp_path / "later.h5"
+    later.write_bytes(chain_file.chain_bytes(chain, {**who, "device": {"kind": "gpu"}}, ("a", "b")))
+    with pytest.raises(dft.InputError, match="device, kind: gpu in the file, absent now"):
+        chain_file.read(later, who)
+
+
 @pytest.mark.parametrize("damage", ["text", "empty", "cut", "torn", "other"])
 def test_a_damaged_or_foreign_file_is_refused_and_left(case, copied, damage):
     whole = copied.read_bytes()
@@ -258,10 +268,18 @@ def test_no_damaged_copy_is_read_with_other_values(case, finished, tmp_path):
     assert refused > 100
 
 
-def test_the_sound_beginning_of_a_damaged_chain_goes_on_as_the_whole_one(case, finished, tmp_path):
+@pytest.mark.parametrize("damage", ["a number", "too few levels", "too many steps"])
+def test_the_sound_beginning_of_a_damaged_chain_goes_on_as_the_whole_one(
+    case, finished, tmp_path, damage
+):
     copy = Path(shutil.copy(finished, tmp_path / "chain.h5"))
     with h5py.File(copy, "a") as f:
-        f["mcmc"]["log_prob"][70, 3] += 1e-9
+        if damage == "a number":
+            f["mcmc"]["log_prob"][70, 3] += 1e-9
+        elif damage == "too few levels":
+            f["mcmc"]["blobs"].resize(75, axis=0)
+        else:
+            f["mcmc"]["chain"].resize(85, axis=0)
     before = copy.read_bytes()
     with pytest.raises(
         dft.InputError, match=r"from step 65 on\. The sound beginning is kept in chain"
@@ -284,6 +302,21 @@ def test_a_full_disk_leaves_the_old_file_intact(case, copied, monkeypatch):
         sample(*case, file=copied, **{**RUN, "draws": 80})
     assert copied.read_bytes() == before
     assert len(list(copied.parent.iterdir())) == 1
+
+
+def test_a_save_that_failed_is_not_tried_again(case, tmp_path, monkeypatch):
+    """Another run may be writing to the same file: a second try would overwrite what it saved."""
+    saves = []
+
+    def failing(path, data):
+        saves.append(path)
+        raise dft.InputError("Another run may be writing.", "Give each a file.")
+
+    monkeypatch.setattr(ensemble, "SAVE_EVERY", 0.0)
+    monkeypatch.setattr(chain_file, "write", failing)
+    with pytest.raises(dft.InputError, match="Another run"):
+        sample(*case, file=tmp_path / "chain.h5", **RUN)
+    assert len(saves) == 1
 
 
 def test_a_folder_that_cannot_be_written_to_is_told_before_the_work(case, tmp_path, monkeypatch):

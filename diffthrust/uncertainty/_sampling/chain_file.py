@@ -58,7 +58,6 @@ class Chain(emcee.backends.Backend):
     ) -> Chain:
         """This chain with steps ``(n, W, d)``, their log densities and noise levels."""
         self.chain, self.log_prob, self.accepted = chain, log_prob, accepted
-        levels = levels.reshape(len(chain), self.nwalkers, -1)
         # emcee keeps a single number per walker without an axis of its own
         self.blobs = levels[..., 0] if levels.shape[-1] == 1 else levels
         self.iteration, self.marks = len(chain), tuple(marks)
@@ -68,8 +67,9 @@ class Chain(emcee.backends.Backend):
     def steps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates ``(n, W, d)``, log densities ``(n, W)``, noise levels ``(n, W, C)``."""
         n = self.iteration
-        levels = self.blobs[:n].reshape(n, self.nwalkers, -1)
-        return self.chain[:n], self.log_prob[:n], levels
+        # not reshaped to those of the chain: a damaged file may have fewer of one than of the other
+        levels = self.blobs[:n]
+        return self.chain[:n], self.log_prob[:n], levels if levels.ndim > 2 else levels[..., None]
 
     def save_step(self, state: Any, accepted: np.ndarray) -> None:
         """Add a step, and a mark at the end of a block."""
@@ -337,8 +337,8 @@ def _digest(digest: Any, tree: Any) -> None:
 def same_problem(path: Path, stored: Any, current: Mapping[str, Mapping[str, str]]) -> None:
     """Raise `InputError` if a file holds the chain of another problem; names the differences."""
     differing = []
-    for section, facts in current.items():
-        filed = stored.get(section, {})
+    for section in {**current, **stored}:  # a later version may tell more of a problem
+        filed, facts = stored.get(section, {}), current.get(section, {})
         names = [name for name in {**filed, **facts} if filed.get(name) != facts.get(name)]
         if section == "model" and names:
             differing.append(f"model: {', '.join(filed)} in the file, {', '.join(facts)} now")

@@ -131,8 +131,10 @@ def run_ensemble(
                 if at % 20 == 0:
                     report("warmup" if at < warmup else "drawing", at / total)
                 saving.now_and_then()
-    finally:
+    except KeyboardInterrupt:  # after a failed save another would overwrite that of another run
         saving.finish()
+        raise
+    saving.finish()
     return _chains(chain, warmup, draws)
 
 
