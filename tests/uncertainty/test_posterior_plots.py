@@ -78,6 +78,11 @@ def test_a_corner_marks_the_fit_and_published_values_near_and_far():
     assert high - low < 6  # not stretched to 60, which would hide the draws
     assert "marked" in texts(plot_corner(made(), marks={"alpha": 0.037}))
     drawn(figure)
+    # values that are called so stand in place of those of the fit, and look like these
+    figure = plot_corner(made(), fit, {"fit": {"alpha": 0.0372}, "x": {"alpha": 0.0365}})
+    lines = {float(line.get_xdata()[0]): line for line in figure.axes[0].get_lines()}
+    assert [lines[x].get_linestyle() for x in (0.0372, 0.0365)] == ["--", ":"]
+    assert fit.parameters["alpha"].value not in lines
 
 
 def test_single_and_constant_parameters_are_drawn():

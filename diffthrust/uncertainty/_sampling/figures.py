@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -179,15 +180,18 @@ def _marked(fit: Fit | None, marks: Any, sizes: Mapping[str, Size]) -> list[_Mar
             f"marks: there is no parameter {listing(unknown)} in the figure, but {listing(sizes)}.",
             "Correct the names.",
         )
-    dashed = {"color": VERMILLION, "linestyle": "--", "linewidth": 1.3}
-    dotted = [{"color": colour, "linestyle": ":", "linewidth": 1.6} for colour in _MARKS]
-    looks = [(label, values, dotted[i % 4]) for i, (label, values) in enumerate(sets.items())]
+    named = {str(label): values for label, values in sets.items()}
     if fit is not None:
-        best = {n: fit.parameters[n].value for n in sizes if n in fit.parameters}
-        looks.insert(0, ("fit", best, dashed))
+        named = {"fit": {n: fit.parameters[n].value for n in sizes if n in fit.parameters}, **named}
+    dashed = {"color": VERMILLION, "linestyle": "--", "linewidth": 1.3}
+    dotted = ({"color": colour, "linestyle": ":", "linewidth": 1.6} for colour in cycle(_MARKS))
     return [
-        _Mark(str(label), {n: sizes[n].value * float(v) for n, v in values.items()}, look)
-        for label, values, look in looks
+        _Mark(
+            label,
+            {n: sizes[n].value * float(v) for n, v in values.items()},
+            dashed if label == "fit" else next(dotted),
+        )
+        for label, values in named.items()
     ]
 
 
