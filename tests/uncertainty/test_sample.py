@@ -226,7 +226,7 @@ def test_convergence_in_words():
     ("options", "told"),
     [
         (dict(method="gibbs"), "method: expected one of emcee, nuts"),
-        (dict(draws=0), "draws: expected a whole number of at least 10"),
+        (dict(draws=0), r"draws: expected a whole number of at least 10(.|\n)*Correct draws\."),
         (dict(draws=2.5), "draws: expected a whole number"),
         (dict(warmup=-1), "warmup: expected a whole number of at least 0"),
         (dict(seed=-1), "seed: expected a whole number"),

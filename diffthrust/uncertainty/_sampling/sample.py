@@ -150,12 +150,17 @@ def check_sampling(
         raise InputError(f"file: expected the name of a file, found {file!r}.", "Correct it.")
     if method == "nuts" and walkers is not None:
         raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
-    whole_number("draws", draws, 10, _MOST_DRAWS)
-    whole_number("warmup", warmup, 20 if method == "nuts" else 0, _MOST_DRAWS)
-    whole_number("chains", chains, 1, _MOST_CHAINS)
-    whole_number("seed", seed, 0, 2**32 - 1)  # of numpy's RandomState, which emcee draws from
+    numbers: list[tuple[str, Any, int, int]] = [
+        ("draws", draws, 10, _MOST_DRAWS),
+        ("warmup", warmup, 20 if method == "nuts" else 0, _MOST_DRAWS),
+        ("chains", chains, 1, _MOST_CHAINS),
+        # the limit of numpy's RandomState, which emcee draws from
+        ("seed", seed, 0, 2**32 - 1),
+    ]
     if walkers is not None:
-        whole_number("walkers", walkers, 4, _MOST_CHAINS)
+        numbers.append(("walkers", walkers, 4, _MOST_CHAINS))
+    for what, value, least, most in numbers:
+        whole_number(what, value, least, most, f"Correct {what}.")
 
 
 _REACH = math.sqrt(2.0 * 20.0)
