@@ -65,15 +65,20 @@ class Channels:
                 f"model is of, found one every {step:g} s.",
                 "Sample all logs alike: log.averaged(n), or a resampled file.",
             )
-        wanted = [("input", "input", name, log.inputs) for name in self.inputs]
-        wanted += [("measured channel", "output", name, log.measured) for name in self.outputs]
-        for what, word, name, channels in wanted:
-            if name not in channels:
+        for name in self.inputs:
+            if name not in log.inputs:
                 raise InputError(
-                    f"{log.name}: expected the {what} {name!r}, found {listing(channels)}.",
-                    f"Name an {word} of the log: {word}=...",
+                    f"{log.name}: expected the input {name!r}, found {listing(log.inputs)}.",
+                    "Name an input of the log: input=...",
                 )
-            if word == "output" and name in log.unsigned:
+        for name in self.outputs:
+            if name not in log.measured:
+                raise InputError(
+                    f"{log.name}: expected the measured channel {name!r}, found "
+                    f"{listing(log.measured)}.",
+                    "Name a measured channel of the log: output=...",
+                )
+            if name in log.unsigned:
                 raise InputError(
                     f"{log.name}: the sensor of {name!r} gives no sign; a linear model needs one.",
                     "Use dft.fit, which takes care of it, or a log that moves in one direction "

@@ -180,7 +180,7 @@ def select(
     usual: tuple[ModelKind, ...] = ("state_space",) if several else _POLYNOMIAL
     available = (*_POLYNOMIAL, "state_space")
     chosen = usual if kinds is None else tuple(kinds)
-    if not chosen or not set(chosen) <= set(available):
+    if not chosen or any(kind not in available for kind in chosen):
         raise InputError(
             f"kinds: expected some of {listing(available)}, found {listing(chosen)}.", "Correct it."
         )
