@@ -96,7 +96,8 @@ def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.
     starts = [theta] if np.allclose(theta, raw) else [theta, raw]
     filled = []  # gaps interpolated linearly
     for record in records:
-        t, measured = np.arange(len(record.y)), record.complete
+        t = np.arange(len(record.y))
+        measured = record.complete
         y = np.interp(t, t[measured], record.y[measured, 0])[:, None]
         filled.append(SampledLog(record.u, y))
     for _ in range(_ROUNDS):
@@ -138,7 +139,9 @@ class _Residuals:
     """
 
     def __init__(self, records: Sequence[SampledLog], shape: Shape) -> None:
-        self.records, self.shape, self.scale = records, shape, size_of(records)
+        self.records = records
+        self.shape = shape
+        self.scale = size_of(records)
         counts = [int(r.complete[shape.first :].sum()) for r in records]
         if not shape.tied:
             counts = [t.size + shape.nc for r in records for t, _, _ in equations(r, shape)]

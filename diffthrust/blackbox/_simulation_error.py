@@ -90,7 +90,8 @@ def output_sizes(records: Sequence[SampledLog]) -> np.ndarray:
 def _settled(start: System) -> System:
     """The start without predictor, its poles reflected into the unit circle."""
     values, vectors = np.linalg.eig(start.a)
-    size, a = np.abs(values), start.a
+    size = np.abs(values)
+    a = start.a
     if np.any(size >= 1.0):
         # reflected poles keep the magnitude of the response on the unit circle but for a factor
         inside = np.where(size >= 1.0, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)

@@ -249,7 +249,7 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
 
     Of the Student-t law the curvature is weighted by the mean derivative of the law's score in each
     channel, evaluated on the residuals: the weights of the fit's information would count outliers
-    twice (Huber & Ronchetti 2009, section 7.6).
+    twice (Huber & Ronchetti 2009, section 7.6). A failed simulation gives non-finite values.
     """
     batches = _pass(problem.layout, problem.numbers, jnp.asarray(z))
     n, m = problem.shared, problem.each

@@ -83,7 +83,8 @@ def check_level(level: Any, where: str = "level") -> None:
 
 def _in_a_new_log(draws: Draws, rng: np.random.Generator) -> Draws:
     """The draws of a log of which nothing is known: what differs by log is as wide as in others."""
-    values, spread = dict(draws.values), []
+    values = dict(draws.values)
+    spread = []
     for name in draws.model.per_log:
         p = draws.model.parameters[name]
         if p.width is not None:

@@ -217,7 +217,8 @@ def _responses(
     shown: ShownUnits,
     notes: list[str],
 ) -> list[_Found]:
-    model, found = drawn.model, []
+    model = drawn.model
+    found: list[_Found] = []
     output = response or ("thrust" if "thrust" in model.outputs else next(iter(model.outputs)))
     commands, steps = (curves.get(name, np.empty(0)) for name in ("commands", "steps"))
     answers = responses(drawn, np.concatenate([commands, steps]), output, inputs)
