@@ -6,8 +6,8 @@ of a load against the motion `coulomb_friction`, and a constant torque `command_
 
 import jax.numpy as jnp
 
-from diffthrust.effects._forms import Form
 from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
 
@@ -20,7 +20,7 @@ def power(size: Signal, reference: Signal | float, exponent: Signal | float) -> 
     return (jnp.maximum(jnp.abs(size) / reference, _REST)) ** exponent
 
 
-class _SpeedExponent(Form):
+class _SpeedExponent(Effect, abstract=True):
     """What grows with the square of the speed, with another power of it."""
 
     exponent: float = parameter(1.8, bounds=(0.5, 4), null=2.0, size=0.3, probes=(1.7, 2.3))

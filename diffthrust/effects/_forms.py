@@ -4,7 +4,7 @@ A form becomes an effect of a place by a subclass with a name, a port, and its p
 """
 
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 
@@ -26,13 +26,7 @@ def ceiling(value: float, unit: str, *, probes: Probes) -> Any:
     return parameter(value, unit, bounds=(0, None), null=math.inf, transform="log", probes=probes)
 
 
-class Form(Effect):
-    """An equation that has no name and no place of its own."""
-
-    required: ClassVar[tuple[str, ...]] = ()
-
-
-class Offset(Form):
+class Offset(Effect, abstract=True):
     """A zero that is off: value + offset."""
 
     offset: float
@@ -41,7 +35,7 @@ class Offset(Form):
         return value + self.offset
 
 
-class Scale(Form):
+class Scale(Effect, abstract=True):
     """A factor that is off: (1 + change) * value."""
 
     change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
@@ -50,7 +44,7 @@ class Scale(Form):
         return value * (1.0 + self.change)
 
 
-class Delay(Form):
+class Delay(Effect, abstract=True):
     """A series that comes later: value(time - delay), linear between samples."""
 
     memory = True
@@ -60,7 +54,7 @@ class Delay(Form):
         return delayed(s.time, value, self.delay)
 
 
-class RateLimit(Form):
+class RateLimit(Effect, abstract=True):
     """A series that is followed by at most ``rate``, from sample to sample."""
 
     memory = True
@@ -70,7 +64,7 @@ class RateLimit(Form):
         return rate_limited(s.time, value, self.rate)
 
 
-class ReverseAsymmetry(Form):
+class ReverseAsymmetry(Effect, abstract=True):
     """What passes is 1 + change times as large where it is negative."""
 
     change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
@@ -79,7 +73,7 @@ class ReverseAsymmetry(Form):
         return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
 
 
-class ReverseSpeedAsymmetry(ReverseAsymmetry):
+class ReverseSpeedAsymmetry(ReverseAsymmetry, abstract=True):
     """What passes is 1 + change times as large where the speed is negative."""
 
     def __call__(self, value: Signal, s: Signals) -> Signal:

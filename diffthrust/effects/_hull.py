@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from diffthrust.effects._forms import Form, from_zero
+from diffthrust.effects._forms import from_zero
 from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -43,7 +43,7 @@ _NEVER = 1e-3
 there is none."""
 
 
-class _QuadraticDrag(Form):
+class _QuadraticDrag(Effect, abstract=True):
     """A resistance that grows with the square of a speed of the hull."""
 
     linear: ClassVar[tuple[str, str]]

@@ -152,6 +152,8 @@ def test_names_and_ports_are_words(name):
 def test_an_effect_says_of_itself_what_it_must():
     with pytest.raises(InputError, match="expected port in the class body"):
         type("NoPort", (Effect,), {"name": "no_port"})
+    with pytest.raises(InputError, match="expected port in the class body"):
+        type("NoPort", (dft.effects.CommandOffset,), {"name": "my_offset", "port": ""})
     with pytest.raises(InputError, match="is not made of letters"):
         type("Wrong", (Effect,), {"name": "a b", "port": "load"})
     made = type("Two", (Effect,), {"name": "two_ports", "ports": ("load", "drive")})

@@ -73,7 +73,7 @@ class Effect(Component):
     required: ClassVar[tuple[str, ...]] = ("name", "port")
     """Fields that each class of effects must set."""
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "ports" in vars(cls):
             cls.port = cls.ports[0]
@@ -86,7 +86,7 @@ class Effect(Component):
                 "Write it like the names of Python: my_effect.",
             )
         missing = [field for field in cls.required if not getattr(cls, field)]
-        if missing:
+        if missing and not abstract:  # an abstract one leaves them to its subclasses
             raise InputError(
                 f"Effect {cls.__name__}: expected {' and '.join(missing)} in the class body.",
                 f'Write {missing[0]} = "..." in the class.',
