@@ -46,7 +46,7 @@ there is none."""
 class _QuadraticDrag(Effect, abstract=True):
     """A resistance that grows with the square of a speed of the hull."""
 
-    linear: ClassVar[tuple[str, str]]
+    _linear: ClassVar[tuple[str, str]]
     """The vessel's linear drag by its parameter, and the unit of the speed."""
     drag: float
 
@@ -60,7 +60,7 @@ class _QuadraticDrag(Effect, abstract=True):
         if not coefficient.unit.endswith("/A") or not coefficient.value > 0:
             return ""
         words = self.in_words.partition(",")[0]
-        linear, unit = self.linear
+        linear, unit = self._linear
         speed = getattr(model, linear) / coefficient.value
         if speed < _NEVER:  # a fit from a hull that has no linear drag ended at 1e-16 m/s
             return f"{words}, with no linear part left"
@@ -84,7 +84,7 @@ class QuadraticSurgeDrag(_QuadraticDrag):
     name = "quadratic_surge_drag"
     in_words = "drag grows with the square of surge, {drag}"
     port = "surge_force"
-    linear = ("d11", "m/s")
+    _linear = ("d11", "m/s")
     drag: float = from_zero(
         1.0, "N s^2/m^2", size=2.0, probes=relative_to("surge", 0.5, 5.0, power=-1)
     )
@@ -111,7 +111,7 @@ class QuadraticSwayDrag(_QuadraticDrag):
     name = "quadratic_sway_drag"
     in_words = "drag grows with the square of sway, {drag}"
     port = "sway_force"
-    linear = ("d22", "m/s")
+    _linear = ("d22", "m/s")
     drag: float = from_zero(
         2.0, "N s^2/m^2", size=5.0, probes=relative_to("sway", 0.5, 5.0, power=-1)
     )
@@ -138,7 +138,7 @@ class QuadraticYawDrag(_QuadraticDrag):
     name = "quadratic_yaw_drag"
     in_words = "drag grows with the square of yaw rate, {drag}"
     port = "yaw_moment"
-    linear = ("d33", "rad/s")
+    _linear = ("d33", "rad/s")
     drag: float = from_zero(
         0.5, "N m s^2/rad^2", size=1.0, probes=relative_to("yaw_rate", 0.1, 1.0, power=-1)
     )

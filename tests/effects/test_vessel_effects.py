@@ -35,7 +35,11 @@ FOUND = {
 """Hidden values of an effect's parameters, and how the log is made."""
 CATALOGUE = {*FOUND, "swapped_thrusters"}  # found by a test of its own
 HINGED = {
-    *("rudder_inflow", "propeller_walk", "rudder_offset", "rudder_lag", "rudder_rate_limit"),
+    "rudder_inflow",
+    "propeller_walk",
+    "rudder_offset",
+    "rudder_lag",
+    "rudder_rate_limit",
     "propeller_lag",
 }
 TWIN = {"differential_gain", "swapped_thrusters", "force_exponent"}
@@ -256,6 +260,15 @@ def test_a_drag_that_is_a_ratio_is_told_by_where_it_passes_the_linear_one(name, 
     assert not none.effects[0].consequence(none)
     alone = dft.Vessel(**{linear: 1e-15}) + EFFECTS[name](drag=8.0)
     assert alone.effects[0].consequence(alone).endswith(", with no linear part left")
+
+
+def test_a_drag_of_one_s_own_may_have_a_linear_part_of_that_name():
+    linear = dft.parameter(0.1, "N s/m", bounds=(0, None), null=0.0)
+    body = {"name": "both_drags", "linear": linear, "__annotations__": {"linear": float}}
+    both = type("BothDrags", (EFFECTS["quadratic_surge_drag"],), body)
+    model = dft.Vessel(d11=2.0) + both(drag=8.0)
+    said = model.effects[0].consequence(model)
+    assert said.endswith("and passes the linear drag at 0.25 m/s")
 
 
 @pytest.mark.parametrize(
