@@ -140,7 +140,8 @@ def effect_class_text(
     acts = formula.expression if formula.adds else f"{ARRIVING} becomes {formula.expression}"
     about = f"Acts at the port '{formula.port}'{', adding' * formula.adds}: {acts}."
     about = textwrap.fill(f"{about} Null: {', '.join(nulls)}.", _WIDTH - 4)
-    described, law = formula._parameters.items(), expression_of(formula.expression).tree
+    described = formula._parameters.items()
+    law = expression_of(formula.expression).tree
     summary = doc.strip().replace("\\", "\\\\").replace('"""', "'''")
     return _CLASS.format(
         title=f"The effect {name}, of one's own.",

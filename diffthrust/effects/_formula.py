@@ -137,7 +137,8 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
 
     The 90th percentile of its size; zero where a level is not known.
     """
-    law, rng = formula._law, np.random.default_rng(0)
+    law = formula._law
+    rng = np.random.default_rng(0)
     ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}
     if any(name not in ranges for name in formula.reads):
         return 0.0

@@ -153,7 +153,8 @@ def _check_call(node: ast.Call, text: str, at: int) -> None:
         near = nearest(name, _ARGUMENTS, "; ")
         what = f"the function {name!r} is not known{near}" if name else "this cannot be called"
         raise with_mark(text, at, what, _mend())
-    count, actual = _ARGUMENTS[name], len(node.args) + len(node.keywords)
+    count = _ARGUMENTS[name]
+    actual = len(node.args) + len(node.keywords)
     if node.keywords or actual not in (count, count + (name == "lag")):
         problem = f"expected {count} in the brackets of '{name}', found {actual}"
         raise with_mark(text, at, problem, _written(name))

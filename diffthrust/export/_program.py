@@ -20,7 +20,8 @@ HISTORY = 256
 
 def program_text(source: ExportSource, language: Language) -> str:
     """A model as functions of another language, which a template puts into a file."""
-    model, inputs = source.model, list(source.inputs)
+    model = source.model
+    inputs = list(source.inputs)
     states, traced = traced_model(model, source.inputs)
     relaxing = list(traced["decays"].results)
     results = {
@@ -89,7 +90,8 @@ def _function(
         for number, name in enumerate(names)
         if name in read
     ]
-    every, asked = [*fetched, *lines], {name: results[name] for name in wanted}
+    every = [*fetched, *lines]
+    asked = {name: results[name] for name in wanted}
     # what is not read is not declared: C compilers warn of unused variables
     words = set(re.findall(r"\w+", " ".join([*every, *asked.values()])))
     return {"lines": every, "results": asked, "words": words}

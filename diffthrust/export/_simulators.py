@@ -67,7 +67,7 @@ def to_simulator(to: str, source: ExportSource, name: str, limits: Limits) -> tu
     return text, notes
 
 
-def _of_gz(rotor: Rotor) -> list[str]:
+def _gz_notes(rotor: Rotor) -> list[str]:
     if rotor.dynamics == "zero_order":
         notes = ["Send it the force of each command [N], on .../cmd_thrust; 'lut' has the table."]
         return [*notes, *_left_out(rotor, "gz-sim")]
@@ -86,12 +86,12 @@ def _of_gz(rotor: Rotor) -> list[str]:
     return [*notes, *_left_out(rotor, "gz-sim")]
 
 
-def _of_uuv(rotor: Rotor) -> list[str]:
+def _uuv_notes(rotor: Rotor) -> list[str]:
     stuck = [_STUCK_CLOCK] if rotor.dynamics in ("yoerger", "bessa") else []
     return [*rotor.notes, *_left_out(rotor, "uuv_simulator"), *stuck]
 
 
-def _of_stonefish(rotor: Rotor) -> list[str]:
+def _stonefish_notes(rotor: Rotor) -> list[str]:
     full = f"A set point of 1 stands for {number(rotor.largest, 4)} {rotor.unit}"
     if rotor.dynamics != "zero_order":
         full += (
@@ -108,9 +108,9 @@ def _of_stonefish(rotor: Rotor) -> list[str]:
 
 
 _SIMULATORS: Mapping[str, tuple[str, Callable[[Rotor], list[str]]]] = {
-    "gz": ("gz.sdf", _of_gz),
-    "uuv": ("uuv.xacro", _of_uuv),
-    "stonefish": ("stonefish.scn", _of_stonefish),
+    "gz": ("gz.sdf", _gz_notes),
+    "uuv": ("uuv.xacro", _uuv_notes),
+    "stonefish": ("stonefish.scn", _stonefish_notes),
 }
 """The template of each, and what it cannot express."""
 

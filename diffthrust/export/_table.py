@@ -81,7 +81,8 @@ def to_table(
 
 def _constants(source: ExportSource, channel: str) -> tuple[dict[str, float], list[str]]:
     """The inputs beside the command, which the table holds, and notes on what that neglects."""
-    constants, notes = {}, []
+    constants: dict[str, float] = {}
+    notes: list[str] = []
     for name, unit in source.inputs.items():
         if name != channel:
             inner = source.ranges.get(name, (0.0, 0.0))
@@ -213,7 +214,9 @@ def _outwards(
     Commands grow from the stop on, and forces count from that at the stop; ``span`` and ``reach``
     are the ranges of all forces and commands. Idle is how far the command may go without a force.
     """
-    rows, notes, idle = [(float(commands[0]), 0.0)], [], float(commands[0])
+    idle = float(commands[0])
+    rows = [(idle, 0.0)]
+    notes: list[str] = []
     flat, least = None, FLAT * span
     for command, force in zip(commands[1:], forces[1:], strict=True):
         top = rows[-1][1]

@@ -62,7 +62,8 @@ def _check_complete(model: Model, roles: Mapping[str, str], source: SpecText) ->
     prescribed = [name for name in driving if name in model.states]
     missing = [name for name in model.inputs if name not in driving]
     if missing and not prescribed:
-        name, present = missing[0], listing(driving) if driving else "no inputs"
+        name = missing[0]
+        present = listing(driving) if driving else "no inputs"
         raise source.error(
             ("channels",),
             f"the model '{model}' needs the input {name!r}; given are {present}.",

@@ -143,7 +143,8 @@ class Spec(Brief):
 
     def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
         """The reader of a file, and the keys of ``[logs]`` that only this reader has."""
-        logs, source = self.file.logs, SpecText(self.text, self.path)
+        logs = self.file.logs
+        source = SpecText(self.text, self.path)
         robot = kind_of(path).messages
         foreign = ("time", "static", "sheet") if robot else ("base", "gap", "faster", "stamps")
         for key in (key for key in foreign if key in logs.model_fields_set):
@@ -295,7 +296,8 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     if path.is_dir():
         path = path / NAME
     text = read_spec_text(path)
-    file, source = parse_spec(text, path), SpecText(text, path)
+    file = parse_spec(text, path)
+    source = SpecText(text, path)
     if file.model == Craft.name:
         with source.at("thrusters"):
             file = _with_commands(file)
@@ -344,7 +346,8 @@ def _with_commands(file: SpecFile) -> SpecFile:
 
 
 def _model(file: SpecFile, source: SpecText, trust: Sequence[Path | str]) -> Model:
-    folder, options = source.path.parent, dict(file.options)
+    folder = source.path.parent
+    options = dict(file.options)
     if file.model == Craft.name and file.thrusters is not None:
         with source.at("thrusters"):
             model = craft_of(file.body, file.thrusters)
@@ -378,7 +381,8 @@ def _model(file: SpecFile, source: SpecText, trust: Sequence[Path | str]) -> Mod
 
 
 def _files(patterns: Iterable[str], key: str, source: SpecText) -> tuple[Path, ...]:
-    folder, files = source.path.parent, list[Path]()
+    folder = source.path.parent
+    files: list[Path] = []
     for pattern in patterns:
         # A file may be called run[1].csv.
         if _exists(folder / pattern):
