@@ -61,7 +61,8 @@ def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
         rows = [
             grid[row, column] for row in range(block * len(heights), (block + 1) * len(heights))
         ]
-        first, static = column == 0, are_tables([run.record])
+        first = column == 0
+        static = are_tables([run.record])
         shared = None
         for row, names in zip(rows, drives, strict=False):
             driven = figure.add_subplot(row, sharex=shared)

@@ -217,8 +217,9 @@ def _gathered(
     for name in derived[0]:
         if all(name in by_name for by_name in derived):
             values = np.concatenate([by_name[name][0] for by_name in derived])[finite]
-            if np.all(np.isfinite(values)) and np.ptp(values := _coarse(values)) > 0:
-                fine[name] = values
+            if np.all(np.isfinite(values)):
+                fine[name] = _coarse(values)
+    fine = {name: values for name, values in fine.items() if np.ptp(values) > 0}
     return Samples(energy, run, fine, {name: derived[0][name][1] for name in fine})
 
 

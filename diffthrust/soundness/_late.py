@@ -110,7 +110,8 @@ def lateness(logs: Sequence[Readings]) -> Lateness | None:
     if fitted is None:
         return None
     floor, growth, error = fitted
-    mean, scatter = delay + float(coefficients[0]), float(np.sqrt(growth))
+    mean = delay + float(coefficients[0])
+    scatter = float(np.sqrt(growth))
     share = float(growth * steep.mean() / (floor + growth * steep.mean()))
     return Lateness(mean, scatter, error / growth, share, _persistence(errors, slopes))
 

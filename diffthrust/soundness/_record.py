@@ -45,8 +45,8 @@ class Series(NamedTuple):
 
     def written(self, value: float) -> float:
         """A stored number in the unit in which the user wrote the channel."""
-        units, unit = ShownUnits([self.log.written]), self.log.units[self.channel]
-        return float(units.values(self.channel, value, unit))
+        units = ShownUnits([self.log.written])
+        return float(units.values(self.channel, value, self.log.units[self.channel]))
 
     def shown(self, value: float) -> str:
         """A stored number as text, with the user's unit."""
@@ -55,8 +55,8 @@ class Series(NamedTuple):
 
     def width(self, width: float) -> Size:
         """A difference of two stored numbers in the user's unit."""
-        units, unit = ShownUnits([self.log.written]), self.log.units[self.channel]
-        return units.size(self.channel, width, unit)
+        units = ShownUnits([self.log.written])
+        return units.size(self.channel, width, self.log.units[self.channel])
 
     def width_shown(self, width: float) -> str:
         """The same as text."""
@@ -99,7 +99,8 @@ class Record:
 
     def rate(self, channel: str) -> np.ndarray:
         """Rates of change of a channel over those windows [1/s]."""
-        values, span = self.values[channel], 2 * self.half
+        values = self.values[channel]
+        span = 2 * self.half
         return (values[span:] - values[:-span]) / (span * self.step)
 
     def track(self) -> dict[str, np.ndarray]:

@@ -93,7 +93,8 @@ def _moves(values: np.ndarray) -> bool:
 
 def _slow(s: Series, runs: _Runs) -> Doubt | None:
     """Readings at a lower rate than the log's, or at irregular times, held in between."""
-    waits, hold = runs.length[1:-1], s.log.holds.get(s.channel)
+    waits = runs.length[1:-1]
+    hold = s.log.holds.get(s.channel)
     counted = "none is needed: fits count the readings alone."
     if hold is not None and not hold.regular:
         evidence = (
@@ -179,7 +180,8 @@ def _saturated(s: Series, ends: Railed) -> Doubt:
 def _stuck(s: Series, runs: _Runs, moving: Mapping[str, np.ndarray]) -> _Stuck | None:
     """One stretch of one value, far longer than any other, while other channels move."""
     longest = int(np.argmax(runs.length))
-    length, shorter = int(runs.length[longest]), np.delete(runs.length, longest)
+    length = int(runs.length[longest])
+    shorter = np.delete(runs.length, longest)
     if length < max(_LEAST, _SHARE * s.values.size) or shorter.size < 10:
         return None
     if length < 4 * np.quantile(shorter, 0.98):

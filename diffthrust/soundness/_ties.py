@@ -76,13 +76,15 @@ def _at_once(r: Record) -> Iterator[Tie]:
     for channel, position in (("yaw_rate", "heading"), ("velocity", "position")):
         if r.has(position, channel):
             powers = {channel: 1, position: -1, "time": 1}
-            due, words = r.rate(position), f"the rate of the {position}"
-            yield _tie(words, powers, r.mean(channel), due, GEOMETRY, equal=True)
+            words = f"the rate of the {position}"
+            seen, due = r.mean(channel), r.rate(position)
+            yield _tie(words, powers, seen, due, GEOMETRY, equal=True)
     if r.has("north", "east", "heading", "surge"):
         for channel, due in r.track().items():
             if r.has(channel):
                 powers = {channel: 1, "north": -1, "east": -1, "heading": 0, "time": 1}
-                words, seen = "the track, turned by the heading", r.mean(channel)
+                words = "the track, turned by the heading"
+                seen = r.mean(channel)
                 # sway depends on where along the hull it is taken: its size proves nothing
                 yield _tie(words, powers, seen, due, GEOMETRY, equal=channel == "surge")
     speed = r.signed_speed() if r.has("speed", "thrust") else None

@@ -74,7 +74,8 @@ def misplaced(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     best = [row for row in best if row[1] > max(quality for _, quality, *_ in best) - 0.1]
     _, _, kind, reading, mended, after = best[0]
     evidence = f"{'; '.join(_improvement(tie, after[tie.key]) for tie in mended[:2])}."
-    line, rivals = reading.line, [(row[2], row[3]) for row in best[1:]]
+    line = reading.line
+    rivals = [(row[2], row[3]) for row in best[1:]]
     if rivals:
         named = [_named(*rival) for rival in rivals[:2]]
         evidence += f" The same would follow from {' or '.join(named)}."
@@ -119,8 +120,10 @@ def _is_broken(tie: Tie) -> bool:
 
 
 def _holds(tie: Tie | None) -> bool:
-    if tie is None or tie.kind == DRIVE:
-        return tie is not None and tie.together > -OPPOSED
+    if tie is None:
+        return False
+    if tie.kind == DRIVE:
+        return tie.together > -OPPOSED
     return tie.together > FIRM and (not tie.equal or 1 / _RIGHT < tie.gain < _RIGHT)
 
 
@@ -237,7 +240,8 @@ def _shifted(gains: Mapping[int, Mapping[_Key, Tie]], i: int) -> Iterator[Doubt]
         if len(peers) < 2:
             continue
         middle, span = float(np.median(peers)), float(np.ptp(tie.seen))
-        usual, off = max(abs(zero - middle) for zero in peers), zeros[i] - middle
+        usual = max(abs(zero - middle) for zero in peers)
+        off = zeros[i] - middle
         if abs(off) > max(_SHIFT * span, _SPREAD * usual):
             evidence = (
                 f"{tie.channel} stands {number(off, 3)} beside where it stands in the other logs, "

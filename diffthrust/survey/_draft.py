@@ -92,7 +92,8 @@ def _thrusters(layout: RecordedLayout, channels: Mapping[str, Pick]) -> Iterator
     units = {
         n: f"pwm = {_pwm(p)}" if p.meaning.pwm else 'unit = "effort"' for n, p in picks.items()
     }
-    first, common = next(iter(picks)), len({*units.values()}) == 1
+    first = next(iter(picks))
+    common = len({*units.values()}) == 1
     yield "[thrusters]"
     yield 'model = "static_thruster"'
     if common:
@@ -184,7 +185,8 @@ def _as_seen(path: Path, folder: Path) -> str:
 
 def _time(pick: Pick) -> Iterator[str]:
     yield from _doubts(pick)
-    clock, unit = pick.field, f", unit = {_toml(pick.meaning.unit)}"
+    clock = pick.field
+    unit = f", unit = {_toml(pick.meaning.unit)}"
     if clock.dates:
         unit = f", dates = {_toml(clock.date_formats[0])}" if clock.date_formats else ""
     yield f"time = {{ column = {_toml(clock.name)}{unit} }}"

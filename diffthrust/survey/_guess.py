@@ -191,7 +191,8 @@ def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
     elif largest <= 105:
         unit, doubt = "percent", "No unit is named: taken for percent of full drive."
     else:
-        unit, why = "", "name"
+        unit = ""
+        why = "name"
         doubt = f"No unit is named, and numbers up to {largest:.4g} suggest none."
     return Meaning("command", unit, sure=sure, why=why, doubts=(doubt,), scale=scale)
 
