@@ -264,7 +264,9 @@ class Outstanding(NamedTuple):
 
 def beside_others(runs: Sequence[Run], channel: str) -> list[Outstanding]:
     """The error of every run that has a channel, beside that of the median run."""
-    by_run = {i: r.errors.channels[channel] for i, r in enumerate(runs) if channel in r.channels}
+    errors = [run.errors.channels for run in runs]
+    # a channel of which a run has no reading has no error
+    by_run = {i: by_name[channel] for i, by_name in enumerate(errors) if channel in by_name}
     usual = float(np.median([e.rmse for e in by_run.values()])) if by_run else np.nan
     total = sum(e.rmse**2 * e.samples for e in by_run.values())
     return [
@@ -285,10 +287,11 @@ def outstanding(runs: Sequence[Run]) -> list[Outstanding]:
     standing_out = []
     for name in dict.fromkeys(name for run in runs for name in run.channels):
         by_run = beside_others(runs, name)
+        if len(by_run) < 3:
+            continue  # of two runs the median lies between both: neither is three times as large
         relative = [runs[entry.place].errors.channels[name].nrmse for entry in by_run]
         most = _OUTSTANDING * float(np.median(relative))
         for entry, nrmse in zip(by_run, relative, strict=True):
-            # of two runs the median lies between both: neither can be three times as large
-            if len(by_run) > 2 and _OUTSTANDING < entry.ratio < np.inf and nrmse > most:
+            if _OUTSTANDING < entry.ratio < np.inf and nrmse > most:
                 standing_out.append(entry)
     return standing_out

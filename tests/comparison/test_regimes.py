@@ -227,6 +227,14 @@ def test_one_bad_run_stands_out():
     assert hint.endswith("% of the squared error of all runs.")
 
 
+def test_a_run_without_a_reading_of_a_channel_does_not_stand_out():
+    made = logs(3, dead=0.0)
+    made[0] = made[0].replaced(measured={"speed": np.full(400, np.nan)})
+    comparison = dft.compare(dft.Thruster(), made)
+    assert comparison.outstanding == ()
+    assert comparison.to_json()["hints"] == []
+
+
 def test_the_residual_figure_shows_every_channel():
     figure = dft.compare(dft.Thruster(), logs()).plot_residuals()
     assert len(figure.axes) == 4
