@@ -46,11 +46,15 @@ class Relay(Static):
                 "Leave one of them out.",
             )
         self.least: float = self.hysteresis or self.dead_zone
-        self.scale: float | None = self.least or None
         self.jumps: tuple[float, ...] = (
             () if hysteresis else tuple({-self.dead_zone, self.dead_zone})
         )
         self.bends: tuple[float, ...] = self.jumps or (-self.hysteresis, self.hysteresis)
+
+    @property
+    def scale(self) -> float | None:
+        """Hysteresis or half the dead zone; none for an ideal relay."""
+        return self.least or None
 
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """4 level / (pi A) (sqrt(1 - (b/A)^2) - j h/A), with b the hysteresis h or dead zone."""
@@ -119,12 +123,16 @@ class Saturation(Static):
     def __init__(self, limit: float, *, slope: float = 1.0) -> None:
         self.limit: float = positive("limit", limit)
         self.slope: float = positive("slope", slope)
-        self.scale: float | None = self.limit / self.slope
         self.bends: tuple[float, ...] = (-self.scale, self.scale)
+
+    @property
+    def scale(self) -> float:
+        """The input at which the output stops to rise."""
+        return self.limit / self.slope
 
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """2 k/pi (asin(d/A) + d/A sqrt(1 - (d/A)^2)), d = limit / k; k below d."""
-        share = np.minimum(1.0, self.limit / self.slope / amplitudes_of(amplitude, frequency))
+        share = np.minimum(1.0, self.scale / amplitudes_of(amplitude, frequency))
         return (self.slope * _kept(share)).astype(complex)
 
     def over(self, e: np.ndarray) -> np.ndarray:
@@ -156,8 +164,12 @@ class DeadZone(Static):
         self.width: float = positive("width", width)
         self.slope: float = positive("slope", slope)
         self.least: float = self.width
-        self.scale: float | None = self.width
         self.bends: tuple[float, ...] = (-self.width, self.width)
+
+    @property
+    def scale(self) -> float:
+        """Half the width of the band."""
+        return self.width
 
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """The slope less the describing function of a saturation at the band; zero within it."""
@@ -195,7 +207,11 @@ class Backlash(Static):
         self.gap: float = positive("gap", gap)
         self.slope: float = positive("slope", slope)
         self.least: float = self.gap
-        self.scale: float | None = self.gap
+
+    @property
+    def scale(self) -> float:
+        """Half the width of the play."""
+        return self.gap
 
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """k/2 (1 + 2/pi (asin x + x sqrt(1-x^2))) - j 4 k b/(pi A) (1 - b/A), x = 1 - 2 b/A."""
@@ -275,9 +291,14 @@ class StaticNonlinearity(Static):
         self.name: str = name
         self.jumps: tuple[float, ...] = tuple(float(jump) for jump in jumps)
         self.bends: tuple[float, ...] = (*self.jumps, *(float(bend) for bend in bends))
-        self.scale: float | None = positive("scale", scale)
-        probe = self.scale * np.linspace(0.03, 2.03, 9)
+        self._scale = positive("scale", scale)
+        probe = self._scale * np.linspace(0.03, 2.03, 9)
         self.odd: bool = bool(np.allclose(self.over(-probe), -self.over(probe), rtol=1e-9))
+
+    @property
+    def scale(self) -> float:
+        """The input at which the behaviour changes, as given."""
+        return self._scale
 
     def over(self, e: np.ndarray) -> np.ndarray:
         """The function's values."""

@@ -51,8 +51,11 @@ class Nonlinearity(ABC):
     """On the ends of the widest range of frequencies, for the default one."""
     harmonics: int = 15
     """The highest in the balance, by default."""
-    scale: float | None = None
-    """The input at which the behaviour changes; ``None`` where there is none."""
+
+    @property
+    def scale(self) -> float | None:
+        """The input at which the behaviour changes; ``None`` where there is none."""
+        return None
 
     @abstractmethod
     def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:

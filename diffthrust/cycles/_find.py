@@ -90,9 +90,11 @@ def limit_cycles(
     """
     element = _element(nonlinearity)
     transfer = transfer_of(linear).later(element.delay)
-    high = element.harmonics
-    if harmonics is not None:
-        high = whole_number("harmonics", harmonics, most=_MOST_HARMONICS)
+    high = element.harmonics if harmonics is None else whole_number("harmonics", harmonics)
+    if high > _MOST_HARMONICS:
+        raise InputError(
+            f"harmonics: expected at most {_MOST_HARMONICS}, found {high}.", "Correct it."
+        )
     a = _range("amplitudes", amplitudes, element.least)
     a, w = grid_of(transfer, element, a, _range("frequencies", frequencies, 0.0))
     cycles, f = crossings(transfer, element, a, w)

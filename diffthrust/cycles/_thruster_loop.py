@@ -249,8 +249,7 @@ class ThrusterLoop(Result):
             InputError: something that is no positive number.
         """
         x, end = positive("displacement", displacement), positive("duration", duration)
-        element, k = self.found.element, self.newton
-        assert isinstance(element, ModelElement)  # `thruster_loop_cycle` has made it
+        element, k = _element(self.model, self.mass, self.drag), self.newton
         force = self.mass * self.natural_frequency**2 * x
         period = 2.0 * math.pi / self.natural_frequency
         run = element.course(self.found.transfer, force / k, period, end)
@@ -339,8 +338,7 @@ def thruster_loop_cycle(
         positive(f"{name} of the thruster", value)
     newton = plain.thrust_per_command
     gains = [2.0 * zeta * wn * mass / newton, wn**2 * mass / newton]
-    # with drag the element ends at the velocity, so that what is left of the loop is linear
-    element = PropelledAxis(thruster, mass=mass, drag=drag) if drag else ModelElement(thruster)
+    element = _element(thruster, mass, drag)
     linear = (gains, [1.0, 0.0] if drag else [mass, 0.0, 0.0])
     if frequencies is None:
         frequencies = (0.1 * wn, 10.0 * wn)
@@ -360,6 +358,11 @@ def _of_inertia(thruster: QuadraticLoad, w: float, damping: float) -> float:
     """
     lag = w / (2.0 * damping)
     return thruster.thrust_gain * lag * math.hypot(lag, w) / (thruster.sine_load * thruster.load)
+
+
+def _element(thruster: Model, mass: float, drag: float) -> ModelElement:
+    """With drag it ends at the velocity, so that what is left of the loop is linear."""
+    return PropelledAxis(thruster, mass=mass, drag=drag) if drag else ModelElement(thruster)
 
 
 def _row(

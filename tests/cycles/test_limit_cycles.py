@@ -1,6 +1,7 @@
 """Limit cycles against loops with known answers, python-control, SciPy and the paper."""
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -221,6 +222,30 @@ def test_a_new_element_is_one_class():
     assert found.lasts is None
     assert found.simulation.startswith("not simulated: ")
     assert simulated.lasts is False
+
+
+class ManyHarmonics(Cube):
+    harmonics = 201
+
+
+def test_the_harmonics_of_a_new_element_are_limited_as_those_that_are_asked_for():
+    linear = third_order(6.0, 1.0, 2.0)
+    for element, harmonics in ((ManyHarmonics(), None), (Cube(), 201)):
+        with pytest.raises(InputError, match="harmonics: expected at most 200, found 201"):
+            limit_cycles(linear, element, harmonics=harmonics)
+
+
+class Wide(Saturation):
+    @property
+    def scale(self):
+        return 7.0
+
+
+def test_the_scale_follows_the_element_and_a_subclass_may_have_its_own():
+    element = Saturation(1.0)
+    element.slope = 4.0
+    assert element.scale == 0.25
+    assert Wide(1.0).scale == 7.0
 
 
 # The linear part.
@@ -570,6 +595,12 @@ def test_the_course_from_rest_grows_into_the_cycle(tmp_path):
     assert all(np.isfinite(values).all() for values in numbers_of(figure))
     with pytest.raises(InputError, match="duration"):
         loop.course(duration=0.0)
+
+
+def test_the_course_is_that_of_the_vehicle_that_the_result_has():
+    loop = jason(verify=False)
+    light, heavy = (replace(loop, drag=drag).course(0.01, 20.0) for drag in (0.5, 50.0))
+    assert np.abs(heavy.input).max() != np.abs(light.input).max()
 
 
 @pytest.mark.slow
