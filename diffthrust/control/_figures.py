@@ -55,7 +55,7 @@ def run_figure(
         _panel(axes, run, names, f"{label.replace('_', ' ')}", units[names[-1]])
         for fault in (fault for fault in faults if fault.at <= run.time[-1]):
             axes.axvline(fault.at, color="0.4", linewidth=0.8, linestyle=":")
-            if axes is rows[0]:
+            if label == of:
                 word = "change" if isinstance(fault, Change) else type(fault).__name__.lower()
                 axes.annotate(f" {word}", (fault.at, 0.97), xycoords=("data", "axes fraction"),
                               va="top", fontsize=8, color="0.4")  # fmt: skip

@@ -139,7 +139,7 @@ class LoopRun(RunSignals):
 
         parts = [self.loop.controller, self.loop.compensator]
         faults: Any = self.loop.faults
-        return run_figure(self, [block for block in parts if block], faults, self.units)
+        return run_figure(self, [block for block in parts if block is not None], faults, self.units)
 
 
 _STEP = 0.01

@@ -13,7 +13,6 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.validation import check_known, finite, whole_number
-from diffthrust.control._base import mapping
 from diffthrust.control._mpc_step import Frame, Plan, Setting, compiled_replan
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._reference import Wanted
@@ -271,7 +270,11 @@ def _given(what: str, value: Any) -> float:
 
 def _check_names(what: str, by_name: Any, names: tuple[str, ...], example: str) -> None:
     """Raise `InputError` for what is no dictionary by these names."""
-    mapping(f"MPC, {what}", by_name, f'{{"{names[0]}": {example}, ...}}')
+    if not isinstance(by_name, Mapping):
+        raise InputError(
+            f"MPC, {what}: expected a dictionary by name, found {by_name!r}.",
+            f'Write {{"{names[0]}": {example}, ...}}.',
+        )
     for name in by_name:
         check_known(name, names, f"MPC, {what}: the model has no")
 

@@ -45,7 +45,7 @@ class Sinusoid:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, "amplitude", "frequency", expected="a positive number")
+        _check(self, ("amplitude", "frequency"), ("offset", "phase"), "a positive number")
 
     def at(self, time: np.ndarray) -> Followed:
         """Value, rate and acceleration at instants [s]."""
@@ -74,7 +74,7 @@ class Step:
     before: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self)
+        _check(self, (), ("value", "time", "before"))
 
     def at(self, time: np.ndarray) -> Followed:
         """Value, rate and acceleration at instants [s]."""
@@ -213,7 +213,7 @@ class StraightPath(Path):
     east: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, "speed")
+        _check(self, ("speed",), ("course", "north", "east"))
 
     def at(self, time: np.ndarray) -> Wanted:
         """Where to be at instants [s]."""
@@ -251,7 +251,7 @@ class HarmonicPath(Path):
     east: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, "speed", "amplitude", "wavelength")
+        _check(self, ("speed", "amplitude", "wavelength"), ("course", "north", "east"))
 
     def at(self, time: np.ndarray) -> Wanted:
         """Where to be at instants [s]."""
@@ -292,14 +292,18 @@ def wanted_at(path: Path, time: np.ndarray) -> Wanted:
     return Wanted(*rows)
 
 
-def _check(reference: Any, *positive: str, expected: str = "a number above zero") -> None:
-    """Raise `InputError` for a field that is not finite, or not positive where it has to be."""
-    for name, value in vars(reference).items():
-        where = f"{type(reference).__name__}, {name}"
-        if name in positive:
-            finite(where, value, lambda x: x > 0, expected)
-        else:
-            finite(where, value, lambda x: True, "a number")
+def _check(
+    reference: Any,
+    positive: tuple[str, ...],
+    any_sign: tuple[str, ...],
+    expected: str = "a number above zero",
+) -> None:
+    """Raise `InputError` for fields out of range; a subclass may have others of any kind."""
+    kind = type(reference).__name__
+    for name in positive:
+        finite(f"{kind}, {name}", getattr(reference, name), lambda x: x > 0, expected)
+    for name in any_sign:
+        finite(f"{kind}, {name}", getattr(reference, name), lambda x: True, "a number")
 
 
 def _turned(

@@ -1,6 +1,7 @@
 """Controllers, compensators and references by themselves, and gains that are tuned."""
 
 import math
+from dataclasses import make_dataclass
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,7 @@ from scipy import signal
 
 import diffthrust as dft
 from diffthrust import InputError, control
-from diffthrust.control import Loop, Sinusoid, Step, Trajectory
+from diffthrust.control import HarmonicPath, Loop, Sinusoid, Step, StraightPath, Trajectory
 from diffthrust.control._loop_scan import loop_signals  # private: to be differentiated
 from diffthrust.models import Signals
 
@@ -180,6 +181,15 @@ def test_references_give_a_value_and_its_derivatives():
 def test_references_that_cannot_be_meant_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [(Sinusoid, (1.0, 2.0)), (Step, (1.0,)), (StraightPath, (0.8,)), (HarmonicPath, (0.8, 1.0, 9))],
+)
+def test_a_subclass_of_a_reference_has_fields_of_its_own(kind, values):
+    named = make_dataclass("Named", [("label", str, "a")], bases=(kind,), frozen=True)
+    assert named(*values).label == "a"
 
 
 def test_a_trajectory_is_followed():

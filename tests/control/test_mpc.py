@@ -339,7 +339,7 @@ def test_a_run_that_runs_away_is_cut_and_says_when():
         ({"limits": {**LIMITS, "rudder_angle": (0.4, -0.4)}}, "a lowest and a highest value"),
         ({"limits": {**LIMITS, "rudder": (-1, 1)}}, "has no 'rudder'.*'rudder_angle'"),
         ({"limits": {**LIMITS, "rudder_angle": (-24, 24)}}, "in rad.*more than a turn"),
-        ({"limits": None}, "limits: expected a dictionary"),
+        ({"limits": None}, "limits: expected a dictionary by name, found None"),
         ({"rates": {"rudder_angle": 0.0}}, "rates of 'rudder_angle'"),
         ({"horizon": 0}, "horizon: expected a whole number"),
         ({"rate": -1.0}, "rate: expected a number above zero"),
