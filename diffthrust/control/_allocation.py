@@ -171,9 +171,13 @@ def _slopes(thrusts: _ThrustMap, commands: np.ndarray, chords: np.ndarray) -> np
 
 
 def _corrected(
-    thrusts: _ThrustMap, mixer: Mixer, size: float, rows: list[int], forces: np.ndarray,
+    thrusts: _ThrustMap,
+    mixer: Mixer,
+    size: float,
+    rows: list[int],
+    forces: np.ndarray,
     chords: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """The factors that lead to the same forces along each axis, and to as little beside it."""
     factors = mixer.matrix.copy()
     used = [k for k in range(len(mixer.commands)) if np.any(factors[:, k])]

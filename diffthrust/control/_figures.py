@@ -78,7 +78,8 @@ def track_figure(run: RunSignals, vessel: Model, mpc: MPC) -> Figure:
     """The path over the water on top; errors, what has limits, and what was estimated below."""
     from matplotlib.figure import Figure
 
-    limited, estimating = list(mpc.limits), mpc.disturbance is not None
+    limited = list(mpc.limits)
+    estimating = mpc.disturbance is not None
     below = 1 + len(limited) + estimating
     figure = Figure(figsize=(8.0, 3.4 + 1.8 * below), layout="constrained")
     grid = figure.add_gridspec(1 + below, 1, height_ratios=[2.0] + [1.0] * below)

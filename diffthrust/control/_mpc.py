@@ -222,7 +222,8 @@ class MPC:
     @cached_property
     def _setting(self) -> Setting:
         # inputs first, then limited states
-        ends, count = np.array([*self.limits.values()], float), len(self.model.inputs)
+        ends = np.array([*self.limits.values()], float)
+        count = len(self.model.inputs)
         low, high = ends[:count].T
         # everything in shares of an input's range: a rudder in rad and a force in N weigh alike
         rates = np.array([self.rates.get(n, b - a) for n, (a, b) in self.input_limits.items()])

@@ -161,8 +161,9 @@ class _Horizon:
     def after(self, state: State, shares: Array) -> State:
         """The state one sample later."""
         now = jnp.zeros(())  # models do not read the time of day
-        inputs, period = self.inputs_of(shares), self.setting.period
-        return one_sample(self.model, state, inputs, now, period, self.frame.substeps, self.push)
+        inputs = self.inputs_of(shares)
+        period, substeps = self.setting.period, self.frame.substeps
+        return one_sample(self.model, state, inputs, now, period, substeps, self.push)
 
     def foreseen(self, flat: Array) -> tuple[Array, Array]:
         """What is squared, and by how much states are beyond their limits; negative within."""

@@ -243,10 +243,17 @@ class _Evaluated:
 
 @program(4)
 def _linearized(
-    parts: Parts, of: str, names: tuple[str, ...], cost: Cost, gains: Mapping[str, Array],
-    values: Mapping[str, Array], constants: Mapping[str, Array], faults: FaultNumbers,
-    rows: Mapping[str, Array], start: Mapping[str, Array],
-) -> tuple[Array, Array]:  # fmt: skip
+    parts: Parts,
+    of: str,
+    names: tuple[str, ...],
+    cost: Cost,
+    gains: Mapping[str, Array],
+    values: Mapping[str, Array],
+    constants: Mapping[str, Array],
+    faults: FaultNumbers,
+    rows: Mapping[str, Array],
+    start: Mapping[str, Array],
+) -> tuple[Array, Array]:
     """Residuals ``(m,)`` and their derivatives with respect to each gain, ``(m, k)``."""
 
     def residuals(gains: Mapping[str, Array]) -> tuple[Array, Array]:

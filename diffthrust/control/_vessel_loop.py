@@ -356,9 +356,14 @@ class VesselLoop:
 
 @program(2)
 def _moved(
-    key: Key, substeps: int, values: Mapping[str, Array], state: State,
-    inputs: Mapping[str, Array], now: Array, period: Array,
-) -> State:  # fmt: skip
+    key: Key,
+    substeps: int,
+    values: Mapping[str, Array],
+    state: State,
+    inputs: Mapping[str, Array],
+    now: Array,
+    period: Array,
+) -> State:
     return one_sample(key.model.bind(values), state, inputs, now, period, substeps)
 
 

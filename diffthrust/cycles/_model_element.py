@@ -223,7 +223,8 @@ class ModelElement(Nonlinearity):
                 "Add the fastest lag of the plant to the linear part.",
             )
         on = np.concatenate([cycle.linear_states(plain), cycle.states.sum(axis=1).real])
-        period, limit = cycle.oscillation.period, BEYOND * cycle.oscillation.peak
+        period = cycle.oscillation.period
+        limit = BEYOND * cycle.oscillation.peak
         starts = np.array(factors)[:, None] * on[None, :]
         return self._courses(plain, starts, period, periods, limit)
 
@@ -251,7 +252,8 @@ class ModelElement(Nonlinearity):
         matrices = zip("abcd", plain.state_space(), strict=True)
         linear = {name: jnp.asarray(value) for name, value in matrices}
         signals = _marched(self, count, self.values, linear, step, jnp.asarray(starts))
-        time, courses = step * np.arange(count + 1), []
+        time = step * np.arange(count + 1)
+        courses = []
         for e, y in zip(*map(np.asarray, signals), strict=True):
             outside = np.flatnonzero(~(np.abs(e) <= limit))  # NaN counts as outside
             end = int(outside[0]) if outside.size else e.size
@@ -367,7 +369,8 @@ def _marched(
     def loop(
         x: Mapping[str, Array], time: Array
     ) -> tuple[dict[str, Array | Relaxing], Array, Array]:
-        z, instants = [x[f"linear.{i}"] for i in range(order)], {name: x[name] for name in names}
+        z = [x[f"linear.{i}"] for i in range(order)]
+        instants = {name: x[name] for name in names}
         passed = sum((linear["c"][i] * z[i] for i in range(order)), 0.0 * time)
         # where the linear part passes its input at once, the output does not read the command
         _, ahead = element.evaluate(values, instants, -passed, time)

@@ -134,8 +134,9 @@ class Static(Nonlinearity):
         Returns:
             Output at the start and the end, and what the element remembers then.
         """
-        rise, ends = after - before, (min(before, after), max(before, after))
-        cuts = [(jump - before) / rise for jump in self.jumps if ends[0] < jump < ends[1]]
+        rise = after - before
+        low, high = min(before, after), max(before, after)
+        cuts = [(jump - before) / rise for jump in self.jumps if low < jump < high]
         if not cuts:
             tiny = _NUDGE * rise
             return self.at(before + tiny), self.at(after - tiny), memory
@@ -305,14 +306,21 @@ def _simulated(
 
 
 def _march(
-    transfer: Transfer, element: Static, step: float, x: np.ndarray, memory: Any,
-    pending: deque[tuple[float, float]], limit: float, count: int,
-) -> LoopCourse:  # fmt: skip
+    transfer: Transfer,
+    element: Static,
+    step: float,
+    x: np.ndarray,
+    memory: Any,
+    pending: deque[tuple[float, float]],
+    limit: float,
+    count: int,
+) -> LoopCourse:
     """From states of the linear part and outputs that are still to arrive, up to a limit."""
     grown, early, late = transfer.stepper(step)
     _, _, c, _ = transfer.state_space()
     ahead, by_first, by_last = c @ grown, float(c @ early), float(c @ late)
-    e, y = np.empty(count + 1), np.empty(count + 1)
+    e = np.empty(count + 1)
+    y = np.empty(count + 1)
     e[0] = now = -float(c @ x)
     first, last, _ = element.passage(now, now, memory)
     y[0] = last

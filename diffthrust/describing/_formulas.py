@@ -55,7 +55,8 @@ def quasi_linear(
 
     Source: Yoerger, Cooke & Slotine 1990, section IV, figure 12.
     """
-    gamma, w = np.asarray(thruster.sine_load), np.asarray(frequencies)
+    w = np.asarray(frequencies)
+    gamma = np.asarray(thruster.sine_load)
     weight = gamma**4 if paper else (gamma * thruster.load) ** 2
     steady = thruster.drive_gain / thruster.load * np.asarray(amplitudes)  # speed |speed| at rest
     level = 4.0 * weight * steady**2

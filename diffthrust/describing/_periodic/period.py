@@ -182,7 +182,7 @@ def harmonics_of(
     series: PeriodSeries,
     states: Mapping[str, Float[Array, " points"]],
 ) -> Harmonics:
-    """The harmonics of the output, from the states at every (second) instant of the series."""
+    """The harmonics of the output, from the states at every (second) instant, the end included."""
     size = next((value.shape[0] for value in states.values()), series.time.shape[0])
     stride = (series.time.shape[0] - 1) // (size - 1)
     points = size - 1
@@ -210,7 +210,8 @@ def harmonics_of(
 def in_blocks(function: Callable[[Any], Any], count: int | Array, lanes: Any) -> Any:
     """A function of each of the first ``count`` lanes, block by block; zeros for the others.
 
-    The number of blocks may be traced: maps of all sizes run the same program.
+    The number of blocks may be traced: maps of all sizes run the same program. The leading axis of
+    the lanes is a multiple of `LANE_BLOCK`.
     """
     every = jax.vmap(function)
 

@@ -141,61 +141,69 @@ def respond(
     """
     tell, size = reporter(progress), lanes.amplitude.size
     origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if guess is None else guess
-    steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
-    r = PeriodicResponses(
-        np.zeros(size, complex), np.zeros(size), np.zeros(size), np.full(size, -1), steps,
-        np.zeros(size, int), np.array(origin),
-    )  # fmt: skip
-    previous, failed = np.full(size, np.nan, complex), np.zeros(size, int)
-    while (active := np.flatnonzero(r.reason < 0)).size:
-        for who, at in r.alike(cycle, active):
-            orbits = over(solver, at, lanes, who, solver.solve, r.x)
-            h, n, k = orbits.harmonics, at.samples, int(r.stage[who[0]])
-            r.first[who] = first_harmonic(h, lanes.amplitude[who])
-            r.mean[who], r.distortion[who] = h.mean, h.distortion
+    found = PeriodicResponses(
+        first=np.zeros(size, complex),
+        mean=np.zeros(size),
+        distortion=np.zeros(size),
+        reason=np.full(size, -1),
+        samples=np.full(size, samples or max(cycle.samples, solver.coarsest)),
+        stage=np.zeros(size, int),
+        x=np.array(origin),
+    )
+    previous = np.full(size, np.nan, complex)
+    failed = np.zeros(size, int)
+    while (active := np.flatnonzero(found.reason < 0)).size:
+        for who, at in found.alike(cycle, active):
+            orbits = over(solver, at, lanes, who, solver.solve, found.x)
+            h = orbits.harmonics
+            n, k = at.samples, int(found.stage[who[0]])
+            found.first[who] = first_harmonic(h, lanes.amplitude[who])
+            found.mean[who], found.distortion[who] = h.mean, h.distortion
             bad = orbits.reason != Reason.SETTLED
             # a failed search has left its point anywhere: the finer steps begin at the origin again
-            r.x[who] = np.where(_like(bad, r.x), np.asarray(origin)[who], orbits.x)
+            found.x[who] = np.where(_like(bad, found.x), np.asarray(origin)[who], orbits.x)
             failed[who] += orbits.reason == Reason.NOT_CLOSED
             # all stages first, then finer steps; an output that does not move may still wait for
             # the end of a delay
             still = (at.periods > 1) & (h.swing <= _STILL * np.abs(h.mean))
             restless = ~bad & (~(h.unsettled <= _REPEATED) | still & (at.periods < _LONGEST))
             later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LONGEST_SERIES]
-            r.stage[who] = np.where(restless, later[0] if later else k, k)
+            found.stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
-            change = np.abs(r.first[who] - previous[who])
+            change = np.abs(found.first[who] - previous[who])
             # for a first-order error the change from n to g n steps is (g - 1) times the error that
             # is left
-            near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(r.first[who]), floor)
+            scale = np.maximum(np.abs(found.first[who]), floor)
+            near = change <= _FINE * (solver.growth - 1) * scale
             near = near | still | (samples is not None)
-            r.reason[who[~bad & ~restless & near]] = Reason.SETTLED
+            found.reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near) | (restless & (not later))
-            previous[who] = np.where(bad | restless, np.nan, r.first[who])
+            previous[who] = np.where(bad | restless, np.nan, found.first[who])
             finer_steps = solver.growth * n
             last = min(samples or solver.finest, LONGEST_SERIES // (2 * at.periods))
             finished = finer & ((finer_steps > last) | (failed[who] >= _FAILURES))
             unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
-            r.reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
-            r.samples[who[finer & ~finished]] = finer_steps
-            tell("periodic responses", float(np.mean(r.reason >= 0)))
-    _check_again(solver, cycle, lanes, r)
-    return r
+            found.reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
+            found.samples[who[finer & ~finished]] = finer_steps
+            tell("periodic responses", float(np.mean(found.reason >= 0)))
+    _check_again(solver, cycle, lanes, found)
+    return found
 
 
-def _check_again(solver: Solver, cycle: Cycle, lanes: Lane, r: PeriodicResponses) -> None:
+def _check_again(solver: Solver, cycle: Cycle, lanes: Lane, found: PeriodicResponses) -> None:
     """Mark the lanes that a further period, on a later clock, shows not to have settled."""
     later = lanes._replace(clock=np.full_like(lanes.amplitude, _LATER))
-    for who, at in r.alike(cycle, np.flatnonzero(r.reason == Reason.SETTLED)):
-        orbits = over(solver, at, later, who, solver.again, r.x)
-        h, amplitude, first = orbits.harmonics, lanes.amplitude[who], np.abs(r.first[who])
-        change = np.abs(first_harmonic(h, amplitude) - r.first[who])
+    for who, at in found.alike(cycle, np.flatnonzero(found.reason == Reason.SETTLED)):
+        orbits = over(solver, at, later, who, solver.again, found.x)
+        h, amplitude = orbits.harmonics, lanes.amplitude[who]
+        first = np.abs(found.first[who])
+        change = np.abs(first_harmonic(h, amplitude) - found.first[who])
         swing = np.maximum(h.swing / amplitude, first)
-        moved = np.abs(h.mean - r.mean[who]) / amplitude
+        moved = np.abs(h.mean - found.mean[who]) / amplitude
         same = (change <= _SAME * np.maximum(first, 1e-3 * swing)) & (moved <= _SAME * swing)
         settled = orbits.reason == Reason.SETTLED
-        r.reason[who] = np.where(settled, r.reason[who], orbits.reason)
-        r.reason[who[settled & ~same]] = Reason.CLOCK
+        found.reason[who] = np.where(settled, found.reason[who], orbits.reason)
+        found.reason[who[settled & ~same]] = Reason.CLOCK
 
 
 def first_harmonic(output: Harmonics, amplitude: np.ndarray) -> np.ndarray:
@@ -208,9 +216,13 @@ def _like(by_lane: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def over(
-    solver: Solver, cycle: Cycle, lanes: Lane, who: np.ndarray, act: Callable[..., Any],
+    solver: Solver,
+    cycle: Cycle,
+    lanes: Lane,
+    who: np.ndarray,
+    act: Callable[..., Any],
     x: Any = None,
-) -> Any:  # fmt: skip
+) -> Any:
     """An act of the solver on some lanes, in portions that the cores of the machine share."""
     least = -(-who.size // LANE_BLOCK) if who.size else 1
     count = max(-(-who.size // solver.capacity), min(os.cpu_count() or 1, least))

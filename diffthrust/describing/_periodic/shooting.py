@@ -161,7 +161,8 @@ def scale_of(orbit: Orbit) -> Float[np.ndarray, "lanes n"]:
 def unstable(orbit: Orbit) -> Bool[np.ndarray, " lanes"]:
     """Whether a small displacement from each orbit grows from period to period, ``(lanes,)``."""
     slope = np.asarray(orbit.slope)
-    fine, grows = np.isfinite(slope).all(axis=(1, 2)), np.zeros(slope.shape[0], bool)
+    fine = np.isfinite(slope).all(axis=(1, 2))
+    grows = np.zeros(slope.shape[0], bool)
     multipliers = np.abs(np.linalg.eigvals(slope[fine]))
     grows[fine] = multipliers.max(axis=1, initial=0.0) > 1.0 + _UNSTABLE
     return grows
