@@ -157,8 +157,8 @@ def respond(
             orbits = over(solver, at, lanes, who, solver.solve, found.x)
             h = orbits.harmonics
             n, k = at.samples, int(found.stage[who[0]])
-            found.first[who] = first_harmonic(h, lanes.amplitude[who])
-            found.mean[who], found.distortion[who] = h.mean, h.distortion
+            first = first_harmonic(h, lanes.amplitude[who])
+            found.first[who], found.mean[who], found.distortion[who] = first, h.mean, h.distortion
             bad = orbits.reason != Reason.SETTLED
             # a failed search has left its point anywhere: the finer steps begin at the origin again
             found.x[who] = np.where(_like(bad, found.x), np.asarray(origin)[who], orbits.x)
@@ -170,21 +170,18 @@ def respond(
             later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LONGEST_SERIES]
             found.stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
-            change = np.abs(found.first[who] - previous[who])
-            # for a first-order error the change from n to g n steps is (g - 1) times the error that
-            # is left
-            scale = np.maximum(np.abs(found.first[who]), floor)
-            near = change <= _FINE * (solver.growth - 1) * scale
+            change = np.abs(first - previous[who])
+            # a first-order error changes by (g - 1) times what is left of it from n to g n steps
+            near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(first), floor)
             near = near | still | (samples is not None)
             found.reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near) | (restless & (not later))
-            previous[who] = np.where(bad | restless, np.nan, found.first[who])
-            finer_steps = solver.growth * n
+            previous[who] = np.where(bad | restless, np.nan, first)
             last = min(samples or solver.finest, LONGEST_SERIES // (2 * at.periods))
-            finished = finer & ((finer_steps > last) | (failed[who] >= _FAILURES))
+            finished = finer & ((solver.growth * n > last) | (failed[who] >= _FAILURES))
             unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
             found.reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
-            found.samples[who[finer & ~finished]] = finer_steps
+            found.samples[who[finer & ~finished]] = solver.growth * n
             tell("periodic responses", float(np.mean(found.reason >= 0)))
     _check_again(solver, cycle, lanes, found)
     return found
