@@ -14,7 +14,7 @@ def write_bag(folder: Path, topics, storage="sqlite3", name="bag"):
     Args:
         folder: where the bag's folder goes.
         topics: by topic, the type of its messages and pairs of stamp [s] and message; a message is
-            a function of the types.
+            a function of the types. Pairs of topic and these where a topic has several types.
         storage: ``"sqlite3"`` or ``"mcap"``.
         name: name of the bag.
     """
@@ -24,7 +24,7 @@ def write_bag(folder: Path, topics, storage="sqlite3", name="bag"):
     store = get_typestore(Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with Writer(folder / name, version=9, storage_plugin=plugin) as writer:
-        for topic, (kind, messages) in topics.items():
+        for topic, (kind, messages) in topics.items() if isinstance(topics, dict) else topics:
             connection = writer.add_connection(topic, kind, typestore=store)
             for stamp, message in messages:
                 raw = store.serialize_cdr(message(store.types), kind)

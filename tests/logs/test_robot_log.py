@@ -139,6 +139,16 @@ def test_defects_of_columns_in_a_bag(bag, column, words):
     assert caught.value.mend
 
 
+def test_a_second_type_of_messages_on_a_topic_must_have_the_field(tmp_path):
+    def text(types):
+        return types["std_msgs/msg/String"](data="7")
+
+    sound = "/x", (FLOAT, [(t, number(t)) for t in (0.0, 0.1)])
+    bag = write_bag(tmp_path, [sound, ("/x", ("std_msgs/msg/String", [(0.2, text)]))])
+    with pytest.raises(InputError, match="column '/x.data': expected a number, found str '7'"):
+        read_robot_log(bag, base=0.1, measured={"x": "/x.data"})
+
+
 ESC = {"RCOU": ("QHH", ["TimeUS", "C1", "C2"]), "ESC": ("QBfc", ["TimeUS", "Instance", "RPM", "V"])}
 
 

@@ -60,12 +60,17 @@ class _Topic:
         self.file = file
         self.gathered = Gathered(name, array("q"), {key: array("d") for key in fields}, units)
         self.steps = [_steps(file, key, field) for key, field in fields.items()]
+        self.checked: set[type] = set()
 
     def add(self, message: Any, stamp: int, strict: bool) -> None:
         """Take the numbers of a message; an element that it lacks is missing if not ``strict``."""
+        # First: a stamp beyond 63 bits is refused here, and must not leave its numbers behind.
+        self.gathered.ticks.append(stamp)
+        # What is no number is none in any message of its type, up to the lengths of arrays.
+        checked = not strict or type(message) in self.checked
+        self.checked.add(type(message))
         for (key, values), steps in zip(self.gathered.values.items(), self.steps, strict=True):
-            # What is no number is none in any message, up to the lengths of arrays.
-            if strict and not values:
+            if not checked:
                 _check_number(self.file, key, message, steps)
             try:
                 values.append(_number(message, steps))
@@ -73,7 +78,6 @@ class _Topic:
                 if strict:
                     _check_number(self.file, key, message, steps)
                 values.append(math.nan)
-        self.gathered.ticks.append(stamp)
 
 
 def read_bag(
