@@ -50,10 +50,8 @@ class PWM:
             InputError: a width is missing, unknown or not a number, or two widths coincide.
         """
         if not isinstance(widths, PWM):
-            names, example = (
-                [f.name for f in fields(cls)],
-                "write pwm = {'stop': 1500, 'full': 1900}.",
-            )
+            names = [f.name for f in fields(cls)]
+            example = "write pwm = {'stop': 1500, 'full': 1900}."
             if not isinstance(widths, Mapping) or not {"stop", "full"} <= set(widths):
                 raise InputError.at(
                     place, f"expected pwm with a stop and a full width, found {widths!r}.", example
@@ -65,11 +63,18 @@ class PWM:
                         place, f"pwm knows {listing(names)}, found {key!r}{near}.", example
                     )
             widths = cls(**widths)
-        for width in (widths.stop, widths.full, widths.reverse):
-            if width is not None and (isinstance(width, bool) or not is_finite(width)):
+        numbers = {}
+        for name, width in vars(widths).items():
+            if width is None and name == "reverse":
+                continue
+            # Python's own numbers: a np.uint16 of 1100 minus 1500 is 65136.
+            number = width.item() if isinstance(width, np.number) else width
+            if isinstance(number, bool) or not is_finite(number):
                 raise InputError.at(
                     place, f"expected a width of pulses, found {width!r}.", "write it as in 1500."
                 )
+            numbers[name] = number
+        widths = cls(**numbers)
         ahead, astern = widths.full - widths.stop, widths.astern - widths.stop
         if ahead == 0 or ahead * astern >= 0:
             raise InputError.at(
