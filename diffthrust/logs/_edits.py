@@ -145,7 +145,7 @@ class LogEdits(ABC):
             True
         """
         where = f"log {self.name!r}"
-        finite(where, seconds, lambda _: True, "a shift in seconds", "give a number.")
+        seconds = finite(where, seconds, lambda _: True, "a shift in seconds", "give a number.")
         unknown = [channel for channel in channels if channel not in self.units]
         if unknown or not channels:
             found = repr(unknown[0]) if unknown else "none"
@@ -247,7 +247,7 @@ class LogEdits(ABC):
             return steps.means(plain)
 
         counts = {name: steps.samples(self.measured[name]) for name in self.noise}
-        note = f"{len(self)} rows were averaged to {steps.time.size} at {rate:g} Hz."
+        note = f"{len(self)} rows were averaged to {steps.time.size} at {steps.rate:g} Hz."
         return self._mapped(
             mean,
             time=steps.time,
@@ -313,7 +313,7 @@ class _EvenSteps:
                 "give a higher rate, in samples a second.",
             )
         self.time, self._width = first + (numbers + 0.5) / rate, 1.0 / rate
-        self._stamps = stamps
+        self.rate, self._stamps = rate, stamps
 
     def _totals(self, weights: np.ndarray) -> np.ndarray:
         return np.bincount(self._of_row, weights, minlength=self.time.size)

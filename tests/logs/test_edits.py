@@ -1,5 +1,7 @@
 """Stretches that are left out, and channels moved in time, of a log and by a spec."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,12 @@ def test_a_shift_by_half_a_sample_is_the_mean_of_two():
     log = made()
     late, thrust = log.shifted(0.05, "thrust").measured["thrust"], log.measured["thrust"]
     np.testing.assert_allclose(late[1:], 0.5 * (thrust[1:] + thrust[:-1]), atol=1e-12)
+
+
+def test_any_kind_of_number_shifts():
+    late, same = (made().shifted(half, "speed") for half in (Fraction(1, 2), 0.5))
+    np.testing.assert_array_equal(late.measured["speed"], same.measured["speed"])
+    assert late.notes == same.notes
 
 
 def test_a_shift_back_undoes_a_shift():

@@ -1,6 +1,7 @@
 import io
 import struct
 import time as clock
+from fractions import Fraction
 
 import numpy as np
 import pandas as pd
@@ -136,6 +137,8 @@ def test_start_and_stop_are_told(tmp_path):
     assert log.time[0] == 101.0
     assert log.time[-1] == 102.5
     assert log.notes == ("34 of 50 samples were cut, those outside 1 s to 2.5 s.",)
+    same = read(path, start=Fraction(1), stop=Fraction(5, 2))
+    assert (same.notes, same.time.tolist()) == (log.notes, log.time.tolist())
     with pytest.raises(InputError, match=r"lasts 4\.9 s"):
         read(path, start=10.0)
     with pytest.raises(InputError, match="start in seconds"):

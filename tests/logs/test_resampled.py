@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,12 @@ def test_a_merged_table_at_a_rate_gives_the_parameters_of_all_its_rows(tmp_path:
     rows, rate = (dft.fit(dft.Thruster(), log, starts=2) for log in (every, even))
     for name, estimate in rows.parameters.items():
         assert rate.parameters[name].value == pytest.approx(estimate.value, rel=0.01)
+
+
+def test_a_rate_may_be_any_kind_of_number() -> None:
+    time = np.arange(12) * 0.25
+    log = Log(time, {"command": time}, {"speed": time})
+    assert "to 3 at 1 Hz." in log.resampled(Decimal("1.0")).notes[-1]
 
 
 def test_a_step_of_a_held_input_keeps_its_integral_and_is_not_smeared() -> None:

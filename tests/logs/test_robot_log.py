@@ -2,6 +2,7 @@
 
 import builtins
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -76,6 +77,14 @@ def test_a_bag_is_read_back(bag):
     assert "jitter 0 ms; 0% of the samples are interpolated" in surge
 
 
+def test_limits_may_be_any_kind_of_number(bag):
+    limits = {"gap": 0.5, "faster": 2.5, "start": 0.25, "stop": 0.75}
+    log = read(bag, **limits)
+    same = read(bag, **{word: Decimal(value) for word, value in limits.items()})
+    np.testing.assert_array_equal(same.time, log.time)
+    assert same.notes == log.notes
+
+
 def test_channels_of_other_rates_are_interpolated_and_it_is_said(bag):
     speed = Column("/rpm.data[1]", unit="rpm", scale=-1.0)
     log = read(bag, measured={"surge": "/velocity.twist.linear.x", "speed": speed}, base=0.05)
@@ -145,7 +154,7 @@ def test_a_second_type_of_messages_on_a_topic_must_have_the_field(tmp_path):
 
     sound = "/x", (FLOAT, [(t, number(t)) for t in (0.0, 0.1)])
     bag = write_bag(tmp_path, [sound, ("/x", ("std_msgs/msg/String", [(0.2, text)]))])
-    with pytest.raises(InputError, match="column '/x.data': expected a number, found str '7'"):
+    with pytest.raises(InputError, match=r"column '/x\.data': expected a number, found str '7'"):
         read_robot_log(bag, base=0.1, measured={"x": "/x.data"})
 
 

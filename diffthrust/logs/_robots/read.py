@@ -117,7 +117,7 @@ def read_robot_log(
         )
     driving, sensed = channel_columns(file.name, inputs, measured)
     columns = {**driving, **sensed}
-    _check(file, stamps, gap=gap, faster=faster, start=start, stop=stop)
+    numbers = _checked(file, stamps, gap=gap, faster=faster, start=start, stop=stop)
     missing = _numbers(file, missing_values)
     wanted = list(dict.fromkeys(column.column for column in columns.values()))
     kind = kind_of(file)
@@ -131,9 +131,10 @@ def read_robot_log(
         key: _unwrapped(fields[c.column], c, key, driving=key in driving)
         for key, c in columns.items()
     }
-    even = resample(file.name, series, base, gap, faster)
+    even = resample(file.name, series, base, numbers.get("gap"), numbers.get("faster", np.inf))
     # Cut after resampling: a held input keeps the value that was set before `start`.
-    keep, notes = window(even.time, start, stop, file.name), even.notes
+    keep = window(even.time, numbers.get("start"), numbers.get("stop"), file.name)
+    notes = even.notes
     if not keep.all():
         notes.append(f"{int((~keep).sum())} of {keep.size} samples were cut by start and stop.")
 
@@ -158,18 +159,22 @@ def read_robot_log(
     return log if rate is None else log.resampled(rate)
 
 
-def _check(file: Path, stamps: str, **numbers: float | None) -> None:
+def _checked(file: Path, stamps: str, **numbers: float | None) -> dict[str, float]:
+    """Those of the numbers that are given."""
+    checked = {}
     for word, value in numbers.items():
         least = {"gap": 0.0, "faster": 1.0}.get(word, -np.inf)
         bound = f" of at least {least:g}" if np.isfinite(least) else ""
         mend = "give a number." if word == "faster" else "give a number of seconds."
         if value is not None:
-            finite(file.name, value, partial(le, least), f"{word} as a number{bound}", mend)
+            expected = f"{word} as a number{bound}"
+            checked[word] = finite(file.name, value, partial(le, least), expected, mend)
     if stamps not in ("recorder", "header"):
         raise InputError(
             f"{file.name}: expected stamps 'recorder' or 'header', found {stamps!r}.",
             "write 'header' for the stamps in the messages' headers.",
         )
+    return checked
 
 
 def _numbers(file: Path, words: Sequence[str | float]) -> list[float]:

@@ -145,10 +145,12 @@ class TableRequest:
             self.clock = each_column(named, file, "time")["time"]
         words = (missing_values,) if isinstance(missing_values, str | float) else missing_values
         self.missing = frozenset(str(word).strip() for word in words)
-        for word, value in (("start", start), ("stop", stop)):
-            if value is not None:
-                finite(file, value, lambda _: True, f"{word} in seconds", "give a number.")
-        self.start, self.stop = start, stop
+        self.start, self.stop = (
+            None
+            if value is None
+            else finite(file, value, lambda _: True, f"{word} in seconds", "give a number.")
+            for word, value in (("start", start), ("stop", stop))
+        )
         self.options = {"interpolate_inputs": interpolate_inputs, "static": static or time is None}
 
     @property
