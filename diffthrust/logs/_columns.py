@@ -39,13 +39,8 @@ class Column:
         censored: samples at a rail count as "at least" or "at most" it, as in `Log`.
 
     Example:
-        >>> dft.Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
-        'effort'
-        >>> volts = dft.Column("u", unit="V", scale=0.1).checked("fit.toml")
-        >>> volts.read(np.array([10.0, 20.0]), "run1.csv")
-        (array([1., 2.]), Written(unit='V', column='u', pwm=None, scale=0.1), None)
-        >>> dft.Column("thrust_kgf", unit="kgf").written.unit
-        'kgf'
+        >>> dft.Column("rpm", unit="rpm", unsigned=True).scale
+        1.0
     """
 
     column: str
@@ -63,7 +58,12 @@ class Column:
 
     @property
     def kept_unit(self) -> str:
-        """The unit of the numbers after reading; an effort has its own unit."""
+        """The unit of the numbers after reading; an effort has its own unit.
+
+        Example:
+            >>> dft.Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
+            'effort'
+        """
         # A width stays an effort only while its unit is a time: with unit="deg" and a scale it is a
         # servo's angle, which has that unit.
         pulses = self.pwm is not None and self.unit in ("", "us", "ms", "s")
@@ -74,6 +74,10 @@ class Column:
 
         Raises:
             InputError: a field is invalid.
+
+        Example:
+            >>> dft.Column("rpm", unit="rpm").checked("fit.toml").unit
+            'rpm'
         """
         problem = mend = ""
         if not is_finite(self.scale) or self.scale == 0:
@@ -88,14 +92,12 @@ class Column:
             )
             mend = "write unit='%' or leave the unit out; scale brings other numbers to 1 at full, "
             mend += "and widths of pulses are declared by pwm."
-        elif self.effort and self.pwm is not None:
-            problem, mend = (
-                "expected pwm or effort, found both.",
-                "leave effort out: pwm implies it.",
-            )
         if problem:
             raise InputError.at(place, problem, mend)
         check_hold(self.hold, place)
+        if self.effort and self.pwm is not None:
+            problem = "expected pwm or effort, found both."
+            raise InputError.at(place, problem, "leave effort out: pwm implies it.")
         return self if self.pwm is None else replace(self, pwm=PWM.of(self.pwm, place))
 
     def read(self, numbers: np.ndarray, place: Place) -> tuple[np.ndarray, Written, str | None]:
@@ -106,6 +108,10 @@ class Column:
 
         Raises:
             InputError: widths of pulses out of range.
+
+        Example:
+            >>> dft.Column("u", unit="V", scale=0.1).read(np.array([10.0, 20.0]), "run1.csv")
+            (array([1., 2.]), Written(unit='V', column='u', pwm=None, scale=0.1), None)
         """
         note = None
         if isinstance(self.pwm, PWM):
@@ -122,7 +128,12 @@ class Column:
 
     @property
     def written(self) -> Written:
-        """How the user writes the channel, of a checked column."""
+        """How the user writes the channel, of a checked column.
+
+        Example:
+            >>> dft.Column("thrust_kgf", unit="kgf").written.unit
+            'kgf'
+        """
         plain = (self.scale, self.offset) == (1.0, 0.0)
         if isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain:
             return Written(self.unit or "us", self.column, self.pwm)
@@ -154,16 +165,16 @@ def channel_columns(
 ) -> tuple[dict[str, Column], dict[str, Column]]:
     """The column of each input and of each measured channel."""
     driving, sensed = each_column(inputs, file, "inputs"), each_column(measured, file, "measured")
-    names = [*driving, *sensed]
-    for channel in names:
-        if channel == "time" or names.count(channel) > 1:
-            raise InputError.at(
-                Place(file, channel=channel),
-                f"the channel {channel!r} is named twice, expected once among time, inputs and "
-                "measured.",
-                "give it under one of them.",
-            )
-    if not names:
+    twice = sorted(driving.keys() & sensed.keys())
+    twice += {"time"} & (driving.keys() | sensed.keys())
+    if twice:
+        raise InputError.at(
+            Place(file, channel=twice[0]),
+            f"the channel {twice[0]!r} is named twice, expected once among time, inputs and "
+            "measured.",
+            "give it under one of them.",
+        )
+    if not driving and not sensed:
         raise InputError(
             f"{file}: expected the columns to read, found none named.",
             "name at least one input or measured channel.",

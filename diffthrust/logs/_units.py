@@ -163,7 +163,6 @@ def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
             problem = "only one of them counts an angle, so turns or radians is undecided"
             mend = "write 'rev/s' or 'rad/s' (or 'rpm', 'deg/s') for a speed of rotation."
         problem = f"the unit {unit_from!r} is ambiguous where {unit_to!r} is expected: {problem}."
-        mend = mend
         raise InputError.at(where, problem, mend)
 
 
