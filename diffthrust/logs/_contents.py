@@ -75,7 +75,10 @@ def contents(path: str | PathLike[str]) -> Contents:
     if kind.messages:
         fields, notes, parameters = all_fields(file, kind)
         word = kind.article.split(" ", 1)[1]
-        each = tuple(Field(*about) for about in fields)
+        each = tuple(
+            Field(name=name, values=values, time=time, unit=unit)
+            for name, values, time, unit in fields
+        )
         return Contents(file, word, True, each, tuple(notes), parameters=parameters)
     source = open_table(file, kind, (), strict=False)
     remarks = list(source.notes)

@@ -72,6 +72,7 @@ def test_no_pulse_counts_as_the_stop_and_is_told(tmp_path):
         (Column("u", pwm={"stop": 1500, "full": 1900}), EFFORT, "numbers from -1 to 1"),
         (Column("u", unit="V", effort=True), EFFORT, "found the unit 'V'"),
         (Column("u", pwm={"stop": 1500, "full": 1900}, effort=True), WIDTHS, "found both"),
+        (Column("u", hold="held", pwm=PWM(1500, 1900), effort=True), WIDTHS, "hold of 'zero'"),
         (Column("u", offset=float("nan")), WIDTHS, "a finite offset"),
     ],
 )

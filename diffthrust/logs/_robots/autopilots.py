@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._largest import damaged, reading
+from diffthrust.logs._damaged import damaged, reading
 from diffthrust.logs._robots.dataflash import LATEST
 from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes, lacking
 from diffthrust.logs._units import unit_in

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diffthrust.logs._largest import reading
+from diffthrust.logs._damaged import reading
 from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
 from diffthrust.logs._units import unit_in
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._largest import damaged
+from diffthrust.logs._damaged import damaged
 from diffthrust.logs._robots.messages import (
     LONGEST,
     Gathered,

@@ -48,7 +48,7 @@ def _read_all_lines(path: Path, wanted: Collection[str], strict: bool) -> OpenTa
     body = {i + 1: lines[i] for i in head.body}
     cut = body.popitem()[0] if not complete and _is_cut_off(head, body) else None
 
-    def read(wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
+    def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
         if not body and strict:
             raise InputError(
                 f"{path.name}: expected samples below the header in line {head.line + 1}, found "
@@ -61,7 +61,7 @@ def _read_all_lines(path: Path, wanted: Collection[str], strict: bool) -> OpenTa
             row = _row(path.name, head, number, line, strict)
             for index, column in by_index.items():
                 column.append(row[index])
-        return {**columns}
+        return columns
 
     return _table(path, head, read, np.array([*body], np.int64), len(content) - len(raw), cut)
 

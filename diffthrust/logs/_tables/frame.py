@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._largest import MemoryBudget, reading
+from diffthrust.logs._damaged import reading
+from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells, Dates, OpenTable, Other
 
 
@@ -90,12 +92,12 @@ def read_parquet(path: Path) -> OpenTable:
             columns = {name: table.column(name) for name in chosen}
         cells: dict[str, Cells] = {}
         for name in wanted:
-            try:
-                cells[name] = _cells(columns[name].to_pandas()) if name in columns else Other("")
-            except Exception:  # values that pandas cannot hold
-                cells[name] = Other("")
-            if isinstance(cells[name], Other):  # in the words of the file's types
-                cells[name] = Other(f"values of type {kinds[name]}")
+            found: Cells | None = None
+            with suppress(Exception):  # values that pandas cannot hold
+                found = _cells(columns[name].to_pandas()) if name in columns else None
+            if found is None or isinstance(found, Other):  # in the words of the file's types
+                found = Other(f"values of type {kinds[name]}")
+            cells[name] = found
         return cells
 
     names = list(plain.schema_arrow.names)

@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._largest import MemoryBudget, reading
+from diffthrust.logs._damaged import reading
+from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells, OpenTable, Other
 
 _WIDEST = 64

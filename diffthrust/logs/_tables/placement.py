@@ -12,11 +12,14 @@ SEARCHED = 200
 
 @dataclass(frozen=True)
 class Placement:
-    """Position of a table: rows of its header, first samples and units, and rows above the header.
+    """Position of a table.
 
-    ``measure`` is how plausible it is, to compare ways of splitting the same text into cells:
-    number of wanted names in the header, whether it is as wide as the rows of numbers, the number
-    of those rows, their share of numbers, and their width.
+    ``header``, ``first`` and ``unit_row`` are indices of rows: of the header, of the first samples,
+    and of the units where a row has them; ``preamble`` is the number of rows above the header.
+    ``units``, by column, are from the header or from a row of units below it. ``measure`` is how
+    plausible it is, to compare ways of splitting the same text into cells: number of wanted names
+    in the header, whether it is as wide as the rows of numbers, the number of those rows, their
+    share of numbers, and their width.
     """
 
     names: list[str]

@@ -30,12 +30,17 @@ Cells = np.ndarray | Dates | Other | Sequence[str | None]
 
 @dataclass(frozen=True)
 class OpenTable:
-    """An open table, whose file, kind, rows and columns are named in messages by these words.
+    """An open table.
 
     Args:
+        file: name for messages.
+        kind: in words, such as ``"CSV table"``.
+        names: of its columns, in order.
         read: returns the cells of some columns by name; the second argument are texts that mean
             missing.
         rows: position of each sample in the file, ``(n,)``, counted from 1; None for 1, 2, ...
+        row_word: ``"line"``, ``"row"`` or ``"element"``.
+        column_word: ``"column"`` or ``"variable"``.
         comma: commas in its numbers are decimal commas; otherwise only where unambiguous.
         units: units of columns stated in the file.
         notes: sentences on how it was read.
