@@ -8,6 +8,7 @@ import pytest
 from hidden import sets
 from problems import build, examine, multistart_module, optimum_module, restarts
 from reference import inputs, noise, thruster, vessel
+from short_logs import TwiceTheSame
 from steps import Clock, Refit, bind
 
 import diffthrust as dft
@@ -243,17 +244,6 @@ def test_the_same_log_in_other_units_gives_the_same_fit():
         assert fit.parameters[name].value == pytest.approx(estimate.value, rel=1e-6)
         assert fit.parameters[name].std_error == pytest.approx(estimate.std_error, rel=1e-4)
     assert fit.train.nrmse == pytest.approx(ours.train.nrmse, rel=1e-6)
-
-
-class TwiceTheSame(dft.Effect):
-    """A gain on the drive: the same as beta."""
-
-    name = "drive_gain"
-    port = "drive"
-    gain: float = dft.parameter(1.0, bounds=(0, None))
-
-    def __call__(self, value, s):
-        return self.gain * value
 
 
 def test_a_redundant_parameter_is_named_and_has_no_standard_error():
