@@ -52,8 +52,7 @@ def envelopes(
     }
 
 
-def stretches(inside: np.ndarray, time: np.ndarray) -> list[tuple[float, float]]:
-    """From when to when samples are marked, one pair of time stamps for each run of marks."""
-    steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
-    begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
-    return [(float(time[b]), float(time[e])) for b, e in zip(begins, ends, strict=True)]
+def stretches(marked: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of each run of marked samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

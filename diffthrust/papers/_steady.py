@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.envelope import stretches
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.results import Brief
@@ -162,12 +163,6 @@ def records(what: str, logs: Any) -> tuple[Log, ...]:
     if not several:
         raise InputError(f"{what}: no record was given.", "Give one log or a list of them.")
     return several
-
-
-def true_stretches(good: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 @dataclass(frozen=True, repr=False)
@@ -330,7 +325,7 @@ def _cut_out(log: Log, start: float, stop: float) -> Log:
 
 def _portions(log: Log, where: np.ndarray, least: float) -> list[Log]:
     """The stretches of true values that last so long [s]."""
-    times = [(log.time[first], log.time[last]) for first, last in true_stretches(where)]
+    times = [(log.time[first], log.time[last]) for first, last in stretches(where)]
     return [_cut_out(log, start, stop) for start, stop in times if stop - start >= least]
 
 

@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diffthrust._support.envelope import stretches
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Brief, Result
 from diffthrust.logs._log import Log
-from diffthrust.papers._steady import true_stretches
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -222,7 +222,7 @@ class Plan(Brief):
                 [np.abs(log.values(n, units.get(n, "")) - x) <= _NEAR * spans[n]
                  for n, x in level.inputs.items()], axis=0
             )  # fmt: skip
-            for first, last in true_stretches(held):
+            for first, last in stretches(held):
                 lasted = float(log.time[last] - log.time[first])
                 portion = slice(first, last + 1)
                 absent = tuple(n for n in self.measure if n not in log.measured
@@ -313,7 +313,7 @@ def _excited(
     """
     edges = np.geomspace(*band, _PARTS + 1)
     wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
-    parts = list(true_stretches(recorded >= _ENOUGH * wanted))
+    parts = stretches(recorded >= _ENOUGH * wanted)
     if not parts:
         return None
     first, last = max(parts, key=lambda part: part[1] - part[0])

@@ -14,6 +14,8 @@ from made_fits import made_fits
 from diffthrust.checks import Checked, check
 from diffthrust.specs import load_spec
 
+pytestmark = pytest.mark.usefixtures("no_cache")
+
 COUNT = 200
 REPEATS = 20
 
@@ -36,11 +38,6 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert first.ok
     assert len(first.updated) == COUNT
     return folder
-
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
 @pytest.mark.slow

@@ -16,7 +16,10 @@ from diffthrust._support.files import write_whole  # private: all writers but on
 
 from .commands import TOLD, contents, here, make_specs
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="places are spoilt as on POSIX")
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="places are spoilt as on POSIX"),
+    pytest.mark.usefixtures("no_cache"),
+]
 
 WRITERS: dict[str, tuple[str, ...]] = {
     "fit --json": ("fit", "SENSOR", "--json", "PLACE.json"),
@@ -64,11 +67,6 @@ QUICK = {
 """Those that run at each change; the others take longer to come to their writing."""
 CASES = [pytest.param(name, marks=() if name in QUICK else pytest.mark.nightly) for name in WRITERS]
 FOLDERS = ("campaign --output", "new", "demo", "demo --missing")
-
-
-@pytest.fixture(autouse=True)
-def _no_cache(monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
 @pytest.fixture(scope="module")
