@@ -181,16 +181,10 @@ def test_any_names_are_read_or_refused(column, channel, other, header):
 def chain() -> bytes:
     """The bytes of a small sound chain."""
     rng = np.random.RandomState(1)
-    stored = chain_file.Stored(
-        chain=rng.normal(size=(70, 4, 2)),
-        log_prob=rng.normal(size=(70, 4)),
-        levels=np.ones((70, 4, 1)),
-        accepted=np.ones(4),
-        random_state=rng.get_state(),
-        centre=np.zeros(2),
-        root=np.eye(2),
-        marks=((np.ones(4), chain_file.packed(rng.get_state())),),
-    )
+    steps, log_prob = rng.normal(size=(70, 4, 2)), rng.normal(size=(70, 4))
+    stored = chain_file.Chain(4, np.zeros(2), np.eye(2), rng.get_state())
+    mark = np.ones(4), chain_file.packed(rng.get_state())
+    stored.filled(steps, log_prob, np.ones((70, 4, 1)), np.ones(4), [mark])
     return chain_file.chain_bytes(stored, {}, ("a", "b"))
 
 
