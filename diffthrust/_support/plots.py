@@ -24,8 +24,9 @@ from diffthrust._support.words import humanize
 
 _LOW = 90
 """Display: height of a figure [px] below which more than three ticks collide."""
-_WORDS = 12
-"""Display: characters in a line below a step of a staircase of three, 260 px wide."""
+_WORDS = 30
+"""Display: characters beside each other below a staircase 190 px wide, as on a page of 1 000 px,
+where "1: + command" ran into "2: + reverse"."""
 
 
 def plot(y: str, unit: str, *, height: int, **options: Any) -> Any:
@@ -115,7 +116,8 @@ class Staircase:
         ``logs`` says which err so much, "unseen logs"; an error ``top`` must be within the picture,
         too. The first ``unfitted`` have values that were not fitted: they are hatched.
         """
-        labels = [fill(humanize(name), _WORDS) for name in names]
+        width = _WORDS // max(len(names), 1)
+        labels = [fill(humanize(name), width, break_long_words=False) for name in names]
         self.factors.factors = labels
         shown = [f"{error:.3g}" for error in errors]
         hatch = ["/" if k < unfitted else " " for k in range(len(labels))]

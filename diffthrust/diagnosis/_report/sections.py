@@ -118,8 +118,8 @@ def _answer(diag: Findings) -> Section:
         OnPage(spec_lines(diag.improved)),
         Picture(
             partial(figures.stages_figure, diag),
-            "Left: the error of each channel at each stage. Right: the log that the model as given "
-            "fits worst, with the first and the last model."
+            "Left: how the error falls from stage to stage. Right: the log that the model as given "
+            "fits worst, as it was measured and as it is modelled."
             if len(diag.stages) > 1
             else "The log that the model fits worst.",
             partial(_live_stages, diag),
