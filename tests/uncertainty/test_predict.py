@@ -92,7 +92,7 @@ def test_what_a_model_lacks_shows_in_its_coverage(fit):
     assert poor.coverage["speed"] < 0.7
     assert "something is missing from the model" in poor.sentence
     fine = predict(fit, log(TRUE, 4))
-    assert "lacks nothing" in fine.sentence
+    assert "as many as asked for" in fine.sentence
     bare = predict(fit, log(TRUE, 4), noise=False)
     assert bare.coverage["thrust"] < 0.5
     assert "without noise" in bare.sentence

@@ -22,7 +22,6 @@ from diffthrust._support.report import (
 )
 from diffthrust._support.results import report_of
 from diffthrust._support.words import percent, with_error
-from diffthrust.uncertainty._prediction.predict import Prediction
 from diffthrust.uncertainty._prediction.tables import interval_text
 from diffthrust.uncertainty._sampling.figures import plot_corner, plot_trace
 from diffthrust.uncertainty._sampling.summary import INTERVAL_LEVEL, Sampled
@@ -88,7 +87,7 @@ def sample_report(sampled: Sampled) -> Report:
         ),
         Section("How far to trust them", Picture(sampled.intervals.plot, _METHODS)),
         *report_of(sampled.intervals).sections,
-        Section("Unseen logs", *_prediction_parts(sampled.predictions)),
+        Section("Unseen logs", *_prediction_parts(sampled)),
         Section(
             "Parameters two by two",
             Picture(
@@ -103,11 +102,13 @@ def sample_report(sampled: Sampled) -> Report:
     )
 
 
-def _prediction_parts(predictions: tuple[Prediction, ...]) -> Iterator[Part]:
-    if not predictions:
+def _prediction_parts(sampled: Sampled) -> Iterator[Part]:
+    if not sampled.predictions:
         yield _NONE_UNSEEN
-    for prediction in predictions:
-        yield from (part for section in report_of(prediction).sections for part in section.parts)
+    told = notes(sampled.fit.notes)  # below the parameters
+    for prediction in sampled.predictions:
+        for section in report_of(prediction).sections:
+            yield from (part for part in section.parts if part not in told)
         yield Picture(
             prediction.plot,
             f"{prediction.log}: what was measured, the median of the predictions and their "
