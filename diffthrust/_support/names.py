@@ -10,8 +10,13 @@ def nearest(word: str, options: Iterable[str], before: str = "") -> str:
     lowered: dict[str, str] = {}
     for option in unique:
         lowered.setdefault(option.lower().strip(), option)
-    match = get_close_matches(word.lower().strip(), list(lowered), n=1, cutoff=0.5)
-    return f"{before}the nearest is {lowered[match[0]]!r}" if match else ""
+    written = word.lower().strip()
+    near = get_close_matches(written, list(lowered), n=3, cutoff=0.5)
+    if not near:
+        return ""
+    # letters that changed places first: of "pmw", rpm was said to be as near as pwm
+    meant = max(near, key=lambda option: sorted(option) == sorted(written))
+    return f"{before}the nearest is {lowered[meant]!r}"
 
 
 def listing(names: Iterable[str], limit: int = 30) -> str:
