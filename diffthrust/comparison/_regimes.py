@@ -45,16 +45,16 @@ class SignalRange:
         """Whether each value lies in the interval."""
         return (values >= self.low) & (values < self.high)
 
-    @property
-    def phrase(self) -> str:
-        """The interval in words."""
+    def phrase(self, prefix: str = "") -> str:
+        """The interval in words, with a prefix to the signal's name."""
+        signal = prefix + self.signal
         unit = f" {self.unit}" if self.unit else ""
         low, high = f"{self.low:.6g}", f"{self.high:.6g}"
         if math.isinf(self.low):
-            return f"{self.signal} < {high}{unit}"
+            return f"{signal} < {high}{unit}"
         if math.isinf(self.high):
-            return f"{self.signal} > {low}{unit}"
-        return f"{low} < {self.signal} < {high}{unit}"
+            return f"{signal} > {low}{unit}"
+        return f"{low} < {signal} < {high}{unit}"
 
 
 @dataclass(frozen=True)
@@ -109,13 +109,13 @@ class Regime:
     def sentence(self) -> str:
         """The regime in plain words, with units."""
         place = " and ".join(
-            interval.phrase + " by the model" * (interval.signal in self.modelled)
+            interval.phrase("modelled " * (interval.signal in self.modelled))
             for interval in self.where
         )
         outside = "Outside that, " if self.outside else ""
         return (
-            f"{outside}{percent(self.share_of_error)} of the squared {self.channel} error lies "
-            f"where {place}, {percent(self.share_of_samples)} of the samples."
+            f"{outside}{percent(self.share_of_error)} of the squared {self.channel} error lies in "
+            f"{percent(self.share_of_samples)} of the samples: {place}."
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -9,10 +9,11 @@ from html import escape
 from typing import Any
 
 from bokeh.layouts import column
-from bokeh.models import BasicTickFormatter, CheckboxGroup, Select, Slider
+from bokeh.models import CheckboxGroup, CustomJSTickFormatter, Select, Slider
 
 from diffthrust._support.words import humanize
-from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._explained_share import SureShare, Worth, sure_share
+from diffthrust.diagnosis._report.text import unmeasured_rivals
 from diffthrust.estimation._estimate import shown_unit
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.parameter import Parameter
@@ -24,6 +25,8 @@ _TITLE = 42
 """Display: characters beside the value of a slider."""
 _STEPS = 400
 """Display: positions of a slider, more than the pixels that it has."""
+_FOLDED = "label, .bk-slider-title { white-space: normal; }"
+"""Display: long names go on in a second line; they were cut off."""
 FOUND, CONSTANTS = "Found or added", "Constants that the model holds"
 
 
@@ -64,12 +67,12 @@ class Controls:
         self.path = PathFigure(
             signal_path(session.task.model), ports, lambda port: self.port.update(value=port)
         )
-        self.boxes = CheckboxGroup(labels=[], active=[], width=RIGHT - 20)
+        self.boxes = CheckboxGroup(labels=[], active=[], width=RIGHT - 20, stylesheets=[_FOLDED])
         self.boxes.on_change("active", self._on_boxes)
         self.about = text()
         self.sliders = column(width=RIGHT - 10)
         self.layout = column(
-            heading("Signal path: tap a blue box to see what may be missing there"),
+            heading("Signal path: tap a blue frame to see what may be missing there"),
             self.path.figure,
             self.port,
             self.boxes,
@@ -103,8 +106,7 @@ class Controls:
 
         names = sorted((n for n, of in places.items() if at in of or n in named), key=order)
         self._listed = names
-        shares = {name: f": removes {share.cells[0]}" for name, share in worth.items()}
-        self.boxes.labels = [humanize(name) + shares.get(name, "") for name in names]
+        self.boxes.labels = [humanize(name) + _worth_words(worth.get(name)) for name in names]
         self.boxes.active = [i for i, name in enumerate(names) if name in added]
         lines = [f"<b>{escape(humanize(n))}</b>: {escape(self._about(n, worth))}" for n in names]
         hint = "No effect yet. Diagnose ranks them; or tap a box for what may be missing there."
@@ -115,7 +117,7 @@ class Controls:
         """By name what the diagnosis says that effects and laws remove."""
         if (diagnosis := self.session.diagnosis) is None:
             return {}
-        laws = {law.effect.name: law.worth for law in diagnosis.laws}
+        laws = {(of.form.formula if of.form else of.curve).name: of.worth for of in diagnosis.laws}
         return {**diagnosis.possible, **diagnosis.worth, **laws}
 
     def _about(self, name: str, worth: dict[str, Worth]) -> str:
@@ -127,11 +129,17 @@ class Controls:
             sentence = f"{p.doc or 'a constant'}, held at {p.value:.4g} {p.unit}".rstrip()
             if name in held:
                 sentence += f"; these logs suggest {held[name].wanted:.4g}"
+        elif name in session.laws:
+            sentence = "The law that was learned: see its tab below the plots"
         else:
             paragraph = (type(session.effects[name]).__doc__ or "").strip().partition("\n\n")[0]
             sentence = " ".join(paragraph.split()).partition(". ")[0].rstrip(".")
         if name in worth:
-            sentence += f". Removes {worth[name]} of the squared error of whole runs"
+            share = sure_share(worth[name]) or SureShare(worth[name])
+            of = f"squared {share.channel} error" if share.channel else "squared error"
+            sentence += f". Removes {share.worth} of the {of} of whole runs"
+        if session.diagnosis and (rival := unmeasured_rivals(session.diagnosis).get(name)):
+            sentence += f". It could as well be the {rival}, which was not measured"
         return sentence
 
     def _on_boxes(self, attr: str, old: list[int], new: list[int]) -> None:
@@ -148,27 +156,37 @@ class Controls:
         parameters = {n: p for n, p in self.session.task.model.parameters.items() if not p.fixed}
         self._setting = True
         if list(parameters) != list(self._sliders):
-            self._sliders = {name: self._slider(name, p) for name, p in parameters.items()}
+            old = self._sliders  # with another range the same value would be in another place
+            self._sliders = {n: old.get(n) or self._slider(n, p) for n, p in parameters.items()}
             self.sliders.children = [slider for slider, _ in self._sliders.values()]
+        fit = self.session.fit if self.session.fitted else None
         for name, p in parameters.items():
             slider, per = self._sliders[name]
             if not slider.start <= per * p.value <= slider.end:
                 slider.update(**_ends(p, per))
-            slider.update(value=per * p.value, disabled=not awake)
+            error = fit.parameters[name].std_error if fit else None
+            within = f" (± {per * error:.2g})" if error else ""
+            title = self._title(name, p, within)
+            slider.update(title=title, value=per * p.value, disabled=not awake)
         self._setting = False
+
+    def _title(self, name: str, parameter: Parameter, within: str) -> str:
+        """What stands before the value, with what the parameter is where there is room for it."""
+        _, unit = shown_unit(parameter, self.session.task.model, self.shown)
+        words = humanize(name.replace(".", ", "))
+        behind = f"{f' [{unit}]' if unit else ''}{within}"
+        longer = f"{words}, {parameter.doc}{behind}"
+        return longer if parameter.doc and len(longer) <= _TITLE else words + behind
 
     def _slider(self, name: str, parameter: Parameter) -> tuple[Slider, float]:
         """A slider in the unit of the logs, and how many of these the parameter's own has."""
-        per, unit = shown_unit(parameter, self.session.task.model, self.shown)
-        words = humanize(name.replace(".", ", "))
-        in_unit = f" [{unit}]" if unit else ""
-        longer = f"{words}, {parameter.doc}{in_unit}"
+        per, _ = shown_unit(parameter, self.session.task.model, self.shown)
         slider = Slider(
-            title=longer if parameter.doc and len(longer) <= _TITLE else words + in_unit,
             value=per * parameter.value,
-            format=BasicTickFormatter(precision=4),
+            format=CustomJSTickFormatter(code="return `${Number(tick.toPrecision(4))}`"),
             width=RIGHT - 30,
             margin=(1, 8, 1, 8),
+            stylesheets=[_FOLDED],
             **_ends(parameter, per),
         )
         slider.on_change("value", lambda attr, old, new: self._on_value(name, new / per))
@@ -179,6 +197,16 @@ class Controls:
     def _on_value(self, name: str, value: float) -> None:
         if not self._setting:
             self.on_slide(name, value)
+
+
+def _worth_words(worth: Worth | None) -> str:
+    """What an effect removes, behind its name: as in the verdict, of one channel where need be."""
+    if worth is None:
+        return ""
+    if (sure := sure_share(worth)) is None:
+        return f": removes {worth.cells[0]}, perhaps none"
+    of = f" of the {sure.channel} error" if sure.channel else ""
+    return f": removes {sure.worth.cells[0]}{of}"
 
 
 def _ends(parameter: Parameter, per: float) -> dict[str, Any]:

@@ -11,10 +11,14 @@ from bokeh.models import Button, CustomJS, Div
 
 from diffthrust._support.errors import InputError
 
-SELECTED, FAILING, LEFT_OUT = "#56B4E9", "#E69F00", "#999999"
+SELECTED, LEFT_OUT = "#56B4E9", "#999999"
+FAILING = ("#E69F00", "#CC79A7", "#009E73")
+"""Where a channel fails, a colour for each: of one colour, the band of one was taken for that of
+the other."""
 LEFT, RIGHT = 260, 340
 """Widths of the columns [px]: at 1 280 the plots get over half of the page."""
 STRETCHED: dict[str, Any] = {"sizing_mode": "stretch_width"}
+WRAPPED = {"flex-wrap": "wrap"}
 WIDE: dict[str, Any] = {"width": LEFT - 20}
 HALF: dict[str, Any] = {"width": LEFT // 2 - 14}
 Edit = Callable[[Callable[[], None]], None]
@@ -26,7 +30,8 @@ h1 { font-size: 17px; margin: 0; overflow-wrap: anywhere; }
 h2 { font-size: 13px; margin: 8px 0 0; color: #444; text-transform: none; }
 p { margin: 2px 0; overflow-wrap: anywhere; }
 p.quiet, td.quiet { color: #666; }
-p.shaded { font-size: 12px; border-left: 12px solid #E69F0055; padding-left: 6px; }
+p.failing { font-size: 11.5px; border-left: 12px solid; padding-left: 6px; }
+p.found { font-weight: 600; }
 p.bad { color: #b00020; font-weight: 600; }
 table { border-collapse: collapse; }
 td, th { text-align: left; padding: 1px 16px 1px 0; font-weight: normal; }
@@ -45,6 +50,11 @@ _BUTTON = """
 def text(markup: str = "", **options: Any) -> Div:
     """A piece of the page; what users name must be `escape`-d in it."""
     return Div(text=markup, disable_math=True, stylesheets=[_TEXT], margin=(2, 4, 2, 4), **options)
+
+
+def shaded(words: str, color: str) -> str:
+    """A sentence beside the colour of what it speaks of."""
+    return f'<p class="failing" style="border-color: {color}40">{escape(words)}</p>'
 
 
 def heading(words: str) -> Div:
@@ -97,7 +107,19 @@ figures.forEach((figure, k) => { figure.height = Math.round(heights[k] * taller)
 """Display: plots are laid out for a window of 720 px, and grow with it."""
 
 
+_BY_KEY = """
+window.addEventListener("keydown", event => {
+  const tab = event.composedPath()[0]
+  if (tab.classList?.contains("bk-tab") && ["Enter", " "].includes(event.key)) {
+    tab.click()
+    event.preventDefault()
+  }
+})
+"""
+"""Tabs of Bokeh 3.9.2 take the focus and no key: without a mouse nobody saw the learned law."""
+
+
 def once_ready(figures: Sequence[Any]) -> CustomJS:
-    """Paint with less work, and let the plots fill the window."""
+    """Paint with less work, let the plots fill the window, and tabs be opened by key."""
     args = {"figures": list(figures), "heights": [figure.height for figure in figures]}
-    return CustomJS(args=args, code=_QUICKER + _TALLER)
+    return CustomJS(args=args, code=_QUICKER + _TALLER + _BY_KEY)

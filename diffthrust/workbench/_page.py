@@ -12,7 +12,7 @@ import numpy as np
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
-from bokeh.models import RadioGroup
+from bokeh.models import RadioGroup, UIElement
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
@@ -33,6 +33,7 @@ from diffthrust.workbench._look import (
     heading,
     once_ready,
     paragraphs,
+    shaded,
     text,
     words_of,
 )
@@ -41,6 +42,8 @@ from diffthrust.workbench._results import Results
 from diffthrust.workbench._session import Session, Setup, Stretch, Task
 from diffthrust.workbench._tools import Tools
 
+_FOUND = ("Found", "Perhaps", "Also", "Missing")
+"""How lines of a summary begin that name what the model lacks."""
 _FITTING, _DIAGNOSING = "fitting", "looking for what is missing"
 
 
@@ -63,10 +66,9 @@ class Page:
         self.sliding: dict[str, float] = {}
         self.doing = ""
         self.next: tuple[str, Callable[[], None]] | None = None
-        self.regimes: tuple[Regime, ...] = ()
+        self.regimes: tuple[Regime, ...] | None = None  # not known yet
         self.stretch: tuple[float, float] | None = None
         self.plots = Plots(comparison.runs, self.select)
-        self.results = Results(self.plots.light_up)
         self.controls = Controls(
             session,
             shown_of(comparison.runs),
@@ -81,6 +83,8 @@ class Page:
             on_select=self.select,
             on_diagnose=self.diagnose_stretch,
         )
+        others = {"Clocks": self.tools.clocks}
+        self.results = Results(self.plots.light_up, [self.tools.stretch], others)
         self._compared_by = session.setup.fitted_by
         self._left()
         self._lay_out()
@@ -104,9 +108,9 @@ class Page:
         self.adding.visible, self.stopping.disabled = False, True
         self.left = column(
             self.title,
-            heading("Logs, with the error of the model"),
+            heading("Logs, with the model's error (NRMSE)"),
             self.logs,
-            text(paragraphs("0: perfect; 1: no better than the mean (NRMSE)", "quiet")),
+            text(paragraphs("0: perfect; 1: no better than the mean", "quiet")),
             self.diagnosing,
             self.progress,
             self.verdict,
@@ -169,7 +173,7 @@ class Page:
         old = [run.record.log.notes for run in self.comparison.runs]
         new = [run.record.log.notes for run in comparison.runs]
         self.comparison, self._compared_by = comparison, task.setup.fitted_by
-        self.regimes = ()  # until those of this model are there
+        self.regimes = None  # until those of this model are there
         if new == old:
             self.plots.update(self.run)
             self.results.show_run(comparison.model, self.run)
@@ -330,7 +334,7 @@ class Page:
         )
         count = len(session.source.train)
         self.logs.labels = [
-            f"{run.record.name} ({'training' if i < count else 'unseen'}) {run.errors.nrmse:.3g}"
+            f"{run.record.name} ({'fitted' if i < count else 'kept out'}) {run.errors.nrmse:.3g}"
             for i, run in enumerate(self.comparison.runs)
         ]
         self.controls.show(awake=self._like(setup) is not None)
@@ -344,7 +348,10 @@ class Page:
             lines = diagnosis.summary.splitlines()
             if session.found and not diagnosis.helpful_mends:  # what it says to copy is a button
                 lines = [line for line in lines if not line.startswith("Copy: ")]
-            self.verdict.text = paragraphs("\n".join(lines))
+            of = humanize(str(diagnosis.model))
+            self.verdict.text = f"<h2>Diagnosis of: {escape(of)}</h2>" + "".join(
+                paragraphs(line, "found" if line.startswith(_FOUND) else "") for line in lines
+            )
         self.tools.show()
 
     def _error(self, comparison: Comparison) -> float:
@@ -385,9 +392,9 @@ class Page:
     def _show_regimes(self) -> None:
         """Shade where each channel fails, and say it, with a button that zooms there."""
         derived = self.results.derived
-        lines = []
+        lines: list[UIElement] = []
         failing: dict[str, list[tuple[float, float]]] = {}
-        for regime in self.regimes:
+        for regime in self.regimes or ():
             if not {interval.signal for interval in regime.where} <= derived.keys():
                 continue  # this log lacks one
             marked = self.plots.marked(regime.holds(derived))
@@ -396,7 +403,9 @@ class Page:
                 widest = max(marked, key=lambda pair: pair[1] - pair[0])
                 zoom = partial(self.plots.zoom, *widest)
                 closer = button("Zoom in", zoom, width=70, margin=(0, 4, 0, 4))
-                words = text(paragraphs(regime.sentence, "shaded"), **STRETCHED)
-                lines.append(row(words, closer, **STRETCHED))
+                sentence = shaded(regime.sentence, self.plots.colors[regime.channel])
+                lines.append(row(text(sentence, **STRETCHED), closer, **STRETCHED))
+        if self.regimes == ():
+            lines = [text(paragraphs("The error gathers nowhere in these logs.", "quiet"))]
         self.plots.shade(failing)
         self.fails.children = lines

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from bokeh.events import SelectionGeometry
-from bokeh.models import BoxSelectTool, ColumnDataSource, PanTool, WheelZoomTool
+from bokeh.models import BoxSelectTool, ColumnDataSource, Label, PanTool, WheelZoomTool
 
 from diffthrust._support.envelope import bins_of, envelope, stretches
 from diffthrust._support.figures import VERMILLION
@@ -46,8 +47,10 @@ class Plots(RunPlots):
         self.lit: Any = ColumnDataSource(data={"time": []})
         self.left_out, self.brushed = _strips(), _strips()
         self.failing = {name: _strips() for name in self.channels}
+        self.colors = dict(zip(self.channels, cycle(FAILING), strict=False))
         for figure, (field, *_) in zip(self.figures, self.fields, strict=True):
             self._mark(figure, field)
+        self.sizes = {k: self._size(f"residual{k}") for k in range(len(self.channels))}
         self._columns: dict[str, np.ndarray] = {}
         self._lit = np.zeros(0, bool)
         self._sent, self._span, self._asked = np.array([0, 1]), (0.0, 0.0), False
@@ -57,15 +60,22 @@ class Plots(RunPlots):
     def _mark(self, figure: Any, field: str) -> None:
         """Make room for what is left out, selected and lit, and for where the channel fails."""
         strips = [(self.left_out, LEFT_OUT, 0.3), (self.brushed, SELECTED, 0.2)]
-        for k, failing in enumerate(self.failing.values()):
+        for k, (channel, failing) in enumerate(self.failing.items()):
             if field in (f"measured{k}", f"residual{k}"):
-                strips.append((failing, FAILING, 0.18))
+                strips.append((failing, self.colors[channel], 0.18))
                 color = SELECTED if field.startswith("measured") else VERMILLION
                 figure.scatter("time", field, source=self.lit, size=5, color=color)
         for source, color, alpha in strips:
             fill = {"fill_color": color, "fill_alpha": alpha, "line_color": None}
             figure.vstrip("x0", "x1", source=source, level="underlay", **fill)
         figure.on_event(SelectionGeometry, self._on_geometry)
+
+    def _size(self, field: str) -> Any:
+        """Room for how large a residual is, in its plot: scales change, and it looks as tall."""
+        label: Any = Label(x=4, y=1, x_units="screen", y_units="screen", text_font_size="10px")
+        label.background_fill_color, label.background_fill_alpha = "white", 0.7
+        self.figures[self.fields.index((field,))].add_layout(label)
+        return label
 
     # -- what is shown ---------------------------------------------------------------------------
 
@@ -80,6 +90,7 @@ class Plots(RunPlots):
         self.x_range.update(start=0.0, end=duration, bounds=(-0.2 * duration, 1.2 * duration))
         self.x_range.reset_start, self.x_range.reset_end = 0.0, duration
         self._fit_heights(anew=True)
+        self._show_sizes(run)
         self._send()
 
     def update(self, run: Run, *, rescaled: bool = True) -> None:
@@ -93,6 +104,14 @@ class Plots(RunPlots):
         if self._lit.any():  # a slider sends nothing more
             self.light_up(self._lit)
         self._fit_heights(anew=rescaled)
+        self._show_sizes(run)
+
+    def _show_sizes(self, run: Run) -> None:
+        for k, name in enumerate(self.channels):
+            error = run.errors.channels.get(name)
+            size, unit = error.shown if error else (np.nan, "")
+            words = f"measured - modelled, RMS {size:.3g} {unit}".rstrip()
+            self.sizes[k].text = words if np.isfinite(size) else ""
 
     def _fit_heights(self, *, anew: bool) -> None:
         """Let all of a series be seen, with a scale of its own or the one that it has."""

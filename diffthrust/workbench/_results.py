@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from html import escape
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from bokeh.models import (
     Span,
     TabPanel,
     Tabs,
+    UIElement,
 )
 
 from diffthrust._support.figures import BLUE, VERMILLION
@@ -29,20 +31,30 @@ from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
-from diffthrust.workbench._look import STRETCHED, box_of, paragraphs, text
+from diffthrust.workbench._look import STRETCHED, WRAPPED, box_of, paragraphs, text
 from diffthrust.workbench._session import Step
 
 _POINTS = 4000
 """Display: points of the scatter; more would cover each other."""
 _HEIGHT = 186
 """Display: of a tab [px]; more is below the edge of a window of 720 px."""
-_WRAPPED = {"flex-wrap": "wrap"}
 
 
 class Results:
-    """Tabs below the plots; ``on_select`` is told which samples were selected in the scatter."""
+    """Tabs below the plots.
 
-    def __init__(self, on_select: Callable[[np.ndarray], None]) -> None:
+    Args:
+        on_select: is told which samples were selected in the scatter.
+        asking: what asks about a stretch; the answer is below it.
+        others: further tabs by title.
+    """
+
+    def __init__(
+        self,
+        on_select: Callable[[np.ndarray], None],
+        asking: Sequence[UIElement] = (),
+        others: Mapping[str, UIElement] = MappingProxyType({}),
+    ) -> None:
         self.on_select = on_select
         self.stairs = Staircase(_HEIGHT)
         self.now = Span(location=None, dimension="width", line_color=VERMILLION, line_dash="dashed")
@@ -64,16 +76,17 @@ class Results:
         self._signals = self.derived
         axes = (text("residual of"), self.channel, text("against"), self.signal)
         beside = column(
-            row(*axes, styles=_WRAPPED),
+            row(*axes, styles=WRAPPED),
             self.scatter,
             styles={"flex": "1 1 290px", "min-width": "0"},
             **STRETCHED,
         )
         tabs = {
-            "Error, step by step": row(self.stairs.figure, beside, styles=_WRAPPED, **STRETCHED),
-            "What is wrong here?": self.stretch,
+            "Error, step by step": row(self.stairs.figure, beside, styles=WRAPPED, **STRETCHED),
+            "A stretch alone": column(*asking, self.stretch, **STRETCHED),
             "Learned law": self.learned,
             "Next experiment": self.experiment,
+            **others,
         }
         self.layout = Tabs(
             tabs=[TabPanel(title=title, child=child) for title, child in tabs.items()],
@@ -94,11 +107,11 @@ class Results:
         ``unseen`` logs or of training logs.
         """
         fitted = any(not step.added for step in steps)
-        names = [step.added or "as opened" for step in steps]
+        names = [f"+ {step.added}" if step.added else "as opened" for step in steps]
         errors = [step.unseen for step in steps]
         if not fitted:
             names, errors = ["as opened, not fitted", *names], [opened, *errors]
-        logs = "unseen logs" if unseen else "training logs"
+        logs = "logs kept out" if unseen else "fitted logs"
         self.stairs.show(names, errors, logs, now or 0.0, unfitted=int(not fitted))
         self.now.location = now
         self.now_label.update(y=now or 0.0, text="" if now is None else f"sliders: {now:.3g}")
@@ -177,21 +190,22 @@ class Results:
     def show_stretch(self, diagnosis: Diagnosis | None, where: str) -> None:
         """Rank what a diagnosis of one stretch alone has tried."""
         if diagnosis is None:
-            words = "Select a stretch in the plots (the dashed square of their toolbar), then ask."
-            self.stretch.text = paragraphs(words, "quiet")
+            self.stretch.text = ""
             return
         tried = [t for t in diagnosis.ranking if t.stage == 0][:8]
         rows = "".join(
-            f'<tr><td class="number">{k}</td><td>{escape(humanize(t.effect))}</td>'
-            f'<td class="number">{-t.delta_bic:.1f}</td></tr>'
+            f'<tr><td class="number">{k}</td><td>{_named(t.effect, diagnosis.added)}</td>'
+            f"<td>{_strength(-t.delta_bic)} ({-t.delta_bic:.1f})</td></tr>"
             for k, t in enumerate(tried, 1)
         )
-        heads = "<td></td><td>effect</td><td>evidence (fall of the information criterion)</td>"
+        heads = "<td></td><td>effect</td><td>evidence for it alone (fall of the BIC)</td>"
         names = ", ".join(humanize(name) for name in diagnosis.added) or "nothing for sure"
+        model = humanize(str(diagnosis.model))
         remaining = diagnosis.remaining
         place = f" What remains acts at '{remaining.port}'." if remaining else ""
         self.stretch.text = (
-            f"<p>{escape(where)}: found here alone: <b>{escape(names)}</b>.{escape(place)}</p>"
+            f"<p>Judged by {escape(where)} alone, {escape(model)} lacks <b>{escape(names)}</b>: "
+            f"with that, none of the others is needed.{escape(place)}</p>"
             f"<table><tr>{heads}</tr>{rows}</table>"
         )
         self.layout.active = 1
@@ -206,11 +220,24 @@ class Results:
         self.learned.text = paragraphs(learned, "quiet")
         self.experiment.text = paragraphs(experiment, "quiet")
         if diagnosis is not None and diagnosis.laws:
-            laws = "; ".join(f"{law.effect.name}: {law.worth}" for law in diagnosis.laws)
-            words = f"What each removes of the squared error that is left without it: {laws}."
+            laws = (f"{law.effect.name} {law.worth}" for law in diagnosis.laws)
+            words = (
+                f"Of the squared error that is left without it a law removes: {'; '.join(laws)}."
+            )
             self.learned.text = paragraphs(words) + _picture(diagnosis.plot_learned)
         if diagnosis is not None and (proposed := diagnosis.experiment) is not None:
             self.experiment.text = paragraphs(proposed.sentence) + _picture(proposed.plot)
+
+
+def _named(effect: str, added: Collection[str]) -> str:
+    words = escape(humanize(effect))
+    return f"<b>{words}</b>" if effect in added else words
+
+
+def _strength(evidence: float) -> str:
+    """Evidence in the words of Kass & Raftery (1995, section 3.2)."""
+    words = {10.0: "very strong", 6.0: "strong", 2.0: "some"}
+    return next((word for least, word in words.items() if evidence > least), "little")
 
 
 def _picture(draw: Callable[[], Any]) -> str:

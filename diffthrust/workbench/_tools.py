@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Callable
 from functools import partial
 from html import escape
@@ -15,8 +16,9 @@ from diffthrust.workbench._lane import Lane
 from diffthrust.workbench._leaving import save, script
 from diffthrust.workbench._look import (
     HALF,
-    LEFT,
+    STRETCHED,
     WIDE,
+    WRAPPED,
     Edit,
     button,
     heading,
@@ -24,11 +26,11 @@ from diffthrust.workbench._look import (
     text,
     words_of,
 )
-from diffthrust.workbench._session import Session, Stretch
+from diffthrust.workbench._session import Session, Setup, Stretch
 
 
 class Tools:
-    """The lower part of the left-hand side.
+    """What saves, and the tabs of a stretch and of clocks.
 
     Args:
         session: what is changed.
@@ -49,17 +51,15 @@ class Tools:
     ) -> None:
         self.session, self.saving = session, saving
         self.edit, self.select = on_edit, on_select
-        self.start = Spinner(title="From [s]", low=0.0, step=0.5, value=0.0, **HALF)
-        self.stop = Spinner(title="To [s]", low=0.0, step=0.5, value=0.0, **HALF)
+        self.start = Spinner(title="From [s]", low=0.0, step=0.5, value=0.0, width=80)
+        self.stop = Spinner(title="To [s]", low=0.0, step=0.5, value=0.0, width=80)
         for spinner in (self.start, self.stop):
             spinner.on_change("value", lambda attr, old, new: self._typed())
-        self.note = TextInput(
-            title="Reason to leave it out", placeholder="weed in the propeller", **WIDE
-        )
-        self.left_out = column(**WIDE)
+        self.note = TextInput(title="Reason to leave it out", placeholder="such as weed", width=150)
+        self.left_out = column(**STRETCHED)
         names = dict.fromkeys(name for log in session.task.logs for name in log.units)
         self.names = [name for name in names if name != "time"]
-        self.channels = CheckboxGroup(labels=self.names, active=[], inline=True, **WIDE)
+        self.channels = CheckboxGroup(labels=self.names, active=[], inline=True, **STRETCHED)
         self.seconds = Spinner(title="Later by [s]", step=0.01, value=0.0, **HALF)
         self.shifts, self.said, self.copied = text(), text(), text(visible=False)
         source = session.source
@@ -68,29 +68,40 @@ class Tools:
         self.folder = TextInput(title="Folder", value=folder, **WIDE)
         to_clipboard = "navigator.clipboard.writeText(cb_obj.tags[0]).catch(() => {})"
         self.copied.js_on_change("tags", CustomJS(code=to_clipboard))
-        stretch = "A stretch of this log: type it, or draw it with the dashed square of the plots"
+        self.saver = button("Save", self.save, "primary", **HALF)
+        self.folder.on_change("value", lambda attr, old, new: self._show_saved())
         self.parts = (
             heading("Save"),
             self.folder,
-            row(
-                button("Save", self.save, "primary", **HALF),
-                button("Copy as Python", self._copy, **HALF),
-            ),
+            row(self.saver, button("Copy as Python", self._copy, **HALF)),
             self.said,
             self.copied,
-            heading(stretch),
-            row(self.start, self.stop),
-            button("What is wrong here?", on_diagnose, **WIDE),
-            self.note,
-            button("Leave it out", self._leave_out, **WIDE),
+        )
+        low = {"align": "end"}
+        hint = "Type a stretch of this log, or draw it in the plots with the dashed square."
+        self.stretch = column(
+            text(paragraphs(hint, "quiet"), **STRETCHED),
+            row(
+                self.start,
+                self.stop,
+                button("What is wrong here?", on_diagnose, "primary", width=155, **low),
+                self.note,
+                button("Leave it out", self._leave_out, width=90, **low),
+                styles=WRAPPED,
+            ),
             self.left_out,
+            **STRETCHED,
+        )
+        self.clocks = column(
             heading("Clocks that disagree: move channels later (below 0: earlier)"),
             self.channels,
-            row(self.seconds, button("Shift", self._shift, **HALF)),
+            row(self.seconds, button("Shift", self._shift, **HALF, **low), styles=WRAPPED),
             self.shifts,
+            **STRETCHED,
         )
         self._log, self._setting = "", False
         self._listed: tuple[Stretch, ...] = ()
+        self._saved_as: tuple[str, Setup] | None = None
 
     def show_stretch(self, log: str, stretch: tuple[float, float] | None) -> None:
         """Show which stretch of which log is selected."""
@@ -99,18 +110,28 @@ class Tools:
         self._setting = False
 
     def show(self) -> None:
-        """Show what is left out and shifted."""
+        """Show what is left out and shifted, and whether it is saved."""
         setup = self.session.setup
         if setup.left_out != self._listed:  # a click on a button that is made anew is lost
             self._listed = setup.left_out
             self.left_out.children = [self._row(*each) for each in enumerate(setup.left_out)]
         shifts = (f"{name} comes {by:+g} s later" for name, by in setup.shifts.items())
         self.shifts.text = paragraphs("\n".join(shifts))
+        self._show_saved()
+
+    def _show_saved(self) -> None:
+        """Say where what is saved is no longer what is shown, and what a save would overwrite."""
+        replaced = os.path.isfile(Path(self.folder.value) / "fit.json")
+        kind = "default" if replaced else "primary"
+        self.saver.update(label="Overwrite" if replaced else "Save", button_type=kind)
+        if self._saved_as and self._saved_as[1] != self.session.setup:
+            self._say(f"The model shown is not the one that was saved in {self._saved_as[0]}.")
+            self._saved_as = None
 
     def _row(self, index: int, stretch: Stretch) -> UIElement:
         note = f": {stretch.note}" if stretch.note else ""
         take_in = partial(self.edit, partial(self.session.take_in, index))
-        words = text(paragraphs(f"Left out: {stretch}{note}"), width=LEFT - 100)
+        words = text(paragraphs(f"Left out: {stretch}{note}"), **STRETCHED)
         return row(words, button("Take in", take_in, width=70))
 
     def save(self) -> None:
@@ -119,15 +140,17 @@ class Tools:
         self._say("saving")
         self.saving.ask(
             lambda _: save(session, folder),
-            self._saved,
+            partial(self._saved, session.setup),
             lambda error: self._say(words_of(error), "bad"),
         )
 
-    def _saved(self, paths: tuple[Path, ...]) -> None:
+    def _saved(self, setup: Setup, paths: tuple[Path, ...]) -> None:
         names = ", ".join(path.name for path in paths)
         folder, here = paths[0].parent, Path.cwd()
         shown = folder.relative_to(here) if folder.is_relative_to(here) else folder
         self._say(f"Saved in {shown}: {names}.")
+        self._saved_as = str(shown), setup
+        self._show_saved()
 
     def _say(self, words: str, kind: str = "") -> None:
         self.said.text = paragraphs(words, kind)

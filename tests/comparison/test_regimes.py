@@ -49,11 +49,9 @@ def test_a_dead_zone_is_found_and_said_in_words():
     assert not regime.modelled
     assert regime.share_of_error == pytest.approx(energy[inside].sum() / energy.sum(), abs=0.05)
     assert regime.p_value <= 0.05
-    start = (
-        f"{100 * regime.share_of_error:.0f} % of the squared speed error lies where |command| < "
-    )
-    assert regime.sentence.startswith(start)
-    assert regime.sentence.endswith("% of the samples.")
+    share = f"{100 * regime.share_of_error:.0f} %"
+    assert regime.sentence.startswith(f"{share} of the squared speed error lies in ")
+    assert " % of the samples: |command| < " in regime.sentence
 
 
 def test_the_time_after_a_jump_is_found():
@@ -141,14 +139,14 @@ def test_no_regime_where_the_simulation_failed_or_nothing_is_left():
     ],
 )
 def test_intervals_in_words(interval, words):
-    assert interval.phrase == words
+    assert interval.phrase() == words
 
 
 def test_a_signal_of_the_model_is_named_as_such():
     """Of the NGS's bench it read as if the measured speed had been below 70 rad/s."""
     where = SignalRange("speed", -np.inf, 70.0, "rad/s"), SignalRange("command", 0.2, np.inf, "V")
     regime = Regime("speed", where, 0.62, 0.1, 0.005, modelled=("speed",))
-    words = "lies where speed < 70 rad/s by the model and command > 0.2 V, 10 % of"
+    words = "lies in 10 % of the samples: modelled speed < 70 rad/s and command > 0.2 V."
     assert words in regime.sentence
 
 
@@ -157,7 +155,7 @@ def test_a_regime_as_plain_data():
     data = json.loads(json.dumps(regime.to_json(), allow_nan=False))
     assert data["where"] == [{"signal": "command", "low": None, "high": 0.2, "unit": "V"}]
     assert data["sentence"] == (
-        "62 % of the squared speed error lies where command < 0.2 V, 0.4 % of the samples."
+        "62 % of the squared speed error lies in 0.4 % of the samples: command < 0.2 V."
     )
 
 
@@ -201,7 +199,7 @@ def test_a_comparison_says_where_the_error_sits():
     assert not comparison.tests["speed"].white
     assert comparison.hints == comparison.outstanding == ()
     report = comparison.report()
-    assert "of the squared speed error lies where" in report.replace("\n", " ")
+    assert "of the squared speed error lies in" in report.replace("\n", " ")
     assert "Is the residual noise?" in report
     data = json.loads(json.dumps(comparison.to_json(), allow_nan=False))
     assert {"schema", "model", "effects", "errors", "runs"} < set(data)

@@ -52,12 +52,13 @@ def main() -> None:
             if picture:
                 take(page, picture)
         page.get_by_role("button", name="Undo").click()
+        page.get_by_text("A stretch alone", exact=True).click()
         for k, seconds in enumerate(WRONG):
             end = page.locator(".bk-Spinner input").nth(k)
             end.fill(f"{seconds:g}")
             end.press("Tab")
         page.get_by_role("button", name="What is wrong here?").click()
-        page.get_by_text("found here alone").wait_for()
+        page.get_by_text("none of the others is needed").wait_for()
         take(page, "workbench_stretch")
     learned()
 
@@ -70,7 +71,7 @@ def learned() -> None:
         if "diagnosis" not in names:
             exec(cell, names)
     with explored(names["diagnosis"]) as address, looked_at(address, 1280, 860) as page:
-        page.set_viewport_size({"width": 1280, "height": 1030})  # later: its plots would grow
+        page.set_viewport_size({"width": 1280, "height": 1070})  # later: its plots would grow
         page.get_by_text("Learned law", exact=True).click()
         take(page, "workbench_learned")
 
@@ -84,7 +85,7 @@ def take(page: Any, name: str) -> None:
         time.sleep(3)  # what is drawn comes after what is said
         picture, last = page.screenshot(), picture
     with Image.open(io.BytesIO(picture)) as shot:  # a third of the size, for eyes the same
-        shot.convert("RGB").quantize(96).save(STATIC / f"{name}.png", optimize=True)
+        shot.convert("RGB").quantize(256).save(STATIC / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":

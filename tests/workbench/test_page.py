@@ -19,6 +19,7 @@ from matplotlib.colors import to_hex
 import diffthrust as dft
 from diffthrust._support.plots import plot  # private: a figure of the page
 from diffthrust.comparison._regimes import Regime, SignalRange  # private: what is shaded
+from diffthrust.diagnosis._explained_share import Worth  # private: what an effect removes
 from diffthrust.diagnosis._findings import HeldValue  # private: what is said of constants
 from diffthrust.logs import PWM, Written
 from diffthrust.logs._written import ShownUnits  # private: what the page takes from runs
@@ -78,7 +79,7 @@ def test_the_error_that_sliders_made_is_within_the_picture(page):
     results.show_steps(steps, 0.5, None, unseen=False)
     assert results.stairs.heights.end == pytest.approx(1.2 * steps[0].unseen)
     assert results.now_label.text == ""
-    assert "training logs" in results.stairs.figure.yaxis[0].axis_label.text
+    assert "fitted logs" in results.stairs.figure.yaxis[0].axis_label.text
 
 
 def test_the_staircase_begins_with_the_model_as_opened_hatched_until_it_is_fitted():
@@ -222,8 +223,14 @@ def test_a_save_stops_nothing_and_is_not_lost_to_a_tick(page, tmp_path):
     page.tools.folder.value = str(tmp_path / "explored")
     page.tools.save()
     page.long.ask(lambda _: None, ended.append, page._failed)  # what waits gives way to it
+    assert page.tools.saver.label == "Save"
     page.document.run_until(lambda: "Saved in" in page.tools.said.text)
     assert (tmp_path / "explored" / "fit.json").is_file()
+    assert page.tools.saver.label == "Overwrite"
+    page.session.tick("command_deadband")
+    page.tools.show()
+    assert "not the one that was saved in" in page.tools.said.text
+    page.session.undo()
     assert not ended
     end.set()
     page.document.run_until(lambda: len(ended) == 2)
@@ -312,6 +319,51 @@ def test_parameters_are_shown_in_the_units_of_the_report_and_moved_in_their_own(
     assert offset.title == "speed sensor offset, offset [rpm]"
     width.value = 30.0
     assert moved == [("command_deadband.half_width", pytest.approx(0.075))]
+
+
+def test_a_slider_stays_where_it_is_when_an_effect_is_added_and_says_how_sure_its_value_is():
+    """Under an undo each value stood elsewhere on its slider, though it was the same."""
+    session = Session(opened(example_names.fit()))
+    controls, _ = controls_of(session)
+    controls.show(awake=True)
+    alpha = controls._sliders["alpha"][0]
+    error = session.fit.parameters["alpha"].std_error
+    assert alpha.title == f"alpha, propeller load [1/rad] (± {error:.2g})"
+    ends = alpha.start, alpha.end
+    session.tick("command_deadband")
+    controls.show(awake=True)
+    assert controls._sliders["alpha"][0] is alpha
+    assert (alpha.start, alpha.end) == ends
+    assert "±" not in alpha.title  # not fitted yet
+
+
+def test_an_effect_whose_share_may_be_nothing_says_so_and_what_it_may_be_instead(monkeypatch):
+    session = Session(opened(example_names.fit()))
+    session.diagnosis = replace(
+        made_diagnosis.found(), worth={"command_deadband": Worth(0.1, -0.05, 0.22)}
+    )
+    rival = {"command_deadband": "inflow"}
+    monkeypatch.setattr("diffthrust.workbench._controls.unmeasured_rivals", lambda diagnosis: rival)
+    controls, _ = controls_of(session)
+    controls.show(awake=True)
+    assert "command dead band: removes 10 %, perhaps none" in controls.boxes.labels
+    assert "It could as well be the inflow, which was not measured" in controls.about.text
+
+
+def test_each_channel_has_a_colour_of_its_own_where_it_fails(page):
+    everywhere = SignalRange("speed", -np.inf, np.inf, "rad/s")
+    page._found_regimes(
+        tuple(Regime(name, (everywhere,), 0.9, 0.5, 0.001) for name in ("speed", "thrust"))
+    )
+    words = [line.children[0].text for line in page.fails.children]
+    colors = [page.plots.colors[name] for name in ("speed", "thrust")]
+    assert len(set(colors)) == 2
+    assert all(color in line for color, line in zip(colors, words, strict=True))
+
+
+def test_a_residual_says_how_large_it_is(page):
+    rmse = page.run.errors.channels["thrust"].rmse
+    assert page.plots.sizes[1].text == f"measured - modelled, RMS {rmse:.3g} N"
 
 
 def test_a_slider_ends_at_the_bounds_and_around_the_value_where_there_is_none():

@@ -255,19 +255,26 @@ def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
 def _curve(panel: Axes, law: LearnedLaw) -> None:
     x, mean, error = law.drawn()
     position = law.shown.value * x
-    _banded(panel, position, mean, error, BLUE)
-    panel.plot(position, mean, color=BLUE, linewidth=1.8, label="learned curve")
+    title = f"at '{law.curve.port}' {manner_words(law, law.curve.times)}"
+    y, per, middle = f"curve [{law.curve.unit or '-'}]", 1.0, 0.0
+    if law.curve.times == ARRIVING:  # a factor of -0.31 read as if the thrust were reversed
+        title, y = f"change of what passes '{law.curve.port}', by {signal_words(law)}", "change [%]"
+        # related to its median, as in the words: that is what a parameter of the model has taken up
+        usual = float(np.median(law.curve.at_signal(law.samples))) if law.samples.size else 0.0
+        middle = usual if usual > -1.0 else 0.0
+        per = 100.0 / (1.0 + middle)
+    _banded(panel, position, per * (mean - middle), per * error, BLUE)
+    panel.plot(position, per * (mean - middle), color=BLUE, linewidth=1.8, label="learned curve")
     worst = _WORSE * min(fit.train.nrmse for fit in (law.fit, law.reported))
     drawn = (tried for tried in law.forms if tried.fit.train.nrmse <= worst)
     for colour, tried in zip(COLOURS[1:], drawn, strict=False):
         values = _form_over(law, tried, x)
         if values is not None:
-            width, note = (1.8, " (its name)") if tried is law.form else (1.0, "")
+            width, note = (1.8, "chosen:") if tried is law.form else (1.0, "tried:")
             style = {"color": colour, "linewidth": width, "linestyle": "--"}
-            panel.plot(position, values, label=f"{tried.title}{note}", **style)
+            panel.plot(position, per * (values - middle), label=f"{note} {tried.title}", **style)
     panel.legend(fontsize=8, framealpha=0.9)
-    title = textwrap.fill(f"at '{law.curve.port}' {manner_words(law, law.curve.times)}", _TITLE)
-    _dress(panel, y=f"curve [{law.curve.unit or '-'}]", title=title)
+    _dress(panel, y=y, title=textwrap.fill(title, _TITLE))
 
 
 def _form_over(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | None:
