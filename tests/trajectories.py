@@ -30,6 +30,7 @@ from diffthrust.simulation._integrate import (  # private: the integrator alone
 from diffthrust.simulation._levels import (  # private: each alone
     levels_over,
     levels_when_asked,
+    port_readings,
 )
 from diffthrust.simulation._linearise import (  # private: told by no result
     point_in,
@@ -111,6 +112,7 @@ __all__ = [
     "plain_rate",
     "point_in",
     "pooled_errors",
+    "port_readings",
     "runs_over",
     "runs_step_choice",
     "sensor_noise",

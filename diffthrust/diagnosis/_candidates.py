@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from diffthrust._support._running.batching import padded
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.models._base.effect import Effect
@@ -324,7 +325,7 @@ def slopes_along(
 
     What it drives is the rate of its state; or an output, whose derivative by a state is zero.
     """
-    signals = {name: jnp.asarray(value, float) for name, value in series.items()}
+    signals = {name: jnp.asarray(padded(value), float) for name, value in series.items()}
     state, still = signals.get(place.state or "", jnp.zeros(())), jnp.zeros_like(signals["time"])
 
     def driven(x: Array, push: Array) -> Array:
@@ -336,7 +337,8 @@ def slopes_along(
     unit, zeros = jnp.ones_like(state), jnp.zeros_like(state)
     _, by_state = jax.jvp(driven, (state, still), (unit, jnp.zeros_like(still)))
     _, by_port = jax.jvp(driven, (state, still), (zeros, jnp.ones_like(still)))
-    return np.asarray(by_state if place.state else still), np.asarray(by_port)
+    count = series["time"].size
+    return np.asarray(by_state if place.state else still)[:count], np.asarray(by_port)[:count]
 
 
 def place_words(model: Model, port: str) -> str:

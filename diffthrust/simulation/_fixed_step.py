@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from diffthrust._support._running.batching import is_unbatched, padded_length, run_program
+from diffthrust._support._running.batching import is_unbatched, padded, padded_length, run_program
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -143,7 +143,8 @@ def starting_states(model: Model, record: Record) -> dict[str, float]:
     Of the states of effects those that begin differently in every log.
     """
     inputs = record.inputs_for(model)
-    _, first = driven(model, record.time, inputs)
+    series = {name: padded(value) for name, value in inputs.items()}
+    _, first = driven(model, padded(record.time), series)
     integrated = [name for name in model.states if name not in inputs]
     start = {**(model.initial(first) if integrated else {}), **record.start}
     begin = {name: float(start.get(name, 0.0)) for name in integrated}

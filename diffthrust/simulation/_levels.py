@@ -8,6 +8,7 @@ from functools import cache
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.batching import padded
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._fixed_step import simulate_fixed
@@ -47,11 +48,12 @@ def levels_over(
 
 def port_readings(model: Model, series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What passes each port over a log, and what the model tells, given its inputs and states."""
-    s = Signals({name: jnp.asarray(value) for name, value in series.items()})
+    s = Signals({name: jnp.asarray(padded(value)) for name, value in series.items()})
     port = Reading(model.effects, s)
     equations_of(model, s, port)
-    shape, readings = np.shape(series["time"]), {**port.told, **port.seen}
-    return {name: np.broadcast_to(np.asarray(value), shape) for name, value in readings.items()}
+    count, shape = series["time"].size, s["time"].shape
+    readings = {name: np.asarray(value) for name, value in {**port.told, **port.seen}.items()}
+    return {name: np.broadcast_to(value, shape)[:count] for name, value in readings.items()}
 
 
 def _signals(model: Model, record: Record) -> dict[str, np.ndarray]:

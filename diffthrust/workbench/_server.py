@@ -13,12 +13,14 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
 from bokeh.core.validation import silence
 from bokeh.core.validation.warnings import EMPTY_LAYOUT
 from bokeh.document import Document
+from bokeh.events import DocumentReady
 from bokeh.server.server import Server
 from bokeh.settings import settings
 from bokeh.util.token import generate_session_id
@@ -93,7 +95,20 @@ class PageServer:
 
     def _filled(self, document: Document) -> None:
         document.on_session_destroyed(lambda _: self.close())
+        document.on_event(DocumentReady, lambda _: self._send_at_once())
         self._fill(document)
+
+    def _send_at_once(self) -> None:
+        """Let no part of an answer wait until the browser has acknowledged the one before.
+
+        An answer goes out in a dozen small parts, and the second was held back for some 35 of the
+        74 ms that a slider took to be drawn. The names are not public (Bokeh 3.9.2): without them a
+        page is as slow as it was.
+        """
+        with suppress(AttributeError):
+            for session in self._server.get_sessions():
+                for connection in session._subscribed_connections:
+                    connection._socket.set_nodelay(True)
 
     def close(self) -> None:
         """End the server; its address leads nowhere afterwards."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import compilations
 from trajectories import (
     adopted,
     bare,
@@ -18,6 +19,7 @@ from trajectories import (
     levels_over,
     levels_when_asked,
     measured_outputs,
+    port_readings,
     unknown_starts,
 )
 
@@ -402,3 +404,25 @@ def test_what_the_run_hardly_feels_stays_near(train):
     model = model.fix(*model.parameters)
     begun = dft.compare(model, log).runs[0].start
     assert abs(begun["current"]) < 2 * np.abs(made["current"]).max()
+
+
+# -- equations over a whole log, not compiled ------------------------------------------------------
+
+
+def test_logs_of_many_lengths_leave_no_code_behind():
+    """JAX keeps the code of each operation for each length: 27 MB for each diagnosis of a thruster.
+
+    One length of several samples was padded, and what is read there is as without that.
+    """
+    model = dft.Thruster() + "command_deadband"
+
+    def read(samples):
+        time = 0.1 * np.arange(samples)
+        return port_readings(model, {"time": time, "command": np.sin(time), "speed": 10 * time})
+
+    first, before = read(700), compilations()
+    others = [read(samples) for samples in range(701, 720)]
+    assert compilations() == before
+    for name, values in first.items():
+        assert all(np.array_equal(values, other[name][:700]) for other in others)
+        assert [other[name].size for other in others] == list(range(701, 720))
