@@ -65,12 +65,10 @@ class Steered(Actuator):
         if not unit:
             return converted
         names = self.thruster._parameters
-        now = {k: self._parameters[k] for k in names} if self._parameters else dict(names)
-        values = {k: p.value for k, p in now.items()}
-        thruster = self.thruster._copy(_parameters=now, **values).commanded_in(unit)
+        present = {k: self._parameters[k] for k in names} if self._parameters else names
+        thruster = self.thruster._with_parameters(present).commanded_in(unit)
         changed = {**converted._parameters, **thruster._parameters}
-        values = {k: changed[k].value for k in names}
-        return converted._copy(thruster=thruster, _parameters=changed, **values)
+        return converted._with_parameters(changed)._copy(thruster=thruster)
 
     def settled(self, s: Signals) -> Mapping[str, Signal | float]:
         """As the thruster does."""

@@ -78,6 +78,15 @@ class Component:
         copied._set(**attributes)
         return copied
 
+    def _present(self, name: str) -> Parameter:
+        """A parameter at its present value."""
+        return self._parameters[name].with_value(getattr(self, name))
+
+    def _with_parameters(self, parameters: Mapping[str, Parameter]) -> Self:
+        """A copy with these parameters, at their values."""
+        values = {name: p.value for name, p in parameters.items()}
+        return self._copy(_parameters=dict(parameters), **values)
+
     def _bound(self, values: Mapping[str, ArrayLike]) -> Self:
         """A copy whose parameters read as these (possibly traced) values."""
         return self._copy(**values)
@@ -134,7 +143,7 @@ class Component:
             "name": cls.name,
             "own": origin if self.own else None,
             "arguments": self.arguments,
-            "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
+            "parameters": {name: self._present(name) for name in self._parameters},
         }
         parts = {name: part.as_plain() for name, part in self.parts.items()}
         return {**plain, "parts": parts} if parts else plain

@@ -14,6 +14,8 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.report import Rows
+from diffthrust._support.words import number
 
 _Numbers = TypeVar("_Numbers", float, np.ndarray, jax.Array)  # one number or many
 
@@ -299,6 +301,17 @@ def means_note(names: Sequence[str]) -> tuple[str, ...]:
     return (f"By log: {listing(names)}. What stands here is the mean of all logs.",)
 
 
+def parameter_rows(parameters: Mapping[str, Parameter]) -> Rows:
+    """Parameters by name as a table, with what is special about them."""
+    rows = []
+    for name, p in parameters.items():
+        low, high = ("" if bound is None else f"{bound:g}" for bound in p.bounds)
+        remark = ", ".join(["fixed"] * p.fixed + ["differs by log"] * p.per_log)
+        rows.append((name, number(p.value), p.unit, low, high, remark, p.doc))
+    headings = ("Parameter", "Value", "Unit", "From", "to", "", "")
+    return Rows.of(headings, rows, numbers=(1, 3, 4))
+
+
 def _spelt(pattern: str, units: Mapping[str, str]) -> str:
     """A unit that follows a channel, in words where the channel's has no symbol to divide by."""
     channel = pattern[pattern.index("{") + 1 : pattern.index("}")]
@@ -314,9 +327,9 @@ def _spelt(pattern: str, units: Mapping[str, str]) -> str:
     return f"{above}/{remaining} per {per}" if remaining else f"{above} per {per}"
 
 
-def _of(number: object) -> Any:
-    """NumPy or JAX, by the number: JAX takes a hundred times as long for a plain number."""
-    return jnp if isinstance(number, jax.Array) else np
+def _of(value: object) -> Any:
+    """NumPy or JAX, by the value: JAX takes a hundred times as long for a plain number."""
+    return jnp if isinstance(value, jax.Array) else np
 
 
 def _number(value: object) -> TypeGuard[float]:

@@ -160,7 +160,7 @@ class Placed(Effect):
     def as_plain(self) -> dict[str, Any]:
         """The effect as data, with the actuators on which it acts."""
         plain = self.effect.as_plain()
-        named = {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()}
+        named = {name: self._present(name) for name in self._parameters}
         return {**plain, "parameters": named, "members": self.members}
 
     def __repr__(self) -> str:
