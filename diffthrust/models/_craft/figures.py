@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, unboxed
+from diffthrust.models._craft.layout import LaidOut
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,25 +20,18 @@ _SIDEWAYS = 0.15
 """An arrow whose part in the plane is shorter comes towards the reader, or goes from him."""
 
 
-class Drawn(NamedTuple):
-    """A part: its name, place [m] and direction, and whether it can turn; a sensor has none."""
-
-    name: str
-    place: tuple[float, float, float]
-    pointing: tuple[float, float, float] | None
-    turns: bool = False
-
-
-def craft_figure(title: str, parts: list[Drawn], centre: tuple[float, ...] | None) -> Figure:
+def craft_figure(title: str, parts: Sequence[LaidOut], centre: tuple[float, ...]) -> Figure:
     """The craft from above, bow up, and from starboard, bow to the right.
 
     Arrows show where a positive thrust pushes the craft; a dot comes towards the reader, a cross
-    goes away. Squares are sensors. ``centre`` is the centre of mass.
+    goes away. Squares are sensors. ``centre`` is the centre of mass. Parts without a place are left
+    out.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.4, 4.4), layout="constrained")
     above, side = figure.subplots(1, 2)
+    parts = [part for part in parts if part.place]
     # from above: starboard to the right, the bow up; the reader sees what goes down go away
     _view(above, parts, centre, axes=(1, 0), towards=(2, -1.0))
     above.set_xlabel("to starboard [m]", fontsize=9)
@@ -54,13 +49,13 @@ def craft_figure(title: str, parts: list[Drawn], centre: tuple[float, ...] | Non
 
 def _view(
     panel: Axes,
-    parts: list[Drawn],
-    centre: tuple[float, ...] | None,
+    parts: Sequence[LaidOut],
+    centre: tuple[float, ...],
     axes: tuple[int, int],
     towards: tuple[int, float],
 ) -> None:
     across, up = axes
-    points = np.array([a.place for a in parts] + [centre or (0.0, 0.0, 0.0)])
+    points = np.array([a.place for a in parts] + [centre])
     span = max(np.ptp(points[:, 0]), np.ptp(points[:, 1]), np.ptp(points[:, 2]), 0.2)
     length = _ARROW * span
     groups: dict[tuple[float, float], list[str]] = {}
@@ -96,10 +91,9 @@ def _view(
         offset = ((8.0 + 3.0 * len(words)) * behind[x, y][0], 14.0 * behind[x, y][1])
         panel.annotate(words, (x, y), xytext=offset, textcoords="offset points",
                        fontsize=8, ha="center", va="center")  # fmt: skip
-    if centre is not None:
-        panel.plot(centre[across], centre[up], "+", color=VERMILLION, markersize=11, mew=1.8)
-        panel.annotate("CG", (centre[across], centre[up]), xytext=(6, -11),
-                       textcoords="offset points", fontsize=8, color=VERMILLION)  # fmt: skip
+    panel.plot(centre[across], centre[up], "+", color=VERMILLION, markersize=11, mew=1.8)
+    panel.annotate("CG", (centre[across], centre[up]), xytext=(6, -11),
+                   textcoords="offset points", fontsize=8, color=VERMILLION)  # fmt: skip
     panel.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
     panel.axvline(0.0, color=GREY, linewidth=0.6, zorder=0)
     unboxed(panel)
