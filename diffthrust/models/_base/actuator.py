@@ -13,12 +13,7 @@ from diffthrust.models._base.signals import Signal, Signals
 
 
 class Actuator(Model):
-    """A model with an output ``thrust``, known to crafts by its name but not listed with systems.
-
-    Example:
-        >>> issubclass(dft.actuators.StaticThruster, dft.Model)
-        True
-    """
+    """A model with an output ``thrust``, which crafts find by its name: not listed with systems."""
 
     library: ClassVar[dict[str, type[Actuator]]] = {}  # pyright: ignore[reportIncompatibleVariableOverride]
 

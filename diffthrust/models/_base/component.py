@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -12,7 +12,8 @@ import jax
 from jax.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.names import listing
+from diffthrust._support.validation import check_known
 from diffthrust.models._base.parameter import Parameter
 
 FIELDS = ("value", "bounds", "fixed", "prior", "transform", "size", "per_log", "width")
@@ -52,12 +53,7 @@ class Component:
         self._set(_parameters={})
         parameters = dict(self.declared)
         for name, value in values.items():
-            if name not in parameters:
-                raise InputError(
-                    f"{type(self).__name__} has no parameter '{name}'"
-                    f"{_hint(name, parameters)}; it has {listing(parameters)}.",
-                    "Correct the name.",
-                )
+            check_known(name, parameters, f"{type(self).__name__} has no parameter")
             parameters[name] = changed(parameters[name], value, name)
         for name, described in parameters.items():
             described.check(name)
@@ -243,11 +239,6 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any], name: st
             if isinstance(new, str)
             else "Give a number.",
         ) from None
-
-
-def _hint(name: str, options: Iterable[str]) -> str:
-    near = nearest(name, options)
-    return f" ({near})" if near else ""
 
 
 def file_of(cls: type) -> str | None:

@@ -18,11 +18,7 @@ from diffthrust.models._base.signals import Rate, Signal, Signals, elementwise, 
 class Acting(NamedTuple):
     """An effect as it acts at a port: itself, or behind the names of a part of a model.
 
-    Args:
-        effect: whose equations are read.
-        port: the port by its own name.
-        signals: what it reads.
-        states: the full name of each of its states.
+    What acts, the port by its own name, the signals read there, the full names of its states.
     """
 
     effect: Effect

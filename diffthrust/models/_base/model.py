@@ -9,8 +9,9 @@ from typing import Any, ClassVar, Self, TypeVar
 from jax.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section
+from diffthrust._support.validation import check_known
 from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.effect import Effect, Ports, reported_at
 from diffthrust.models._base.made_effect import MadeEffect
@@ -285,13 +286,9 @@ class Model(Component):
         """
         named = self.parameters
         for name, new in {**(parameters or {}), **more}.items():
-            if name not in named:
-                near = nearest(name, named)
-                raise InputError(
-                    f"{self} has no parameter '{name}'{f' ({near})' if near else ''}; "
-                    f"it has {listing(named)}.",
-                    self._mend_of_name(name),
-                )
+            if name not in named:  # the mend is sought only then: it tries to add the effect
+                mend = self._mend_of_name(name)
+                check_known(name, named, f"{self} has no parameter", mend=mend)
             named[name] = changed(named[name], new, name)
             named[name].check(name)
         effects = (

@@ -290,12 +290,7 @@ class Parameter:
 
 
 def means_note(names: Sequence[str]) -> tuple[str, ...]:
-    """A note where parameters that differ by log stand for all logs; none where none do.
-
-    Example:
-        >>> means_note(["ct"])
-        ("By log: 'ct'. What stands here is the mean of all logs.",)
-    """
+    """A note where parameters that differ by log stand for all logs; none where none do."""
     if not names:
         return ()
     return (f"By log: {listing(names)}. What stands here is the mean of all logs.",)

@@ -9,7 +9,8 @@ from typing import Any
 import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.names import listing
+from diffthrust._support.validation import check_known
 from diffthrust._support.words import joined, percent
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -30,23 +31,13 @@ PUSH_WORDS = "force of the actuator along its axis [N]"
 
 
 class Actuators(dict[str, Mounted[Model]]):
-    """Actuators without effects at their places, by name; a group has the numbers of its first.
-
-    Args:
-        mounted: each at its place.
-        share: groups by name.
-
-    Raises:
-        InputError: a group of what is no actuator, or of different models, or one in two groups.
-    """
+    """Actuators without effects at their places, by name; a group has the numbers of its first."""
 
     def __init__(
         self, mounted: Mapping[str, Mounted[Model]], share: Sequence[Sequence[str]]
     ) -> None:
         super().__init__(mounted)
         self.share = _groups_of(mounted, share)
-
-    # -- their numbers -----------------------------------------------------------------------------
 
     def group_of(self, name: str) -> tuple[str, ...]:
         """Those with the numbers of one."""
@@ -79,16 +70,8 @@ class Actuators(dict[str, Mounted[Model]]):
         return named
 
     def alone(self, name: str, parameter: Callable[[str], Parameter]) -> Model:
-        """The model of one by itself, with its numbers of the craft.
-
-        Args:
-            name: which one.
-            parameter: gives the craft's parameter of a full name at its present value.
-
-        Raises:
-            InputError: there is none of that name.
-        """
-        self._check(name)
+        """The model of one by itself, with its numbers among the present ones of the craft."""
+        check_known(name, self, "The craft has no actuator")
         model, owner = self[name].model, self.owner(name)
         named = {}
         for k, p in model._parameters.items():
@@ -100,7 +83,8 @@ class Actuators(dict[str, Mounted[Model]]):
         self, unit: str, parameter: Callable[[str], Parameter]
     ) -> tuple[Actuators, dict[str, Parameter]]:
         """Those whose commands have a choice in another unit, and the craft's parameters then."""
-        mounted, changed = dict(self), {}
+        mounted = dict(self)
+        changed: dict[str, Parameter] = {}
         for name, present in self.items():
             if not present.model.commands:
                 continue
@@ -121,21 +105,12 @@ class Actuators(dict[str, Mounted[Model]]):
     # -- effects on them ---------------------------------------------------------------------------
 
     def placed(self, effect: Effect, members: Sequence[str], craft: str) -> Effect:
-        """An effect on some of one group, or where none are named, on all that have its ports.
+        """An effect on some of one group; without members, on all of the group that has its ports.
 
-        It is returned as it is where none has its ports.
-
-        Args:
-            effect: the effect.
-            members: by name.
-            craft: how messages call the craft.
-
-        Raises:
-            InputError: no actuator, members of more than one group, or none named where more than
-                one group has its ports.
+        Where none has them it is returned as it is; ``craft`` is how messages call the craft.
         """
         for name in members:
-            self._check(name)
+            check_known(name, self, "The craft has no actuator")
         if members:
             if len({self.group_of(name) for name in members}) > 1:
                 raise InputError(
@@ -162,15 +137,6 @@ class Actuators(dict[str, Mounted[Model]]):
         for group in groups:
             if len(group) > 1:
                 yield from (self._on(effect, (name,)) for name in group)
-
-    def _check(self, name: str) -> None:
-        if name not in self:
-            near = nearest(name, self)
-            raise InputError(
-                f"The craft has no actuator '{name}'{f' ({near})' if near else ''}; "
-                f"it has {listing(self)}.",
-                "Correct the name.",
-            )
 
     def _taking(self, effect: Effect) -> list[tuple[str, ...]]:
         """The groups that have the ports of an effect."""

@@ -17,7 +17,7 @@ from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 from diffthrust.models._craft.actuators import PUSH, TOLD, Actuators, past, wrench
 from diffthrust.models._craft.body import Body
-from diffthrust.models._craft.layout import laid_out, layout_report
+from diffthrust.models._craft.figures import craft_figure, laid_out, layout_report
 from diffthrust.models._craft.parts import check_body, merged, sorted_parts
 from diffthrust.models._craft.placed import Placed
 from diffthrust.models._craft.scope import PortsUnder, place_of, signals_under
@@ -324,8 +324,6 @@ class Craft(Model):
             >>> len(dft.layouts.BLUEROV2_HEAVY.craft().plot().axes)
             2
         """
-        from diffthrust.models._craft.figures import craft_figure
-
         body = self.body._parameters
         centre = tuple(getattr(self, n) if n in body else 0.0 for n in ("x_g", "y_g", "z_g"))
         return craft_figure(str(self), laid_out(self.actuators, self.sensors, vars(self)), centre)

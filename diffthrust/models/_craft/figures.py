@@ -1,14 +1,19 @@
-"""A craft drawn from above and from the side."""
+"""The layout of a craft: as a table, and drawn from above and from the side."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, unboxed
-from diffthrust.models._craft.layout import LaidOut
+from diffthrust._support.report import Report, Rows, Section
+from diffthrust._support.words import number
+from diffthrust.models._base.mounted import Vector
+from diffthrust.models._craft.actuators import Actuators
+from diffthrust.models._craft.scope import place_of
+from diffthrust.models._craft.sensor import Sensors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,12 +25,53 @@ _SIDEWAYS = 0.15
 """An arrow whose part in the plane is shorter comes towards the reader, or goes from him."""
 
 
+class LaidOut(NamedTuple):
+    """A part: where it is [m], if that matters, and where it pushes; a sensor pushes nowhere.
+
+    The note says whose numbers it has, or the axes of its readings.
+    """
+
+    name: str
+    model: str
+    place: tuple[float, ...]
+    pointing: Vector | None = None
+    turns: bool = False
+    note: str = ""
+
+
+def laid_out(actuators: Actuators, sensors: Sensors, values: Mapping[str, Any]) -> list[LaidOut]:
+    """All parts, at their places by the values of the craft."""
+    parts = []
+    for name, mounted in actuators.items():
+        place = place_of(name, values)
+        turns = "side_thrust" in mounted.model.outputs
+        owner = actuators.owner(name)
+        like = "" if owner == name else f"like {owner}"
+        parts.append(LaidOut(name, str(mounted.model), place, mounted.pointing, turns, like))
+    for name, mounted in sensors.items():
+        sensor = mounted.model
+        place = place_of(name, values) if sensor.placed else ()
+        parts.append(LaidOut(name, sensor.name, place, note=sensor.frame))
+    return parts
+
+
+def layout_report(body: str, parts: Sequence[LaidOut]) -> Report:
+    """The parts as a table."""
+    rows = []
+    for part in parts:
+        place = [number(each, 3) for each in part.place] or ["", "", ""]
+        pointing = ", ".join(f"{each:.3g}" for each in part.pointing or ())
+        rows.append((part.name, part.model, *place, pointing, part.note))
+    headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "")
+    title = f"Craft of the body '{body}'"
+    return Report(Section("", title, Rows.of(headings, rows, numbers=(2, 3, 4))))
+
+
 def craft_figure(title: str, parts: Sequence[LaidOut], centre: tuple[float, ...]) -> Figure:
     """The craft from above, bow up, and from starboard, bow to the right.
 
     Arrows show where a positive thrust pushes the craft; a dot comes towards the reader, a cross
-    goes away. Squares are sensors. ``centre`` is the centre of mass. Parts without a place are left
-    out.
+    goes away. Squares are sensors. ``centre`` is the centre of mass.
     """
     from matplotlib.figure import Figure
 

@@ -22,13 +22,7 @@ _PLACE = ("x", "y", "z")
 
 
 def signals_under(s: Signals, scope: str) -> Signals:
-    """The signals of a part by their short names, beside those of the whole.
-
-    Example:
-        >>> s = dft.models.Signals({"time": 0.0, "port.command": 1.0, "bow.command": 2.0})
-        >>> dict(signals_under(s, "port"))
-        {'time': 0.0, 'command': 1.0}
-    """
+    """The signals of a part by their short names, beside those of the whole."""
     prefix = f"{scope}."
     common = {name: s[name] for name in s if "." not in name}
     short = {name.removeprefix(prefix): s[name] for name in s if name.startswith(prefix)}
@@ -53,10 +47,7 @@ class PortsUnder(Ports):
 def lifted(described: Parameter, scope: str, signals: Collection[str]) -> Parameter:
     """A parameter of a part as one of the whole: units and trial values follow the part's signals.
 
-    Args:
-        described: the parameter.
-        scope: the part.
-        signals: the part's signals; its trial values may follow others, as the length of the logs.
+    Trial values may follow others, as the length of the logs: these are named as they were.
     """
     pattern, probes = described.pattern or described.unit, described.probes
     if "{" in pattern:
