@@ -150,16 +150,8 @@ class SixDegrees(Body):
         force = lessened(acting.linear, cross(omega, momentum))
         moment = lessened(acting.angular, cross(centre, acting.linear))
         moment = lessened(moment, summed(cross(omega, spin), cross(velocity, momentum)))
-        force = (
-            port("surge_force", force[0]),
-            port("sway_force", force[1]),
-            port("heave_force", force[2]),
-        )
-        moment = (
-            port("roll_moment", moment[0]),
-            port("pitch_moment", moment[1]),
-            port("yaw_moment", moment[2]),
-        )
+        force = _through(port, ("surge_force", "sway_force", "heave_force"), force)
+        moment = _through(port, ("roll_moment", "pitch_moment", "yaw_moment"), moment)
         turning = _over(moment, self._triple("i44", "i55", "i66"))
         moving = _over(force, self._triple("m11", "m22", "m33"))
         moving = lessened(moving, cross(turning, centre))
@@ -193,6 +185,11 @@ class SixDegrees(Body):
         return (
             self.start_outputs if whole and type(self).start_from is SixDegrees.start_from else ()
         )
+
+
+def _through(port: Ports, names: tuple[str, str, str], values: Triple) -> Triple:
+    x, y, z = map(port, names, values)
+    return x, y, z
 
 
 def _each(a: Triple, b: Triple) -> Triple:

@@ -1,9 +1,12 @@
-"""What each model declares: starts, units, bounds and time scales.
+"""What models and effects declare: starts, units, bounds, probes and time scales.
 
 Fits and diagnoses rest on these numbers, and so do spec files that name none: whoever moves one
 moves other people's results, and says so here.
 """
 
+import math
+
+import pytest
 from declared_lines import declared_text
 
 import diffthrust as dft
@@ -66,3 +69,81 @@ def test_the_time_scales_that_logs_must_show():
     assert {name: cls.time_scales for name, cls in MODELS.items()} == SCALES
     assert {name for name, cls in MODELS.items() if cls.horizon is not None} == {"vessel"}
     assert dft.Vessel.horizon == 20.0
+
+
+SIGNED = {
+    "dc_motor_thruster.thrust_linear",
+    "linear_sensor.offset",
+    "linear_sensor.slope",
+    "command_offset.offset",
+    "differential_gain.gain",
+    "buoyancy.excess",
+    "propeller_walk.fraction",
+    "reverse_drive_asymmetry.change",
+    "reverse_load_asymmetry.change",
+    "reverse_propeller_asymmetry.change",
+    "reverse_thrust_asymmetry.change",
+    "rudder_inflow.gain",
+    "rudder_offset.offset",
+    "speed_sensor_offset.offset",
+    "speed_sensor_scale.change",
+    "sway_yaw_coupling.damping",
+    "sway_yaw_coupling.mass",
+    "thrust_degradation.instant",
+    "thrust_sensor_offset.offset",
+    "thrust_sensor_scale.change",
+    "water_current.to_east",
+    "water_current.to_north",
+    "wind.direction",
+    "wind.turning",
+}
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_every_parameter_of_every_model_describes_itself_soundly(model):
+    for name, p in model().parameters.items():
+        p.check(name)
+        low, high = p.coordinate_limits()
+        z = float(p.to_coordinate(p.value))
+        assert low <= z <= high
+        assert float(p.from_coordinate(z)) == pytest.approx(p.value, rel=1e-14)
+
+
+def test_only_what_has_two_directions_may_be_negative():
+    signed = {
+        f"{name}.{key}"
+        for name, cls in {**MODELS, **dft.effects.EFFECTS}.items()
+        for key, p in cls.declared.items()
+        if p.limits[0] < 0
+    }
+    assert signed == SIGNED
+
+
+@pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
+def test_probes_lie_on_the_side_that_the_bounds_leave(effect):
+    for p in effect.declared.values():
+        factors = getattr(p.probes, "factors", p.probes)
+        assert not factors or p.limits[0] <= min(0.0, *factors) or min(factors) >= 0
+
+
+@pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
+def test_start_values_sizes_and_probes_fit_each_other(effect):
+    for p in effect.declared.values():
+        factors = getattr(p.probes, "factors", p.probes)
+        assert list(factors) == sorted(set(factors))
+        if not p.fixed and p.size and p.null is not None and math.isfinite(p.null):
+            assert abs(p.value - p.null) <= 2 * p.size
+            far = [abs(x - p.null) / p.size for x in factors if factors is p.probes]
+            assert all(0.15 <= one <= 5.0 for one in far)
+
+
+@pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
+def test_every_effect_is_documented_and_its_null_is_inside_its_bounds(effect):
+    assert "Null:" in effect.__doc__
+    assert "Source:" in effect.__doc__
+    null = effect().at_null()
+    nulls = {k: p.null for k, p in effect.declared.items() if p.null is not None}
+    assert nulls
+    assert {k: getattr(null, k) for k in nulls} == nulls
+    for name, p in null._parameters.items():
+        p.check(name)

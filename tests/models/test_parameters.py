@@ -138,6 +138,8 @@ def test_the_channel_whose_unit_it_has():
 
 
 def test_the_transform_that_is_taken():
+    assert parameter(1.0).transform == "linear"
+    assert parameter(1.0, bounds=(0, None)).transform == "log"
     assert parameter(1.0, bounds=(0.5, 2)).transform == "log"
     assert parameter(1.0, bounds=(-0.1, 2)).transform == "linear"
     assert parameter(1.0, bounds=(None, 2)).transform == "linear"

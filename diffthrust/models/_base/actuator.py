@@ -13,12 +13,7 @@ from diffthrust.models._base.signals import Signal, Signals
 
 
 class Actuator(Model):
-    """A model with an output ``thrust``, known to crafts by its name but not listed with systems.
-
-    Example:
-        >>> issubclass(dft.actuators.StaticThruster, dft.Model)
-        True
-    """
+    """A model with an output ``thrust``, which crafts find by its name: not listed with systems."""
 
     library: ClassVar[dict[str, type[Actuator]]] = {}  # pyright: ignore[reportIncompatibleVariableOverride]
 
@@ -65,12 +60,10 @@ class Steered(Actuator):
         if not unit:
             return converted
         names = self.thruster._parameters
-        now = {k: self._parameters[k] for k in names} if self._parameters else dict(names)
-        values = {k: p.value for k, p in now.items()}
-        thruster = self.thruster._copy(_parameters=now, **values).commanded_in(unit)
+        present = {k: self._parameters[k] for k in names} if self._parameters else names
+        thruster = self.thruster._with_parameters(present).commanded_in(unit)
         changed = {**converted._parameters, **thruster._parameters}
-        values = {k: changed[k].value for k in names}
-        return converted._copy(thruster=thruster, _parameters=changed, **values)
+        return converted._with_parameters(changed)._copy(thruster=thruster)
 
     def settled(self, s: Signals) -> Mapping[str, Signal | float]:
         """As the thruster does."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -12,7 +12,8 @@ import jax
 from jax.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.names import listing
+from diffthrust._support.validation import check_known
 from diffthrust.models._base.parameter import Parameter
 
 FIELDS = ("value", "bounds", "fixed", "prior", "transform", "size", "per_log", "width")
@@ -52,12 +53,7 @@ class Component:
         self._set(_parameters={})
         parameters = dict(self.declared)
         for name, value in values.items():
-            if name not in parameters:
-                raise InputError(
-                    f"{type(self).__name__} has no parameter '{name}'"
-                    f"{_hint(name, parameters)}; it has {listing(parameters)}.",
-                    "Correct the name.",
-                )
+            check_known(name, parameters, f"{type(self).__name__} has no parameter")
             parameters[name] = changed(parameters[name], value, name)
         for name, described in parameters.items():
             described.check(name)
@@ -77,6 +73,15 @@ class Component:
         copied = copy.copy(self)
         copied._set(**attributes)
         return copied
+
+    def _present(self, name: str) -> Parameter:
+        """A parameter at its present value."""
+        return self._parameters[name].with_value(getattr(self, name))
+
+    def _with_parameters(self, parameters: Mapping[str, Parameter]) -> Self:
+        """A copy with these parameters, at their values."""
+        values = {name: p.value for name, p in parameters.items()}
+        return self._copy(_parameters=dict(parameters), **values)
 
     def _bound(self, values: Mapping[str, ArrayLike]) -> Self:
         """A copy whose parameters read as these (possibly traced) values."""
@@ -134,7 +139,7 @@ class Component:
             "name": cls.name,
             "own": origin if self.own else None,
             "arguments": self.arguments,
-            "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
+            "parameters": {name: self._present(name) for name in self._parameters},
         }
         parts = {name: part.as_plain() for name, part in self.parts.items()}
         return {**plain, "parts": parts} if parts else plain
@@ -234,11 +239,6 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any], name: st
             if isinstance(new, str)
             else "Give a number.",
         ) from None
-
-
-def _hint(name: str, options: Iterable[str]) -> str:
-    near = nearest(name, options)
-    return f" ({near})" if near else ""
 
 
 def file_of(cls: type) -> str | None:

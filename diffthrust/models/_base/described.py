@@ -22,13 +22,8 @@ _PARTS: Mapping[str, type] = {"prior": Normal, "probes": Relative}
 def plain_description(where: str, described: Any) -> str | dict[str, Any]:
     """A description of a parameter as plain data: its unit, or its fields that are not usual.
 
-    Args:
-        where: the parameter, for messages.
-        described: a unit, a `Parameter`, or a mapping of its fields with "unit".
-
-    Example:
-        >>> plain_description("p", dft.parameter(1.5, bounds=(0.5, 3)))
-        {'unit': '', 'value': 1.5, 'bounds': (0.5, 3)}
+    ``where`` names the parameter in messages; it is described by a unit, a `Parameter`, or a
+    mapping of its fields with "unit".
     """
     if isinstance(described, str):
         return described

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
@@ -15,11 +18,7 @@ from diffthrust.models._base.signals import Rate, Signal, Signals, elementwise, 
 class Acting(NamedTuple):
     """An effect as it acts at a port: itself, or behind the names of a part of a model.
 
-    Args:
-        effect: whose equations are read.
-        port: the port by its own name.
-        signals: what it reads.
-        states: the full name of each of its states.
+    What acts, the port by its own name, the signals read there, the full names of its states.
     """
 
     effect: Effect
@@ -139,6 +138,24 @@ class Effect(Component):
             {'response': 'actuator_lag.response'}
         """
         return Acting(self, port, s, {name: f"{self.name}.{name}" for name in self.states})
+
+    def _check_places(self, model: str, ports: Sequence[str], channels: Sequence[str]) -> None:
+        """Raise `InputError` where a model has none of its ports, or integrates nothing there."""
+        for port in self.ports:
+            if port not in (*ports, *channels):
+                raise InputError(
+                    f"Effect '{self.name}' acts at the port '{port}', which the model "
+                    f"'{model}' does not have; it has {listing([*ports, *channels])}.",
+                    "Use an effect made for one of these ports.",
+                )
+            # a channel is a recorded series, on which nothing is integrated
+            if self.states and port not in ports:
+                raise InputError(
+                    f"Effect '{self.name}' has states of its own and acts on the channel "
+                    f"'{port}'; states are integrated at ports inside the model only: "
+                    f"{listing(ports)}.",
+                    "Let it act at one of these ports.",
+                )
 
     def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
         """The error for a signal that it reads and that the model does not have there.
@@ -333,3 +350,33 @@ class Ports:
         expect(f"{where}.rates", "rate of the state", full, rates)
         self.rates.update({full[name]: rates[name] for name in full})
         return leaving
+
+
+def reported_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> tuple[str, ...]:
+    """The signals that equations report to the effects at a port, besides their own inputs."""
+    signals = tuple(dict.fromkeys(names))
+    noted: dict[str, tuple[str, ...]] = {}
+
+    def run(values: dict[str, Signal]) -> Signal:
+        s = Signals(values)
+        equations(s, _Noting(s, noted))
+        return values["time"]
+
+    # an abstract evaluation: the equations are walked through once, nothing is computed
+    jax.eval_shape(run, {name: jnp.asarray(0.5) for name in ("time", *signals)})
+    return tuple(name for name in noted.get(port, ()) if name not in ("time", *signals))
+
+
+class _Noting(Ports):
+    """Ports without effects that note what may be read at each."""
+
+    def __init__(self, signals: Signals, noted: dict[str, tuple[str, ...]]) -> None:
+        super().__init__((), signals)
+        self._noted = noted
+
+    def hears(self, part: str) -> bool:
+        return True
+
+    def __call__(self, port: str, value: Signal) -> Signal:
+        self._noted[port] = tuple(self._signals)
+        return value

@@ -9,15 +9,15 @@ from typing import Any, ClassVar, Self, TypeVar
 from jax.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
-from diffthrust._support.report import Report, Rows, Section
+from diffthrust._support.names import listing
+from diffthrust._support.report import Report, Section
+from diffthrust._support.validation import check_known
 from diffthrust.models._base.component import Component, changed
-from diffthrust.models._base.effect import Effect, Ports
+from diffthrust.models._base.effect import Effect, Ports, reported_at
 from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.mounted import Mounted
-from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.parameter import Parameter, parameter_rows
 from diffthrust.models._base.quadratic_load import QuadraticLoad
-from diffthrust.models._base.readable import reported_at
 from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
@@ -247,10 +247,9 @@ class Model(Component):
             >>> list((dft.Thruster() + "actuator_lag").parameters)
             ['alpha', 'beta', 'ct', 'actuator_lag.time_constant']
         """
-        named = {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()}
+        named = {name: self._present(name) for name in self._parameters}
         for effect in self.effects:
-            for k, p in effect._parameters.items():
-                named[f"{effect.name}.{k}"] = p.with_value(getattr(effect, k))
+            named |= {f"{effect.name}.{k}": effect._present(k) for k in effect._parameters}
         return named
 
     def _mend_of_name(self, name: str) -> str:
@@ -287,25 +286,17 @@ class Model(Component):
         """
         named = self.parameters
         for name, new in {**(parameters or {}), **more}.items():
-            if name not in named:
-                near = nearest(name, named)
-                raise InputError(
-                    f"{self} has no parameter '{name}'{f' ({near})' if near else ''}; "
-                    f"it has {listing(named)}.",
-                    self._mend_of_name(name),
-                )
+            if name not in named:  # the mend is sought only then: it tries to add the effect
+                mend = self._mend_of_name(name)
+                check_known(name, named, f"{self} has no parameter", mend=mend)
             named[name] = changed(named[name], new, name)
             named[name].check(name)
-        base = {k: named[k] for k in self._parameters}
-        effects = []
-        for effect in self.effects:
-            theirs = {k: named[f"{effect.name}.{k}"] for k in effect._parameters}
-            effects.append(
-                effect._copy(_parameters=theirs, **{k: p.value for k, p in theirs.items()})
-            )
-        return self._copy(
-            _parameters=base, effects=tuple(effects), **{k: p.value for k, p in base.items()}
+        effects = (
+            effect._with_parameters({k: named[f"{effect.name}.{k}"] for k in effect._parameters})
+            for effect in self.effects
         )
+        base = self._with_parameters({k: named[k] for k in self._parameters})
+        return base._copy(effects=tuple(effects))
 
     def fix(self, *names: str) -> Self:
         """The model with these parameters held at their values.
@@ -332,18 +323,12 @@ class Model(Component):
             >>> dft.Thruster().bind({"ct": 0.03}).ct
             0.03
         """
+        effects = []
+        for effect in self.effects:
+            full = {k: f"{effect.name}.{k}" for k in effect._parameters}
+            effects.append(effect._bound({k: values[n] for k, n in full.items() if n in values}))
         base = {k: values[k] for k in self._parameters if k in values}
-        effects = tuple(
-            effect._bound(
-                {
-                    k: values[f"{effect.name}.{k}"]
-                    for k in effect._parameters
-                    if f"{effect.name}.{k}" in values
-                }
-            )
-            for effect in self.effects
-        )
-        return self._copy(effects=effects, **base)
+        return self._copy(effects=tuple(effects), **base)
 
     # -- effects -----------------------------------------------------------------------------------
 
@@ -368,22 +353,8 @@ class Model(Component):
                 f'Take it out first: model - "{other.name}".'
                 + " Or give one of them another name." * isinstance(other, MadeEffect),
             )
-        places = [*self.ports, *self.inputs, *self.optional_inputs, *self.outputs]
-        for port in other.ports:
-            if port not in places:
-                raise InputError(
-                    f"Effect '{other.name}' acts at the port '{port}', which the model "
-                    f"'{self.name}' does not have; it has {listing(places)}.",
-                    "Use an effect made for one of these ports.",
-                )
-            # a channel is a recorded series, on which nothing is integrated
-            if other.states and port not in self.ports:
-                raise InputError(
-                    f"Effect '{other.name}' has states of its own and acts on the channel "
-                    f"'{port}'; states are integrated at ports inside the model only: "
-                    f"{listing(self.ports)}.",
-                    "Let it act at one of these ports.",
-                )
+        channels = (*self.inputs, *self.optional_inputs, *self.outputs)
+        other._check_places(self.name, tuple(self.ports), channels)
         return self._copy(effects=(*self.effects, self._fitted_in(other)))
 
     def placements(self, effect: Effect) -> Iterable[Effect]:
@@ -503,26 +474,11 @@ class Model(Component):
 
     def _repr_html_(self) -> str:
         from diffthrust._support.page import notebook_html
-        from diffthrust._support.words import number
 
-        rows = [
-            (name, number(p.value), p.unit, *map(_end, p.bounds), _remark(p), p.doc)
-            for name, p in self.parameters.items()
-        ]
-        headings = ("Parameter", "Value", "Unit", "From", "to", "", "")
-        table = Rows.of(headings, rows, numbers=(1, 3, 4))
-        return notebook_html(Report(Section("", str(self), table)))
+        return notebook_html(Report(Section("", str(self), parameter_rows(self.parameters))))
 
     def __str__(self) -> str:
         return " + ".join([self.name, *(effect.name for effect in self.effects)])
-
-
-def _remark(parameter: Parameter) -> str:
-    return ", ".join(["fixed"] * parameter.fixed + ["differs by log"] * parameter.per_log)
-
-
-def _end(bound: float | None) -> str:
-    return "" if bound is None else f"{bound:g}"
 
 
 MODELS = Model.library

@@ -14,6 +14,8 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.report import Rows
+from diffthrust._support.words import number
 
 _Numbers = TypeVar("_Numbers", float, np.ndarray, jax.Array)  # one number or many
 
@@ -288,15 +290,21 @@ class Parameter:
 
 
 def means_note(names: Sequence[str]) -> tuple[str, ...]:
-    """A note where parameters that differ by log stand for all logs; none where none do.
-
-    Example:
-        >>> means_note(["ct"])
-        ("By log: 'ct'. What stands here is the mean of all logs.",)
-    """
+    """A note where parameters that differ by log stand for all logs; none where none do."""
     if not names:
         return ()
     return (f"By log: {listing(names)}. What stands here is the mean of all logs.",)
+
+
+def parameter_rows(parameters: Mapping[str, Parameter]) -> Rows:
+    """Parameters by name as a table, with what is special about them."""
+    rows = []
+    for name, p in parameters.items():
+        low, high = ("" if bound is None else f"{bound:g}" for bound in p.bounds)
+        remark = ", ".join(["fixed"] * p.fixed + ["differs by log"] * p.per_log)
+        rows.append((name, number(p.value), p.unit, low, high, remark, p.doc))
+    headings = ("Parameter", "Value", "Unit", "From", "to", "", "")
+    return Rows.of(headings, rows, numbers=(1, 3, 4))
 
 
 def _spelt(pattern: str, units: Mapping[str, str]) -> str:
@@ -314,9 +322,9 @@ def _spelt(pattern: str, units: Mapping[str, str]) -> str:
     return f"{above}/{remaining} per {per}" if remaining else f"{above} per {per}"
 
 
-def _of(number: object) -> Any:
-    """NumPy or JAX, by the number: JAX takes a hundred times as long for a plain number."""
-    return jnp if isinstance(number, jax.Array) else np
+def _of(value: object) -> Any:
+    """NumPy or JAX, by the value: JAX takes a hundred times as long for a plain number."""
+    return jnp if isinstance(value, jax.Array) else np
 
 
 def _number(value: object) -> TypeGuard[float]:

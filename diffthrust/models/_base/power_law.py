@@ -10,12 +10,7 @@ from diffthrust.models._base.signals import Signal
 
 
 def power_law(command: Signal, exponent: Any) -> Signal:
-    """sign(command) |command|^exponent, with a derivative also at rest.
-
-    Example:
-        >>> power_law(jnp.array([-4.0, 0.0, 4.0]), 0.5)
-        Array([-2.,  0.,  2.], dtype=float64)
-    """
+    """sign(command) |command|^exponent, with a derivative also at rest."""
     turning = command != 0
     # 1 in the place of a command of 0: 0 ** p by p is 0 * log 0, a NaN that `where` does not keep
     # out of the derivative

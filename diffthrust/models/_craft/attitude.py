@@ -12,12 +12,7 @@ Quaternion = tuple[Any, Any, Any, Any]
 
 
 def from_angles(roll: Any, pitch: Any, heading: Any) -> Quaternion:
-    """The unit quaternion (scalar first) of the angles [rad]; Fossen 2021, equation 2.78.
-
-    Example:
-        >>> [round(float(q), 3) for q in from_angles(0.0, 0.0, np.pi / 2)]
-        [0.707, 0.0, 0.0, 0.707]
-    """
+    """The unit quaternion (scalar first) of the angles [rad]; Fossen 2021, equation 2.78."""
     halves = [0.5 * a for a in (roll, pitch, heading)]
     maths = jnp if any(isinstance(a, jax.Array) for a in halves) else np
     (cr, sr), (cp, sp), (ch, sh) = ((maths.cos(a), maths.sin(a)) for a in halves)

@@ -1,12 +1,19 @@
-"""A craft drawn from above and from the side."""
+"""The layout of a craft: as a table, and drawn from above and from the side."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, unboxed
+from diffthrust._support.report import Report, Rows, Section
+from diffthrust._support.words import number
+from diffthrust.models._base.mounted import Vector
+from diffthrust.models._craft.actuators import Actuators
+from diffthrust.models._craft.scope import place_of
+from diffthrust.models._craft.sensor import Sensors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,16 +25,49 @@ _SIDEWAYS = 0.15
 """An arrow whose part in the plane is shorter comes towards the reader, or goes from him."""
 
 
-class Drawn(NamedTuple):
-    """A part: its name, place [m] and direction, and whether it can turn; a sensor has none."""
+class LaidOut(NamedTuple):
+    """A part: where it is [m], if that matters, and where it pushes; a sensor pushes nowhere.
+
+    The note says whose numbers it has, or the axes of its readings.
+    """
 
     name: str
-    place: tuple[float, float, float]
-    pointing: tuple[float, float, float] | None
+    model: str
+    place: tuple[float, ...]
+    pointing: Vector | None = None
     turns: bool = False
+    note: str = ""
 
 
-def craft_figure(title: str, parts: list[Drawn], centre: tuple[float, ...] | None) -> Figure:
+def laid_out(actuators: Actuators, sensors: Sensors, values: Mapping[str, Any]) -> list[LaidOut]:
+    """All parts, at their places by the values of the craft."""
+    parts = []
+    for name, mounted in actuators.items():
+        place = place_of(name, values)
+        turns = "side_thrust" in mounted.model.outputs
+        owner = actuators.owner(name)
+        like = "" if owner == name else f"like {owner}"
+        parts.append(LaidOut(name, str(mounted.model), place, mounted.pointing, turns, like))
+    for name, mounted in sensors.items():
+        sensor = mounted.model
+        place = place_of(name, values) if sensor.placed else ()
+        parts.append(LaidOut(name, sensor.name, place, note=sensor.frame))
+    return parts
+
+
+def layout_report(body: str, parts: Sequence[LaidOut]) -> Report:
+    """The parts as a table."""
+    rows = []
+    for part in parts:
+        place = [number(each, 3) for each in part.place] or ["", "", ""]
+        pointing = ", ".join(f"{each:.3g}" for each in part.pointing or ())
+        rows.append((part.name, part.model, *place, pointing, part.note))
+    headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "")
+    title = f"Craft of the body '{body}'"
+    return Report(Section("", title, Rows.of(headings, rows, numbers=(2, 3, 4))))
+
+
+def craft_figure(title: str, parts: Sequence[LaidOut], centre: tuple[float, ...]) -> Figure:
     """The craft from above, bow up, and from starboard, bow to the right.
 
     Arrows show where a positive thrust pushes the craft; a dot comes towards the reader, a cross
@@ -37,6 +77,7 @@ def craft_figure(title: str, parts: list[Drawn], centre: tuple[float, ...] | Non
 
     figure = Figure(figsize=(8.4, 4.4), layout="constrained")
     above, side = figure.subplots(1, 2)
+    parts = [part for part in parts if part.place]
     # from above: starboard to the right, the bow up; the reader sees what goes down go away
     _view(above, parts, centre, axes=(1, 0), towards=(2, -1.0))
     above.set_xlabel("to starboard [m]", fontsize=9)
@@ -54,13 +95,13 @@ def craft_figure(title: str, parts: list[Drawn], centre: tuple[float, ...] | Non
 
 def _view(
     panel: Axes,
-    parts: list[Drawn],
-    centre: tuple[float, ...] | None,
+    parts: Sequence[LaidOut],
+    centre: tuple[float, ...],
     axes: tuple[int, int],
     towards: tuple[int, float],
 ) -> None:
     across, up = axes
-    points = np.array([a.place for a in parts] + [centre or (0.0, 0.0, 0.0)])
+    points = np.array([a.place for a in parts] + [centre])
     span = max(np.ptp(points[:, 0]), np.ptp(points[:, 1]), np.ptp(points[:, 2]), 0.2)
     length = _ARROW * span
     groups: dict[tuple[float, float], list[str]] = {}
@@ -96,10 +137,9 @@ def _view(
         offset = ((8.0 + 3.0 * len(words)) * behind[x, y][0], 14.0 * behind[x, y][1])
         panel.annotate(words, (x, y), xytext=offset, textcoords="offset points",
                        fontsize=8, ha="center", va="center")  # fmt: skip
-    if centre is not None:
-        panel.plot(centre[across], centre[up], "+", color=VERMILLION, markersize=11, mew=1.8)
-        panel.annotate("CG", (centre[across], centre[up]), xytext=(6, -11),
-                       textcoords="offset points", fontsize=8, color=VERMILLION)  # fmt: skip
+    panel.plot(centre[across], centre[up], "+", color=VERMILLION, markersize=11, mew=1.8)
+    panel.annotate("CG", (centre[across], centre[up]), xytext=(6, -11),
+                   textcoords="offset points", fontsize=8, color=VERMILLION)  # fmt: skip
     panel.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
     panel.axvline(0.0, color=GREY, linewidth=0.6, zorder=0)
     unboxed(panel)

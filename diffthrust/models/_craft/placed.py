@@ -16,18 +16,6 @@ class Placed(Effect):
     """An effect behind the names of the actuators on which it acts; see `Craft.placed`.
 
     It is the effect itself: its equations read the signals of each actuator by their short names.
-
-    Args:
-        effect: the effect, made for the actuator's model.
-        members: the actuators, by name; all of one model.
-        name: its name on the craft: "port.actuator_lag", or "actuator_lag" on all that share.
-        signals: what the actuator's equations read and report.
-        told: signals that the craft works out for them, which no log need have.
-
-    Example:
-        >>> boat = dft.Craft(dft.bodies.Planar(), port=dft.Thruster().at((0, -0.3, 0)))
-        >>> (boat + ("port", "actuator_lag")).effects[0].name
-        'port.actuator_lag'
     """
 
     required: ClassVar[tuple[str, ...]] = ()
@@ -40,6 +28,15 @@ class Placed(Effect):
         signals: Collection[str] = (),
         told: Collection[str] = (),
     ) -> None:
+        """Of an effect made for the model of the members, which are all of that model.
+
+        Args:
+            effect: the effect.
+            members: the actuators, by name.
+            name: on the craft: "port.actuator_lag", or "actuator_lag" on all that share.
+            signals: what the actuator's equations read and report.
+            told: signals that the craft works out for them, which no log need have.
+        """
         first = members[0]
         needs = (n for n in effect.needs if n not in told)
         named = {k: lifted(p, first, signals) for k, p in effect._parameters.items()}
@@ -160,7 +157,7 @@ class Placed(Effect):
     def as_plain(self) -> dict[str, Any]:
         """The effect as data, with the actuators on which it acts."""
         plain = self.effect.as_plain()
-        named = {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()}
+        named = {name: self._present(name) for name in self._parameters}
         return {**plain, "parameters": named, "members": self.members}
 
     def __repr__(self) -> str:

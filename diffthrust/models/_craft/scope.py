@@ -8,7 +8,7 @@ the effects on it, read ``s.command`` and call ``port("propeller", ...)`` as the
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,16 +18,11 @@ from diffthrust.models._base.signals import Signal, Signals
 
 COMMON = ("time", "supply_voltage")
 """Signals of the whole craft that its parts read by the same names: one clock, one battery."""
+_PLACE = ("x", "y", "z")
 
 
 def signals_under(s: Signals, scope: str) -> Signals:
-    """The signals of a part by their short names, beside those of the whole.
-
-    Example:
-        >>> s = dft.models.Signals({"time": 0.0, "port.command": 1.0, "bow.command": 2.0})
-        >>> dict(signals_under(s, "port"))
-        {'time': 0.0, 'command': 1.0}
-    """
+    """The signals of a part by their short names, beside those of the whole."""
     prefix = f"{scope}."
     common = {name: s[name] for name in s if "." not in name}
     short = {name.removeprefix(prefix): s[name] for name in s if name.startswith(prefix)}
@@ -52,10 +47,7 @@ class PortsUnder(Ports):
 def lifted(described: Parameter, scope: str, signals: Collection[str]) -> Parameter:
     """A parameter of a part as one of the whole: units and trial values follow the part's signals.
 
-    Args:
-        described: the parameter.
-        scope: the part.
-        signals: the part's signals; its trial values may follow others, as the length of the logs.
+    Trial values may follow others, as the length of the logs: these are named as they were.
     """
     pattern, probes = described.pattern or described.unit, described.probes
     if "{" in pattern:
@@ -68,3 +60,17 @@ def lifted(described: Parameter, scope: str, signals: Collection[str]) -> Parame
 def prefixed(scope: str, named: Any) -> dict[str, Any]:
     """What belongs to a part, by the names of the whole."""
     return {name if name in COMMON else f"{scope}.{name}": named[name] for name in named}
+
+
+def place_parameters(scope: str, place: Sequence[float]) -> dict[str, Parameter]:
+    """The place of a part, held."""
+    return {
+        f"{scope}.{axis}": Parameter(value, "m", fixed=True, size=0.3, doc="place")
+        for axis, value in zip(_PLACE, place, strict=True)
+    }
+
+
+def place_of(scope: str, values: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    """Where a part is, by the (possibly traced) values of the whole."""
+    x, y, z = (values[f"{scope}.{axis}"] for axis in _PLACE)
+    return x, y, z

@@ -12,7 +12,8 @@ from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signal
 from diffthrust.models._craft.attitude import Quaternion
-from diffthrust.models._craft.kinematics import Kinematics
+from diffthrust.models._craft.kinematics import QUATERNION, Kinematics
+from diffthrust.models._craft.scope import place_of, place_parameters
 
 
 class Sensor(Component):
@@ -127,3 +128,46 @@ class Sensor(Component):
 
 SENSORS = Sensor.library
 """The library's sensors, by name."""
+
+
+class Sensors(dict[str, Mounted[Sensor]]):
+    """The sensors of a craft at their places, by name."""
+
+    def parameters(self) -> dict[str, Parameter]:
+        """Their numbers, and the places of those for which these matter."""
+        named: dict[str, Parameter] = {}
+        for name, mounted in self.items():
+            sensor = mounted.model
+            named |= {f"{name}.{k}": p for k, p in sensor._parameters.items()}
+            named |= place_parameters(name, mounted.place) if sensor.placed else {}
+        return named
+
+    def readings(self, moving: Kinematics, values: Mapping[str, Any]) -> dict[str, Signal]:
+        """What they read while the craft moves so, by the (possibly traced) values of the craft."""
+        readings = {}
+        for name, mounted in self.items():
+            sensor = mounted.model
+            numbers = {k: values[f"{name}.{k}"] for k in sensor._parameters}
+            at_place = moving.at(place_of(name, values)) if sensor.placed else moving
+            read = sensor._bound(numbers).read(at_place)
+            readings |= {f"{name}.{k}": v for k, v in read.items()}
+        return readings
+
+    def with_attitude(self, first: Mapping[str, Any]) -> Mapping[str, Any]:
+        """First measurements, among them the quaternion that readings of a sensor tell."""
+        for name, mounted in self.items():
+            prefix = f"{name}."
+            short = {n.removeprefix(prefix): v for n, v in first.items() if n.startswith(prefix)}
+            if (q := mounted.model.attitude_from(short)) is not None:
+                first = {**dict(zip(QUATERNION, q, strict=True)), **first}
+        return first
+
+    def telling(self, channels: Collection[str], least: int) -> tuple[str, ...]:
+        """The channels, of one sensor and this many at least, that tell the attitude."""
+        for name, mounted in self.items():
+            prefix = f"{name}."
+            short = [n.removeprefix(prefix) for n in channels if n.startswith(prefix)]
+            read = mounted.model._telling(short)
+            if len(read) >= least:
+                return tuple(prefix + each for each in read)
+        return ()

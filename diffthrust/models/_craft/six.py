@@ -64,12 +64,7 @@ def minus(a: Any, b: Any) -> Any:
 
 
 def cross(a: Triple, b: Triple) -> Triple:
-    """The vector product.
-
-    Example:
-        >>> cross((1.0, 0.0, 0.0), (0.0, 2.0, 0.0))
-        (0.0, 0.0, 2.0)
-    """
+    """The vector product."""
     (ax, ay, az), (bx, by, bz) = a, b
     return (
         minus(times(ay, bz), times(az, by)),
@@ -79,12 +74,7 @@ def cross(a: Triple, b: Triple) -> Triple:
 
 
 def dot(a: Triple, b: Triple) -> Any:
-    """The scalar product.
-
-    Example:
-        >>> dot((1.0, 2.0, 0.0), (3.0, 1.0, 5.0))
-        5.0
-    """
+    """The scalar product."""
     x, y, z = map(times, a, b)
     return plus(plus(x, y), z)
 
@@ -108,16 +98,7 @@ def scaled(factor: Any, a: Triple) -> Triple:
 
 
 def in_frame(frame: str, a: Triple) -> Triple:
-    """A vector along forward, starboard, down in the axes of a sensor.
-
-    Args:
-        frame: "FRD", or "FLU" for forward, port, up.
-        a: the vector.
-
-    Example:
-        >>> in_frame("FLU", (1.0, 2.0, 3.0))
-        (1.0, -2.0, -3.0)
-    """
+    """A vector of forward, starboard, down (FRD) in the axes of a sensor: these, or FLU."""
     x, y, z = a
     return (x, -y, -z) if frame == "FLU" else a
 
