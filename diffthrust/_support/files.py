@@ -15,6 +15,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 
+PathLike = str | os.PathLike[str]
 MAKE_ROOM = "Make room there, or name a file in another place."
 _ELSEWHERE = "Name a file in a folder that exists and that you may write to."
 

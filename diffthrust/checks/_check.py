@@ -21,7 +21,7 @@ from diffthrust.checks._expected import compared, marks_of, updated
 from diffthrust.checks._result import Checked, FitRun, not_run
 from diffthrust.simulation._step_size import CoarseStepWarning
 from diffthrust.specs._file import NAME, compile_key
-from diffthrust.specs._scripts import as_input_error
+from diffthrust.specs._scripts import as_input_error, trusted_folders
 from diffthrust.specs._spec import load_spec
 
 _FEWEST = 3
@@ -78,8 +78,7 @@ def check(
         whole_number("jobs", jobs)
     if junit is not None:
         ending(Path(junit), ".xml")
-    trusted = (trust,) if isinstance(trust, str | Path) else trust
-    tasks = tasks_in(Path(directory), update, [os.path.abspath(place) for place in trusted])
+    tasks = tasks_in(Path(directory), update, trusted_folders(trust))
     jobs = jobs or min(processors(), -(-len(tasks) // _FEWEST))
     report, outcomes = reporter(progress), dict[int, FitRun]()
     report(tasks[0].fit, 0.0)

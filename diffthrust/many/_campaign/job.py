@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.files import PathLike
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.visible import in_line
 from diffthrust.many._batch.each import keyword_defaults
@@ -19,7 +20,6 @@ from diffthrust.specs._file import NAME, parse_toml, read_spec_text
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec
 
-PathLike = str | os.PathLike[str]
 ResultRow = dict[str, Any]
 OPTIONS: dict[str, tuple[str, ...]] = {
     "fit": (),
