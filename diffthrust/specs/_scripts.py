@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from diffthrust._support.errors import Defect, InputError, refused
+from diffthrust._support.errors import Defect, InputError, os_errors_as, refused
 from diffthrust._support.files import PathLike, oddity
 from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.effects import Formula
@@ -185,13 +185,8 @@ def _script(path: Path) -> ModuleType:
     """The module of a user's script, from its current text."""
     if what := oddity(path):
         raise InputError(f"{path}: expected a Python script, found {what}.", "Correct the path.")
-    try:
+    with os_errors_as(f"{path}: expected a Python script, found none", "Correct the path."):
         source = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{path}: expected a Python script, found none ({error.strerror or error}).",
-            "Correct the path.",
-        ) from None
     return _executed(path, source)
 
 
