@@ -17,3 +17,12 @@ def run(*words: object, status: int | None = 0) -> Result:
     result = CliRunner().invoke(app, [str(word) for word in words])
     assert status in (None, result.exit_code), result.output
     return result
+
+
+def refused(*words: object) -> str:
+    """What ``diffthrust WORDS`` says of input that cannot be used: one message with its mend."""
+    result = run(*words, status=2)
+    assert "Traceback" not in result.output
+    assert result.stdout == ""
+    assert "Mend:" in result.stderr
+    return result.stderr

@@ -24,12 +24,16 @@ def write_bag(folder: Path, topics, storage="sqlite3", name="bag"):
     store = get_typestore(Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with Writer(folder / name, version=9, storage_plugin=plugin) as writer:
-        for topic, (kind, messages) in topics.items() if isinstance(topics, dict) else topics:
-            connection = writer.add_connection(topic, kind, typestore=store)
-            for stamp, message in messages:
-                raw = store.serialize_cdr(message(store.types), kind)
-                writer.write(connection, START + round(stamp * 1e9), raw)
+        _write_topics(writer, topics, store, store.serialize_cdr)
     return folder / name
+
+
+def _write_topics(writer, topics, store, serialized):
+    for topic, (kind, messages) in topics.items() if isinstance(topics, dict) else topics:
+        connection = writer.add_connection(topic, kind, typestore=store)
+        for stamp, message in messages:
+            raw = serialized(message(store.types), kind)
+            writer.write(connection, START + round(stamp * 1e9), raw)
 
 
 def number(value):
@@ -45,17 +49,24 @@ def numbers(values):
     return make
 
 
-def twist(forward, stamp, yaw_rate=0.0):
+def twist(forward, stamp, yaw_rate=0.0, **of_the_header):
     def make(types):
         seconds, rest = divmod(START + round(stamp * 1e9), 10**9)
         time = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
-        header = types["std_msgs/msg/Header"](stamp=time, frame_id="base")
+        header = types["std_msgs/msg/Header"](stamp=time, frame_id="base", **of_the_header)
+        body = plain_twist(forward, 0.0, yaw_rate)(types)
+        return types["geometry_msgs/msg/TwistStamped"](header=header, twist=body)
+
+    return make
+
+
+def plain_twist(forward, sideways, yaw_rate):
+    def make(types):
         vector = types["geometry_msgs/msg/Vector3"]
-        body = types["geometry_msgs/msg/Twist"](
-            linear=vector(x=float(forward), y=0.0, z=0.0),
+        return types["geometry_msgs/msg/Twist"](
+            linear=vector(x=float(forward), y=float(sideways), z=0.0),
             angular=vector(x=0.0, y=0.0, z=float(yaw_rate)),
         )
-        return types["geometry_msgs/msg/TwistStamped"](header=header, twist=body)
 
     return make
 
@@ -162,29 +173,13 @@ def write_bag_1(path: Path, topics):
 
     store = get_typestore(Stores.ROS1_NOETIC)
     with Writer(path) as writer:
-        for topic, (kind, messages) in topics.items():
-            connection = writer.add_connection(topic, kind, typestore=store)
-            for stamp, message in messages:
-                raw = store.serialize_ros1(message(store.types), kind)
-                writer.write(connection, START + round(stamp * 1e9), raw)
+        _write_topics(writer, topics, store, store.serialize_ros1)
     return path
 
 
-def twist_1(forward, stamp, yaw_rate=0.0):
+def twist_1(forward, stamp):
     """A TwistStamped of ROS 1, whose header counts messages."""
-
-    def make(types):
-        seconds, rest = divmod(START + round(stamp * 1e9), 10**9)
-        time = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
-        header = types["std_msgs/msg/Header"](seq=0, stamp=time, frame_id="base")
-        vector = types["geometry_msgs/msg/Vector3"]
-        body = types["geometry_msgs/msg/Twist"](
-            linear=vector(x=float(forward), y=0.0, z=0.0),
-            angular=vector(x=0.0, y=0.0, z=float(yaw_rate)),
-        )
-        return types["geometry_msgs/msg/TwistStamped"](header=header, twist=body)
-
-    return make
+    return twist(forward, stamp, seq=0)
 
 
 _ULOG = {"uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "uint8_t": "B", "int32_t": "i",

@@ -52,7 +52,7 @@ def envelopes(
     }
 
 
-def stretches(marked: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of each run of marked samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+def stretches(marked: np.ndarray) -> np.ndarray:
+    """Begin and end of each run of marked samples, ``(k, 2)``; the end is no longer marked."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
+    return edges.reshape(-1, 2)

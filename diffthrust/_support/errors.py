@@ -83,5 +83,22 @@ class InputError(ValueError):
         return cls(f"{place}: {problem}", mend, place=typed)
 
 
+class os_errors_as:
+    """`InputError` with a problem, and the system's reason behind it, where the system refuses.
+
+    Not a generator: of those type checkers believe that they may swallow any error.
+    """
+
+    def __init__(self, problem: str, mend: str) -> None:
+        self._problem, self._mend = problem, mend
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        if isinstance(error, OSError):
+            reason = error.strerror or error
+            raise InputError(f"{self._problem} ({reason}).", self._mend) from None
+
+
 class Defect(InputError):
     """A mistake of the library, not of the user's input."""

@@ -13,8 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
 
+PathLike = str | os.PathLike[str]
 MAKE_ROOM = "Make room there, or name a file in another place."
 _ELSEWHERE = "Name a file in a folder that exists and that you may write to."
 
@@ -107,10 +108,6 @@ def oddity(path: Path) -> str | None:
 
 def made_folder(folder: Path, mend: str) -> Path:
     """The folder, made with those above it where it does not exist."""
-    try:
+    with os_errors_as(f"{folder}: the folder cannot be made", mend):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: the folder cannot be made ({error.strerror or error}).", mend
-        ) from None
     return folder

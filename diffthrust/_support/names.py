@@ -21,11 +21,14 @@ def nearest(word: str, options: Iterable[str], before: str = "") -> str:
 
 def listing(names: Iterable[str], limit: int = 30) -> str:
     """Write names as ``'a', 'b' and 3 more``, so that a wide table does not flood the message."""
-    quoted = [repr(name) for name in names]
-    if not quoted:
-        return "none"
-    more = len(quoted) - limit
-    return ", ".join(quoted[:limit]) + (f" and {more} more" if more > 0 else "")
+    return shortened(map(repr, names), limit) or "none"
+
+
+def shortened(words: Iterable[str], limit: int) -> str:
+    """Write words as ``a, b and 3 more``."""
+    every = list(words)
+    more = len(every) - limit
+    return ", ".join(every[:limit]) + (f" and {more} more" if more > 0 else "")
 
 
 def nearby(word: str, options: Iterable[str], most: int = 8) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import finite
+from diffthrust._support.validation import finite, finite_row
 
 _PADE = 6
 """Order of the rational function that replaces a dead time where poles are needed."""
@@ -169,11 +169,8 @@ def _coefficients(value: Any, what: str) -> np.ndarray:
                 "Pick one element of the transfer matrix.",
             )
         value = value[0]
-    try:
-        row = np.atleast_1d(np.asarray(value, float))
-    except (TypeError, ValueError):
-        row = np.array([math.nan])
-    if row.ndim != 1 or not row.size or not np.isfinite(row).all():
+    row = finite_row(value)
+    if row is None:
         raise InputError(
             f"The {what} of the linear part: expected finite real coefficients, highest power "
             f"first; found {value!r}.",

@@ -73,6 +73,15 @@ def check_known(
         raise InputError(f"{lacking} {name!r}{hint}; {present} {listing(names)}.", mend)
 
 
+def finite_row(values: Any) -> np.ndarray | None:
+    """Finite numbers in one row, a single one too, as an array; ``None`` for anything else."""
+    try:
+        row = np.atleast_1d(np.asarray(values, float))
+    except (TypeError, ValueError):
+        return None
+    return row if row.ndim == 1 and row.size and np.isfinite(row).all() else None
+
+
 def numeric_vector(values: ArrayLike, where: Place | str) -> np.ndarray:
     """Copy numbers into a new float64 array, ``(n,)``; ``where`` names the place for a message."""
     try:

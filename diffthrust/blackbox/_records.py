@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from diffthrust._support.envelope import stretches
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
@@ -29,10 +30,9 @@ class SampledLog:
         return np.asarray(np.isfinite(self.y).all(axis=1))
 
     @property
-    def segments(self) -> list[tuple[int, int]]:
-        """First sample and end of each stretch without a missing output."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.complete.astype(int), [0]])))
-        return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    def segments(self) -> np.ndarray:
+        """Begin and end of each stretch without a missing output, ``(k, 2)``."""
+        return stretches(self.complete)
 
 
 @dataclass(frozen=True)

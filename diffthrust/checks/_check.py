@@ -12,7 +12,7 @@ from typing import NamedTuple, NoReturn
 
 from diffthrust._support._running.pool import WorkerPool, as_done, own_worker, processors
 from diffthrust._support._running.process import ProcessDied, ProcessNotStarted, Worker
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.validation import whole_number
@@ -21,7 +21,7 @@ from diffthrust.checks._expected import compared, marks_of, updated
 from diffthrust.checks._result import Checked, FitRun, not_run
 from diffthrust.simulation._step_size import CoarseStepWarning
 from diffthrust.specs._file import NAME, compile_key
-from diffthrust.specs._scripts import as_input_error
+from diffthrust.specs._scripts import as_input_error, trusted_folders
 from diffthrust.specs._spec import load_spec
 
 _FEWEST = 3
@@ -78,8 +78,7 @@ def check(
         whole_number("jobs", jobs)
     if junit is not None:
         ending(Path(junit), ".xml")
-    trusted = (trust,) if isinstance(trust, str | Path) else trust
-    tasks = tasks_in(Path(directory), update, [os.path.abspath(place) for place in trusted])
+    tasks = tasks_in(Path(directory), update, trusted_folders(trust))
     jobs = jobs or min(processors(), -(-len(tasks) // _FEWEST))
     report, outcomes = reporter(progress), dict[int, FitRun]()
     report(tasks[0].fit, 0.0)
@@ -199,13 +198,9 @@ def _compared(name: str, path: Path, update: bool, trust: Sequence[str]) -> FitR
 
 def _write_over(path: Path, original: str, replacement: str) -> None:
     """Replace the text of a spec, unless it was edited meanwhile."""
-    try:
+    mend = "Put it back, and run diffthrust check --update again."
+    with os_errors_as(f"{path}: the file can no longer be read", mend):
         now = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{path}: the file can no longer be read ({error.strerror or error}).",
-            "Put it back, and run diffthrust check --update again.",
-        ) from None
     # A fit takes minutes, and people edit meanwhile: their text wins.
     if now != original.encode("utf-8"):
         beside = path.with_name(f"{path.name}.updated")

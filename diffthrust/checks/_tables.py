@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 
+from diffthrust._support.names import shortened
 from diffthrust._support.report import Rows, Styled
 from diffthrust._support.words import number, with_error
 from diffthrust.checks._expected import CheckRow
@@ -96,9 +97,7 @@ def _fits(count: int) -> str:
 
 
 def _names(fits: Iterable[str]) -> str:
-    names = list(dict.fromkeys(fits))
-    more = len(names) - _LISTED
-    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+    return shortened(dict.fromkeys(fits), _LISTED)
 
 
 def _wordy(row: CheckRow) -> bool:

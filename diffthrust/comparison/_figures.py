@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.envelope import stretches
 from diffthrust._support.figures import (
     BLUE,
     GREY,
@@ -22,7 +23,6 @@ from diffthrust._support.figures import (
 from diffthrust.comparison._derived_signals import derived_of
 from diffthrust.comparison._regimes import Regime
 from diffthrust.comparison._residual_tests import ResidualTests
-from diffthrust.logs._rails import stretches
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import are_tables
 from diffthrust.simulation._runs import Run, Trace
@@ -244,7 +244,7 @@ def _in_time(
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     if regime is not None:
         after = np.append(run.time[1:], run.time[-1])
-        for begin, end in zip(*stretches(regime.holds(derived)), strict=True):
+        for begin, end in stretches(regime.holds(derived)):
             _shade(axes, float(run.time[begin]), float(after[end - 1]))
     residual = run.shown_channels[name].residual
     style = "." if is_sparse(residual) else "-"

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from diffthrust._support.envelope import stretches
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._crossings import axis_crossings, pole_path
@@ -106,10 +107,9 @@ def _drawn(
 ) -> None:
     """A curve where it is finite and not far outside the window, an arrow in its direction."""
     near = np.isfinite(curve) & (np.abs(curve) < 4.0 * radius)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     named = False
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        z = curve[first:last]
+    for begin, end in stretches(near):
+        z = curve[begin:end]
         axes.plot(
             np.real(z), np.imag(z), style, color=colour, linewidth=1.5, label="" if named else label
         )

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.transfer import Transfer, transfer_of
-from diffthrust._support.validation import whole_number
+from diffthrust._support.validation import finite_row, whole_number
 from diffthrust.cycles._classical import StaticNonlinearity
 from diffthrust.cycles._crossings import crossings, grid_of, loop_poles
 from diffthrust.cycles._element import Nonlinearity, NotSimulated
@@ -214,12 +214,8 @@ def _range(what: str, asked: ArrayLike | None, least: float) -> np.ndarray | Non
     """A range or grid as given, cut where the element begins to have an output."""
     if asked is None:
         return None
-    try:
-        values = np.atleast_1d(np.asarray(asked, float))
-    except (TypeError, ValueError):
-        values = np.array([np.nan])
-    fine = values.ndim == 1 and values.size >= 2 and np.isfinite(values).all()
-    if not (fine and values[0] > 0 and (np.diff(values) > 0).all()):
+    values = finite_row(asked)
+    if values is None or values.size < 2 or values[0] <= 0 or (np.diff(values) <= 0).any():
         raise InputError(
             f"{what}: expected a lowest and a highest value above zero, or a rising grid of them; "
             f"found {asked!r}.",

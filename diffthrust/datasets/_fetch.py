@@ -19,7 +19,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
 from diffthrust._support.files import write_json
 from diffthrust._support.names import listing, nearest
 from diffthrust.datasets._record import DataFile, DataSet, Runs
@@ -136,14 +136,10 @@ def _download(about: DataSet, file: DataFile, path: Path, expected: str | None) 
     address = about.address.format(commit=file.commit, path=file.path)
     folder = path.parent
     logging.getLogger("pooch").setLevel(logging.WARNING)
-    try:
+    elsewhere = "Set DIFFTHRUST_CACHE to a folder that you may write to."
+    with os_errors_as(f"{folder}: the folder cannot be written to", elsewhere):
         folder.mkdir(parents=True, exist_ok=True)
         inside = tempfile.TemporaryDirectory(prefix=".", dir=folder)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: the folder cannot be written to ({error.strerror or error}).",
-            "Set DIFFTHRUST_CACHE to a folder that you may write to.",
-        ) from None
     with inside:
         partial = Path(inside.name, file.name)
         try:

@@ -10,7 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import finite, whole_number
+from diffthrust._support.validation import finite, finite_row, whole_number
 from diffthrust.describing._formulas import FORMULAS, check_plain
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._channels import CHANNELS
@@ -115,11 +115,8 @@ def request(
 
 def _points(what: str, values: Any) -> np.ndarray:
     """Positive and increasing numbers as an array."""
-    try:
-        row = np.atleast_1d(np.asarray(values, float))
-    except (TypeError, ValueError):
-        row = np.empty(0)
-    if row.ndim != 1 or not row.size or not np.all(np.isfinite(row)):
+    row = finite_row(values)
+    if row is None:
         raise InputError(
             f"{_WHERE}: {what}: expected finite numbers in one row, found {values!r}.",
             f"Write {what}=np.geomspace(0.1, 10, 32).",

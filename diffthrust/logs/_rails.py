@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diffthrust._support.envelope import stretches
 from diffthrust.logs._written import ShownUnits
 
 _SAME = 1e-6
@@ -138,7 +139,7 @@ def _is_rail(
     # alone.
     if not extreme - remaining.max() <= _GAP * np.ptp(remaining):
         return False
-    begins, ends = stretches(at)
+    begins, ends = stretches(at).T
     lengths = ends - begins
     # Many visits suffice for a noisy sensor. One long stand needs the other channels as witnesses:
     # a vessel at its top speed stands at an extreme, too.
@@ -148,12 +149,6 @@ def _is_rail(
         _repeats_too_often(values, at) or _is_clipped(values, begins, lengths)
     )
     return stands and _companions_moved(at, drives, sensors)
-
-
-def stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where flags, ``(n,)``, begin to be set, and where they end to be."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return edges[::2], edges[1::2]
 
 
 def _repeats_too_often(values: np.ndarray, at: np.ndarray) -> bool:

@@ -325,7 +325,7 @@ def _cut_out(log: Log, start: float, stop: float) -> Log:
 
 def _portions(log: Log, where: np.ndarray, least: float) -> list[Log]:
     """The stretches of true values that last so long [s]."""
-    times = [(log.time[first], log.time[last]) for first, last in stretches(where)]
+    times = [(float(log.time[begin]), float(log.time[end - 1])) for begin, end in stretches(where)]
     return [_cut_out(log, start, stop) for start, stop in times if stop - start >= least]
 
 

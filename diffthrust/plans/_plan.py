@@ -222,9 +222,9 @@ class Plan(Brief):
                 [np.abs(log.values(n, units.get(n, "")) - x) <= _NEAR * spans[n]
                  for n, x in level.inputs.items()], axis=0
             )  # fmt: skip
-            for first, last in stretches(held):
-                lasted = float(log.time[last] - log.time[first])
-                portion = slice(first, last + 1)
+            for begin, end in stretches(held):
+                lasted = float(log.time[end - 1] - log.time[begin])
+                portion = slice(begin, end)
                 absent = tuple(n for n in self.measure if n not in log.measured
                                or not np.isfinite(log.measured[n][portion]).any())  # fmt: skip
                 # 0.05: a sample less than the planned time, as logs have it, still counts.
@@ -314,10 +314,10 @@ def _excited(
     edges = np.geomspace(*band, _PARTS + 1)
     wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
     parts = stretches(recorded >= _ENOUGH * wanted)
-    if not parts:
+    if not parts.size:
         return None
-    first, last = max(parts, key=lambda part: part[1] - part[0])
-    return float(edges[first]), float(edges[last + 1])
+    begin, end = parts[np.argmax(np.ptp(parts, axis=1))]
+    return float(edges[begin]), float(edges[end])
 
 
 def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:

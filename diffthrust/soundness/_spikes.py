@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from diffthrust._support.envelope import stretches
 from diffthrust._support.words import number
 from diffthrust.logs._log import Log
-from diffthrust.logs._rails import stretches
 from diffthrust.soundness._doubt import Doubt, moment
 from diffthrust.soundness._record import Series
 
@@ -109,7 +109,7 @@ def _dropout(s: Series) -> np.ndarray | None:
     values, where = s.values, s.where
     far = _FAR * float(np.quantile(np.abs(values), 0.95))
     away = np.zeros(values.size, bool)
-    for begin, end in zip(*stretches(values == 0), strict=True):
+    for begin, end in stretches(values == 0):
         if end - begin <= _ALONE or begin == 0 or end == values.size:
             continue
         if min(abs(values[begin - 1]), abs(values[end])) > far:

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from diffthrust._support.correlation import covariance
+from diffthrust._support.envelope import stretches
 from diffthrust._support.words import number
 from diffthrust.logs._log import Log
-from diffthrust.logs._rails import stretches
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._doubt import Doubt, moment
 from diffthrust.soundness._mends import STEPS, clock_line, unit_line
@@ -37,7 +37,7 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
         mend = "cut the log there (log.slice, or start and stop under [logs]) and give both parts."
         yield Doubt("time", "gap", evidence, mend)
     for channel, values in log.measured.items():
-        begins, ends = stretches(~np.isfinite(values))
+        begins, ends = stretches(~np.isfinite(values)).T
         lengths = ends - begins
         inside = lengths[(begins > 0) & (ends < values.size)]
         usual = float(np.median(lengths)) if lengths.size > 4 else 1.0

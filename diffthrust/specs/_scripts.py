@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import sys
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,8 +13,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from diffthrust._support.errors import Defect, InputError, refused
-from diffthrust._support.files import oddity
+from diffthrust._support.errors import Defect, InputError, os_errors_as, refused
+from diffthrust._support.files import PathLike, oddity
 from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.effects import Formula
 from diffthrust.models import MODELS
@@ -69,6 +70,12 @@ def script_file(word: str, folder: Path) -> Path | None:
     """The script of ``script.py:Class``; ``None`` for a name of the catalogue."""
     script, colon, _ = word.rpartition(":")
     return folder / script if colon and script.endswith(".py") else None
+
+
+def trusted_folders(trust: PathLike | Iterable[PathLike]) -> tuple[str, ...]:
+    """The folders of a keyword ``trust``, absolute: processes may work in another folder."""
+    listed = [trust] if isinstance(trust, str | os.PathLike) else trust
+    return tuple(str(Path(place).absolute()) for place in listed)
 
 
 def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> None:
@@ -178,13 +185,8 @@ def _script(path: Path) -> ModuleType:
     """The module of a user's script, from its current text."""
     if what := oddity(path):
         raise InputError(f"{path}: expected a Python script, found {what}.", "Correct the path.")
-    try:
+    with os_errors_as(f"{path}: expected a Python script, found none", "Correct the path."):
         source = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{path}: expected a Python script, found none ({error.strerror or error}).",
-            "Correct the path.",
-        ) from None
     return _executed(path, source)
 
 

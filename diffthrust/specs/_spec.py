@@ -37,6 +37,7 @@ from diffthrust.specs._scripts import (
     model_class,
     model_with,
     script_file,
+    trusted_folders,
 )
 from diffthrust.specs._thrusters import channels_of, craft_of, with_sensor
 
@@ -301,7 +302,7 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     if file.model == Craft.name:
         with source.at("thrusters"):
             file = _with_commands(file)
-    places = (trust,) if isinstance(trust, str | Path) else tuple(trust)
+    places = trusted_folders(trust)
     model = _model(file, source, places)
     roles = roles_of(model, file, source)
     train = _files(file.logs.train, "train", source)

@@ -15,6 +15,7 @@ from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.specs._scripts import trusted_folders
 from diffthrust.specs._spec import Spec
 from diffthrust.workbench._session import Session
 from diffthrust.workbench._source import opened
@@ -112,8 +113,7 @@ def explore(
         ) from None
     from diffthrust.workbench._page import Page
 
-    trusted = (trust,) if isinstance(trust, str | Path) else tuple(trust)
-    session = Session(opened(what, logs, holdout, trusted))
+    session = Session(opened(what, logs, holdout, trusted_folders(trust)))
     comparison = session.task.compare()
     notebook = "ipykernel" in sys.modules
     _ = session.addable  # before the page asks for it

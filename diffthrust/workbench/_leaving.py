@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import tomlkit
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.literals import as_python
 from diffthrust._support.page import image
@@ -190,15 +190,11 @@ def save(session: Session, folder: Path) -> tuple[Path, ...]:
     _check_own(folder / NAME)
     # Renamed once all are whole: a save that is killed would leave the spec of one model beside the
     # fit of another.
-    try:
-        with TemporaryDirectory(prefix=".saving-", dir=folder) as place:
-            made = _written(session, Path(place), folder)
-            for path in made:
-                os.replace(path, folder / path.name)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be written to ({error.strerror or error}).", _ELSEWHERE
-        ) from None
+    refusal = os_errors_as(f"{folder}: cannot be written to", _ELSEWHERE)
+    with refusal, TemporaryDirectory(prefix=".saving-", dir=folder) as place:
+        made = _written(session, Path(place), folder)
+        for path in made:
+            os.replace(path, folder / path.name)
     return tuple(folder / path.name for path in made)
 
 

@@ -145,7 +145,7 @@ class Plots(RunPlots):
     def marked(self, where: np.ndarray) -> Stretches:
         """Marked samples as stretches of the time that is shown."""
         time = self._columns["time"]
-        return [(float(time[a]), float(time[b])) for a, b in stretches(where)]
+        return [(float(time[a]), float(time[b - 1])) for a, b in stretches(where)]
 
     def _send(self) -> None:
         """Send what is in sight, and as much on either side."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-import struct
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 from typing import Literal, NamedTuple
@@ -13,6 +11,7 @@ import hypothesis.extra.numpy as arrays_of
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from exact_bits import bits
 from hypothesis import given, settings
 
 from diffthrust import InputError
@@ -82,21 +81,6 @@ WHOLES = st.builds(
     either=st.floats(allow_nan=False, allow_infinity=False) | TEXTS,
     more=st.lists(st.tuples(ARRAYS, ARRAYS), max_size=2).map(tuple),
 )
-
-
-def bits(value):
-    """A value in which numbers are their bits, so that NaN, -0.0 and types count."""
-    if isinstance(value, float):
-        return "nan" if math.isnan(value) else struct.pack("<d", value)
-    if isinstance(value, np.ndarray):
-        return value.dtype.str, value.shape, [bits(x) for x in value.ravel().tolist()]
-    if isinstance(value, dict):
-        return {key: bits(each) for key, each in value.items()}
-    if hasattr(value, "__dict__") and not isinstance(value, Enum):
-        return type(value), bits(vars(value))
-    if isinstance(value, tuple):
-        return type(value), [bits(each) for each in value]
-    return type(value), value
 
 
 @pytest.mark.thorough

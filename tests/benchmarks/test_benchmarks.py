@@ -20,9 +20,9 @@ from places import ROOT
 from problems import build, evaluate, solve
 from rich.console import Console
 from rich.table import Table
-from trajectories import fixed_step_module, trajectory_module
 
 import diffthrust as dft
+from benchmarks.peers._core import compiled_simulation
 from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
 from benchmarks.peers._problem import GUESS, TRUTH, guesses, record
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
@@ -73,17 +73,8 @@ def ratio_row(what: str, ours: float, peer: float, target: str = "") -> tuple[st
 def test_simulation_and_fit_of_one_log():
     log = make_log()
     model = dft.Thruster()
-    key = trajectory_module.Key(model)
-    grid = trajectory_module.Grid((("command", "zero"),), substeps=0)  # a number, as in a run
-    given = (
-        {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
-        jnp.asarray(log.time),
-        {"command": jnp.asarray(log.inputs["command"])},
-        {"speed": jnp.asarray(0.0)},
-        np.asarray(1.0),
-    )
     ours, whole, peer = interleaved(
-        lambda: jax.block_until_ready(fixed_step_module.compiled_simulation((key, grid), given)),
+        compiled_simulation(model, log, uniform=False),
         lambda: dft.simulate(model, log, substeps=1),
         lambda: numba_rk4(log.time, log.inputs["command"], *TRUTH, 0.0),
         repeats=101,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import jax
 import pytest
-from command_line import run
+from command_line import refused, run
 from places import FITS, ROOT
 from processes import cache
 
@@ -121,13 +121,6 @@ def test_version_and_help():
 
 
 def test_bad_input_is_one_message_and_status_2(sensor, tmp_path):
-    def refused(*words: object) -> str:
-        result = run(*words, status=2)
-        assert "Traceback" not in result.output
-        assert result.stdout == ""
-        assert "Mend:" in result.stderr
-        return result.stderr
-
     spec = sensor / "fit.toml"
     assert "none.toml" in refused("fit", tmp_path / "none.toml")
     assert "fits" in refused("check", tmp_path / "nowhere")

@@ -9,7 +9,7 @@ from typing import Any
 
 import made_diagnosis as made
 import pytest
-from command_line import run
+from command_line import refused, run
 from reference.records import Column, Record, write_csv
 
 import diffthrust as dft
@@ -125,19 +125,12 @@ def test_candidates_are_named_or_the_users_own(spec, handed):
 
 
 def test_bad_input_is_one_message_and_status_2(spec, tmp_path):
-    def refused(*words: object) -> str:
-        result = run("diagnose", *words, status=2)
-        assert result.stdout == ""
-        assert "Traceback" not in result.output
-        assert "Mend:" in result.stderr
-        return result.stderr
-
-    assert "none.toml" in refused(tmp_path / "none.toml")
-    assert "--candidates" in refused(spec, "--candidates", " , ")
-    near = refused(spec, "--candidates", "comand_deadband")
+    assert "none.toml" in refused("diagnose", tmp_path / "none.toml")
+    assert "--candidates" in refused("diagnose", spec, "--candidates", " , ")
+    near = refused("diagnose", spec, "--candidates", "comand_deadband")
     assert "comand_deadband" in near
     assert "command_deadband" in near
-    assert "own.py" in refused(spec, "--candidates", "own.py:Mine")
+    assert "own.py" in refused("diagnose", spec, "--candidates", "own.py:Mine")
 
 
 def test_a_file_that_cannot_be_written_is_told_before_the_work(spec, handed, tmp_path):

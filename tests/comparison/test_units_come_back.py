@@ -4,15 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from written_fits import KGF, RPM, TRUTH
 
 import diffthrust as dft
 from diffthrust import Column
-from diffthrust.effects import CommandDeadband
-
-RPM, KGF = 60 / (2 * np.pi), 1 / 9.80665
-TRUTH = dft.SpeedLoopThruster(gain=330.0, time_constant=0.15, ct=4.5e-4) + CommandDeadband(
-    half_width=0.0625
-)
 
 
 @pytest.fixture(scope="module")

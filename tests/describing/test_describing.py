@@ -50,6 +50,19 @@ class Static(dft.Model):
         return {}, {"reading": port("path", s.command)}
 
 
+class FirstOrder(dft.Model):
+    """Three times the command, with a lag; one that runs away where its rate is negative."""
+
+    name = "first_order"
+    inputs = {"command": "V"}
+    states = {"y": "N"}
+    outputs = {"y": "N"}
+    rate: float = dft.parameter(2.0, "1/s")
+
+    def equations(self, s, port):
+        return {"y": self.rate * (3.0 * s.command - s.y)}, {"y": s.y}
+
+
 class Relay(effects.Effect):
     """An ideal relay."""
 
@@ -210,18 +223,8 @@ def test_delay_and_sensor_lag_settle():
 @pytest.mark.thorough
 def test_bandwidth_and_break_frequency_of_a_lag():
     """A linear model: both are its rate, at every amplitude."""
-
-    class Lag(dft.Model):
-        name = "lag"
-        inputs = {"command": "V"}
-        states = {"y": "N"}
-        outputs = {"y": "N"}
-
-        def equations(self, s, port):
-            return {"y": 2.0 * (3.0 * s.command - s.y)}, {"y": s.y}
-
     w = np.geomspace(0.1, 30, 40)
-    found = describing_function(Lag(), [0.1, 10.0], w, output="y", bias=1.0)
+    found = describing_function(FirstOrder(), [0.1, 10.0], w, output="y", bias=1.0)
     np.testing.assert_allclose(found.break_frequency, 2.0, rtol=1e-4)
     np.testing.assert_allclose(found.bandwidth, 2.0, rtol=5e-3)
     np.testing.assert_allclose(found.static_gain, 3.0, rtol=1e-4)
@@ -266,16 +269,7 @@ def test_diverging_points_are_marked_and_the_others_answered(plain):
 
 
 def test_an_unstable_response_is_marked():
-    class Unstable(dft.Model):
-        name = "unstable"
-        inputs = {"command": "V"}
-        states = {"y": "N"}
-        outputs = {"y": "N"}
-
-        def equations(self, s, port):
-            return {"y": 0.3 * s.y + s.command}, {"y": s.y}
-
-    found = describing_function(Unstable(), [1.0, 2.0], [1.0], output="y", samples=128)
+    found = describing_function(FirstOrder(rate=-0.3), [1.0, 2.0], [1.0], output="y", samples=128)
     assert np.all(found.reason == Reason.UNSTABLE)
 
 

@@ -56,6 +56,15 @@ def read(path, **more):
     return read_robot_log(path, **{**given, **more})
 
 
+def assert_told(words, reading, *arguments, **options):
+    """A call that is refused tells so many words, and a mend."""
+    with pytest.raises(InputError) as caught:
+        reading(*arguments, **options)
+    for word in words:
+        assert word in str(caught.value)
+    assert caught.value.mend
+
+
 def test_without_a_time_base_the_choice_is_told():
     with pytest.raises(InputError, match="expected a time base, found none") as caught:
         read("run.bin", base=None)
@@ -141,11 +150,7 @@ def test_the_heading_of_an_orientation(tmp_path):
     ],
 )
 def test_defects_of_columns_in_a_bag(bag, column, words):
-    with pytest.raises(InputError) as caught:
-        read(bag, measured={"surge": column})
-    for word in (bag.name, f"column {column!r}", *words):
-        assert word in str(caught.value)
-    assert caught.value.mend
+    assert_told((bag.name, f"column {column!r}", *words), read, bag, measured={"surge": column})
 
 
 def test_a_second_type_of_messages_on_a_topic_must_have_the_field(tmp_path):
@@ -214,11 +219,8 @@ def test_a_dataflash_log_is_read_back(dataflash):
     ],
 )
 def test_defects_of_columns_in_a_dataflash_log(dataflash, column, words):
-    with pytest.raises(InputError) as caught:
-        read_robot_log(dataflash, base=0.05, measured={"speed": column})
-    for word in (dataflash.name, *words):
-        assert word in str(caught.value)
-    assert caught.value.mend
+    asked = {"base": 0.05, "measured": {"speed": column}}
+    assert_told((dataflash.name, *words), read_robot_log, dataflash, **asked)
 
 
 def test_damage_in_a_dataflash_log_is_told(tmp_path):
@@ -290,10 +292,7 @@ def test_damaged_telemetry_is_read_as_far_as_it_goes(telemetry):
     ],
 )
 def test_defects_of_columns_in_a_telemetry_log(telemetry, column, words):
-    with pytest.raises(InputError) as caught:
-        read_yaw(telemetry, column)
-    for word in words:
-        assert word in str(caught.value)
+    assert_told(words, read_yaw, telemetry, column)
 
 
 def one(time, values, place="a.bin, column 'M.x'"):
@@ -551,10 +550,7 @@ def test_a_fit_on_all_messages_is_not_biased_by_late_inputs(spec):
 )
 def test_defects_of_a_spec_file_for_a_bag(spec, old, new, words):
     spec.write_text(spec.read_text().replace(old, new))
-    with pytest.raises(InputError) as caught:
-        load_spec(spec).train_logs()
-    for word in words:
-        assert word in str(caught.value)
+    assert_told(words, lambda: load_spec(spec).train_logs())
 
 
 def test_a_time_base_is_refused_for_a_table(spec):

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
-import struct
-from dataclasses import fields, is_dataclass, replace
-from enum import Enum
+from dataclasses import replace
 from functools import cache
 
 import jax.numpy as jnp
@@ -14,10 +11,10 @@ import made_diagnosis as made
 import numpy as np
 import pytest
 import short_logs as short
+from exact_bits import bits
 
 import diffthrust as dft
 from diffthrust import InputError, Normal, parameter
-from diffthrust._support.later import Later  # private: doubts that nobody has looked at
 from diffthrust.effects import CommandDeadband, CommandSaturation, Formula
 from diffthrust.logs import PWM
 
@@ -56,26 +53,6 @@ class OwnDrag(dft.Effect):
     def __call__(self, value, s):
         return value - self.rate * s.speed
 """
-
-
-def bits(value):
-    """A result in which numbers are their bits, so that NaN and the last digit count."""
-    if isinstance(value, float):
-        return "nan" if math.isnan(value) else struct.pack("<d", value)
-    if isinstance(value, np.ndarray):
-        return value.dtype.str, value.shape, [bits(x) for x in value.ravel().tolist()]
-    if isinstance(value, dft.Model | dft.Effect):
-        own = {k: bits(v) for k, v in vars(value).items() if k != "effects"}
-        return type(value), own, [bits(effect) for effect in getattr(value, "effects", ())]
-    if is_dataclass(value):
-        kept = [f.name for f in fields(value) if f.metadata.get("saved", True)]
-        return type(value), {name: bits(getattr(value, name)) for name in kept}
-    if hasattr(value, "items"):
-        return {key: bits(each) for key, each in value.items()}
-    value = tuple(value) if isinstance(value, Later) else value
-    if isinstance(value, tuple | list) and not isinstance(value, Enum):
-        return type(value), [bits(each) for each in value]
-    return value
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from robot_files import number, write_bag, write_dataflash
+from robot_files import number, plain_twist, write_bag, write_dataflash
 
 import diffthrust as dft
 
@@ -188,16 +188,6 @@ def test_of_many_outputs_the_one_that_the_shaft_follows_is_the_command(tmp_path)
 
 
 def test_in_ros_sway_and_yaw_rate_are_turned_round(tmp_path):
-    def twist(surge, sway, yaw_rate):
-        def make(types):
-            vector = types["geometry_msgs/msg/Vector3"]
-            return types["geometry_msgs/msg/Twist"](
-                linear=vector(x=float(surge), y=float(sway), z=0.0),
-                angular=vector(x=0.0, y=0.0, z=float(yaw_rate)),
-            )
-
-        return make
-
     stamps, back = 0.1 * np.arange(400), WAVE[::-1]
     motion = zip(stamps, WAVE, WAVE**2, back - WAVE, strict=True)
     topics = {
@@ -209,7 +199,7 @@ def test_in_ros_sway_and_yaw_rate_are_turned_round(tmp_path):
             "std_msgs/msg/Float64",
             [(t, number(v)) for t, v in zip(stamps, back, strict=True)],
         ),
-        "/odom": ("geometry_msgs/msg/Twist", [(t, twist(*values)) for t, *values in motion]),
+        "/odom": ("geometry_msgs/msg/Twist", [(t, plain_twist(*values)) for t, *values in motion]),
     }
     channels = dft.look(write_bag(tmp_path, topics)).choice.channels
     assert {name: pick.meaning.scale for name, pick in channels.items()} == {

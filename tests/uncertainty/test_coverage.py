@@ -5,9 +5,11 @@ independent, the share covered of 1200 would have a standard deviation of 0.6 %,
 the same, of 1.1 %: outside 92 to 98 % an honest method comes with probability below 0.7 %.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
-from short_logs import MODEL, TRUE, fitted, made_log
+from short_logs import TRUE, fitted, made_log
 
 import diffthrust as dft
 from diffthrust.uncertainty import intervals, sandwich
@@ -48,41 +50,33 @@ def test_white_noise():
 
 
 @pytest.mark.slow
-def test_noise_that_lasts():
-    """Taken as white, intervals are three times too narrow; the sandwich makes up for it."""
-    told, taken = shares(fitted, correlation=0.8)
+@pytest.mark.parametrize(
+    ("every", "correlation", "narrow"),
+    [(1, 0.8, ("covariance", "profile")), (2, 0.9, ("covariance",))],
+)
+def test_noise_that_lasts(every, correlation, narrow):
+    """Taken as white, intervals are three times too narrow; the sandwich makes up for it.
+
+    Of a channel that is read at every second sample readings are 0.9^2 alike; 200 of them tell
+    less, and the error is that much larger.
+    """
+    told, taken = shares(fitted, every, correlation=correlation)
     assert HONEST[0] <= told["recommended"] <= HONEST[1]
     assert taken == {"sandwich": 3 * LOGS}
-    assert told["covariance"] < 0.6
-    assert told["profile"] < 0.6
+    assert all(told[method] < 0.6 for method in narrow)
 
 
 @pytest.mark.slow
-def test_noise_that_lasts_in_a_channel_that_is_read_more_slowly():
-    """Its readings are 0.9^2 alike; 200 of them tell less, and the error is that much larger."""
-    told, taken = shares(fitted, every=2, correlation=0.9)
-    assert HONEST[0] <= told["recommended"] <= HONEST[1]
-    assert taken == {"sandwich": 3 * LOGS}
-    assert told["covariance"] < 0.6
-
-
-@pytest.mark.slow
-def test_noise_that_lasts_under_its_own_noise_model():
-    def fit(log):
-        return dft.fit(MODEL, log, starts=1, noise_model="ar1")
-
-    told, _ = shares(fit, correlation=0.8)
-    for method in ("recommended", "covariance", "profile"):
-        assert HONEST[0] <= told[method] <= HONEST[1], method
-
-
-@pytest.mark.slow
-def test_heavy_tailed_noise():
-    def fit(log):
-        return fitted(log, loss="student_t")
-
-    told, _ = shares(fit, law="student_t")
-    for method in ("recommended", "covariance", "profile", "sandwich"):
+@pytest.mark.parametrize(
+    ("noise", "options", "more"),
+    [
+        ({"correlation": 0.8}, {"noise_model": "ar1"}, ()),
+        ({"law": "student_t"}, {"loss": "student_t"}, ("sandwich",)),
+    ],
+)
+def test_noise_of_the_law_of_the_fit(noise, options, more):
+    told, _ = shares(partial(fitted, **options), **noise)
+    for method in ("recommended", "covariance", "profile", *more):
         assert HONEST[0] <= told[method] <= HONEST[1], method
 
 

@@ -51,6 +51,20 @@ def errors_shown(page) -> list[float]:
     return [float(re.search(r"\) (\S+)$", label.strip())[1]) for label in labels]
 
 
+def add_what_was_found_and_save(page, model, before, unseen):
+    """Undo the tick and add all that was found instead; the errors fall, and it is saved."""
+    page.get_by_text("fit: converged").wait_for()
+    page.get_by_role("button", name="Undo").click()
+    page.get_by_text("thruster", exact=True).wait_for()
+    page.get_by_role("button", name="Add what was found").click()
+    page.get_by_text(model).wait_for()
+    page.get_by_text(re.compile(rf"kept out\) {unseen}")).wait_for()
+    after = errors_shown(page)
+    assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
+    page.get_by_role("button", name="Save", exact=True).click()
+    page.get_by_text(re.compile("Saved in .*explored")).wait_for()
+
+
 def test_the_clicks_from_the_error_to_what_is_saved(lacking, monkeypatch):
     """All clicks of the whole loop; the diagnosis is one of the same logs that is there already."""
     diag = example_names.diag()
@@ -62,16 +76,7 @@ def test_the_clicks_from_the_error_to_what_is_saved(lacking, monkeypatch):
         page.get_by_text("Found: commands within").wait_for()
         page.get_by_text("command dead band: removes").first.click()
         page.get_by_text("thruster + command dead band").wait_for()
-        page.get_by_text("fit: converged").wait_for()
-        page.get_by_role("button", name="Undo").click()
-        page.get_by_text("thruster", exact=True).wait_for()
-        page.get_by_role("button", name="Add what was found").click()
-        page.get_by_text("thruster + command dead band").wait_for()
-        page.get_by_text(re.compile(r"kept out\) 0\.0")).wait_for()
-        after = errors_shown(page)
-        assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
-        page.get_by_role("button", name="Save", exact=True).click()
-        page.get_by_text(re.compile("Saved in .*explored")).wait_for()
+        add_what_was_found_and_save(page, "thruster + command dead band", before, r"0\.0")
     assert 'effects = ["command_deadband"]' in (lacking / "explored" / "fit.toml").read_text()
     command_line.run("check", lacking / "explored")
 
@@ -89,16 +94,8 @@ def test_the_whole_loop_load_diagnose_tick_save(demo):
         assert page.get_by_text("commands within").count()
         page.get_by_text("reverse thrust asymmetry: removes").first.click()  # a tick
         page.get_by_text("thruster + reverse thrust asymmetry").wait_for()
-        page.get_by_text("fit: converged").wait_for()
-        page.get_by_role("button", name="Undo").click()
-        page.get_by_text("thruster", exact=True).wait_for()
-        page.get_by_role("button", name="Add what was found").click()
-        page.get_by_text("thruster + command dead band + reverse thrust asymmetry").wait_for()
-        page.get_by_text(re.compile(r"kept out\) 0\.00")).wait_for()
-        after = errors_shown(page)
-        assert all(new < 0.2 * old for old, new in zip(before, after, strict=True))
-        page.get_by_role("button", name="Save", exact=True).click()
-        page.get_by_text(re.compile("Saved in .*explored")).wait_for()
+        both = "thruster + command dead band + reverse thrust asymmetry"
+        add_what_was_found_and_save(page, both, before, r"0\.00")
         process.kill()  # in the middle: what was saved is there, and whole
     saved = demo / "explored"
     names = ["diagnosis.html", "errors.png", "fit.json", "fit.toml", "report.html", "script.py"]

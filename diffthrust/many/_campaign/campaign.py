@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING, Any, Literal
 from diffthrust._support._running.pool import WorkerPool, as_done, processors
 from diffthrust._support._running.process import Worker
 from diffthrust._support.errors import InputError
-from diffthrust._support.files import plain
+from diffthrust._support.files import PathLike, plain
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.validation import finite, whole_number
-from diffthrust.many._campaign.job import Job, PathLike, ResultRow, check_task, found_specs
+from diffthrust.many._campaign.job import Job, ResultRow, check_task, found_specs
 from diffthrust.many._campaign.tables import TABLE, arrow_table, campaign_report, write_table
 from diffthrust.many._campaign.task import head, kept_row, perform, run_job, sweep
 from diffthrust.specs._file import compile_key
+from diffthrust.specs._scripts import trusted_folders
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -169,8 +170,7 @@ def campaign(
     check_task(task, options)
     _check(executor, jobs, time_limit)
     out = Path(os.path.abspath(output))
-    trusted = [trust] if isinstance(trust, str | os.PathLike) else trust
-    places = tuple(os.path.abspath(place) for place in trusted)
+    places = trusted_folders(trust)
     work = [
         Job(name, str(path), str(out / folder), task, options, report, time_limit, places)
         for path, name, folder in found_specs(specs, out)

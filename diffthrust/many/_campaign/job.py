@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
+from diffthrust._support.files import PathLike
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.visible import in_line
 from diffthrust.many._batch.each import keyword_defaults
@@ -19,7 +20,6 @@ from diffthrust.specs._file import NAME, parse_toml, read_spec_text
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec
 
-PathLike = str | os.PathLike[str]
 ResultRow = dict[str, Any]
 OPTIONS: dict[str, tuple[str, ...]] = {
     "fit": (),
@@ -105,14 +105,9 @@ def fingerprint(spec: Spec, job: Job) -> str:
 
 
 def _digest(path: Path) -> str:
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(
-            f"{path}: the file cannot be read ({error.strerror or error}).",
-            "Make it readable, or take it out of the spec.",
-        ) from None
+    mend = "Make it readable, or take it out of the spec."
+    with os_errors_as(f"{path}: the file cannot be read", mend), open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def found_specs(specs: PathLike | Iterable[PathLike], output: Path) -> list[tuple[Path, str, str]]:

@@ -14,6 +14,7 @@ from diffthrust._support.files import plain
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report
 from diffthrust._support.results import Result
+from diffthrust._support.validation import finite_row
 from diffthrust.logs._written import ShownUnits
 from diffthrust.uncertainty._prediction.band import DerivedQuantity, summarised
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
@@ -246,11 +247,8 @@ def _responses(
 
 
 def _points(name: str, wanted: Any) -> np.ndarray:
-    try:
-        points = np.atleast_1d(np.asarray(wanted, float))
-    except (TypeError, ValueError):
-        points = np.empty(0)
-    if points.ndim != 1 or not points.size or not np.all(np.isfinite(points)):
+    points = finite_row(wanted)
+    if points is None:
         raise InputError(
             f"quantities: expected finite numbers as {name}, found {wanted!r}.",
             f"Write {name}=[0.5, 1.0, 2.0].",

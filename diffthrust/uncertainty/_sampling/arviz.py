@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
 from diffthrust._support.files import ending, write_whole
 from diffthrust.estimation._estimate import shown_unit
 from diffthrust.logs._written import ShownUnits, Size
@@ -32,19 +32,14 @@ def write_posterior(post: Any, path: Path | str) -> None:
     """Write a posterior as netCDF (``post.to_netcdf``), atomically."""
     path = Path(path)
     ending(path, ".nc")
-    try:
-        with TemporaryDirectory() as folder:
-            # netCDF writes in pieces: made elsewhere and moved whole, so that an interrupt leaves
-            # no half file
-            made = Path(folder) / "posterior.nc"
-            post.to_netcdf(str(made))
-            data = made.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{path}: it is made in a temporary folder first, and cannot be "
-            f"({error.strerror or error}).",
-            "Make room in the folder for temporary files, or name another: TMPDIR=DIR.",
-        ) from None
+    problem = f"{path}: it is made in a temporary folder first, and cannot be"
+    mend = "Make room in the folder for temporary files, or name another: TMPDIR=DIR."
+    with os_errors_as(problem, mend), TemporaryDirectory() as folder:
+        # netCDF writes in pieces: made elsewhere and moved whole, so that an interrupt leaves no
+        # half file
+        made = Path(folder) / "posterior.nc"
+        post.to_netcdf(str(made))
+        data = made.read_bytes()
     write_whole(path, data)
 
 

@@ -17,7 +17,7 @@ import h5py
 import jax
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
 from diffthrust._support.files import is_full
 from diffthrust.uncertainty._sampling.posterior import Posterior
 
@@ -271,17 +271,13 @@ def _check_sums(
 
 def _try(path: Path, target: Path) -> None:
     """Raise `InputError` before the work starts if the file could not be saved."""
-    try:
+    mend = "Name a file in a folder that exists and that you may write to."
+    with os_errors_as(f"{path}: the chain could not be saved there", mend):
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
         with open(_temporary(target), "wb"):
             pass
         _temporary(target).unlink()
-    except OSError as error:
-        raise InputError(
-            f"{path}: the chain could not be saved there ({error.strerror or error}).",
-            "Name a file in a folder that exists and that you may write to.",
-        ) from None
 
 
 def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -10,15 +11,17 @@ import numpy as np
 from problems import build, solve
 from trajectories import fixed_step_module, trajectory_module
 
+import diffthrust as dft
+
 from . import _problem
 from ._diffthrust import NAMES, log_of, thruster
 from ._problem import GUESS, TRUTH
 
 
-def simulation(samples: int) -> Any:
-    log, model = log_of(_problem.record(samples)), thruster(TRUTH)
-    key = trajectory_module.Key(model)
-    grid = trajectory_module.Grid((("command", "zero"),), substeps=0, uniform=log.even)
+def compiled_simulation(model: dft.Model, log: dft.Log, uniform: bool) -> Callable[[], Any]:
+    """The compiled simulation of a thruster, with its arguments made beforehand."""
+    # substeps: a number, as in a run
+    grid = trajectory_module.Grid((("command", "zero"),), substeps=0, uniform=uniform)
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
@@ -26,11 +29,16 @@ def simulation(samples: int) -> Any:
         {"speed": jnp.asarray(0.0)},
         np.asarray(1.0),
     )
+    program = (trajectory_module.Key(model), grid), given
+    return lambda: jax.block_until_ready(fixed_step_module.compiled_simulation(*program))
+
+
+def simulation(samples: int) -> Any:
+    log = log_of(_problem.record(samples))
+    simulated = compiled_simulation(thruster(TRUTH), log, log.even)
 
     def run(turn: int) -> np.ndarray:
-        outputs, _ = jax.block_until_ready(
-            fixed_step_module.compiled_simulation((key, grid), given)
-        )
+        outputs, _ = simulated()
         return np.stack([outputs["speed"], outputs["thrust"]])
 
     return run
