@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._runge_kutta import plain_rate
-from diffthrust.simulation._trajectory import Key, equations_of
+from diffthrust.simulation._trajectory import Key, arriving, equations_of, measured_by
 
 
 class Reading(Ports):
@@ -84,3 +84,90 @@ def slopes(
 
     still = {n: jnp.zeros(()) for n in model.ports}
     return jax.jacfwd(both, argnums=(0, 1, 2))(states, still, inputs)
+
+
+class InfiniteSlope(NamedTuple):
+    """Where a derivative of a model is not finite, and the mend, a sentence each."""
+
+    problem: str
+    mend: str
+
+
+def infinite_slope(
+    model: Model, record: Record, path: Mapping[str, np.ndarray], *, places: bool
+) -> InfiniteSlope | None:
+    """The first derivative along a run that is not finite; ``None`` if all are.
+
+    A root of what is zero in some samples is finite, and its slope is not: no search could begin,
+    and it was said that every start diverged.
+
+    Args:
+        model: the model.
+        record: the log.
+        path: a finite simulation of it, ``(n,)`` each.
+        places: derivatives by inputs and ports count, beside those by free parameters and states.
+    """
+    inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
+    states = {n: path[n] for n in model.all_states if n not in inputs}
+    at = {f"parameter '{n}'": (n, p.value) for n, p in model.parameters.items() if not p.fixed}
+    at |= {f"state '{n}'": (n, values) for n, values in states.items()}
+    if places:
+        at |= {f"port '{n}'": (n, np.zeros(len(record.log))) for n in model.ports}
+        at |= {f"input '{n}'": (n, values) for n, values in inputs.items()}
+    first: tuple[int, int, str, str] | None = None
+    for by, (name, value) in at.items():
+        for of, slope in _along(model, record, inputs, states, by.partition(" ")[0], name, value):
+            lost = np.flatnonzero(~np.isfinite(slope))
+            if lost.size and (first is None or lost[0] < first[0]):
+                first = int(lost[0]), int(lost.size), of, by
+    if first is None:
+        return None
+    k, count, of, by = first
+    units = {**model.inputs, **model.optional_inputs, **model.all_states}
+    values = [
+        f"{n} = {v[k]:.4g} {units.get(n, '')}".rstrip() for n, v in {**inputs, **states}.items()
+    ]
+    held = f", or fix {by.partition(' ')[2]}" if by.startswith("parameter") else ""
+    return InfiniteSlope(
+        f"{record.name}: the simulation is finite, but the derivative of {of} by the {by} is not, "
+        f"at {count} of {len(record.log)} samples; first at sample {k + 1} "
+        f"(t = {record.log.time[k]:.6g} s), where {', '.join(values[:6])}.",
+        f"Write '{model}' so that its derivatives are finite at every sample: a root, a logarithm "
+        "or a power below one of what is zero there has none. Keep it from zero, such as by "
+        f"jnp.sqrt(jnp.maximum(x, 1e-12)){held}.",
+    )
+
+
+def _along(
+    model: Model,
+    record: Record,
+    inputs: Mapping[str, Any],
+    states: Mapping[str, Any],
+    kind: str,
+    name: str,
+    value: Any,
+) -> list[tuple[str, np.ndarray]]:
+    """Derivatives of rates and outputs along a run by one number or series, ``(n,)`` each.
+
+    By it alone: beside an infinite slope a tangent of zero is no number.
+    """
+    time = record.log.time
+
+    def both(moved: Any) -> dict[str, Any]:
+        chosen = {name: moved}
+        numbers = {n: p.value for n, p in model.parameters.items()}
+        bound = model.bind({**numbers, **chosen}) if kind == "parameter" else model
+        fed = {**inputs, **chosen} if kind == "input" else inputs
+        x = {**states, **chosen} if kind == "state" else states
+        s = Signals({**arriving(bound, time, fed), "time": time, **x})
+        port = Reading(bound.effects, s, chosen if kind == "port" else None)
+        rates, values = equations_of(bound, s, port)
+        rates = {**rates, **port.rates}
+        return {
+            **{f"the rate of '{n}'": plain_rate(rates[n]) for n in x},
+            **{f"the output '{n}'": v for n, v in measured_by(bound, s, values).items()},
+        }
+
+    value = jnp.asarray(value, float)
+    _, slopes = jax.jvp(both, (value,), (jnp.ones_like(value),))
+    return [(of, np.broadcast_to(slope, time.shape)) for of, slope in slopes.items()]

@@ -16,6 +16,7 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._linearise import InfiniteSlope, infinite_slope
 from diffthrust.simulation._overflow import overflow, too_large
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._starts import FIRST_PART, estimated_start, unknown_starts, unusual
@@ -248,6 +249,15 @@ def start_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
 def failures(runs: Sequence[Run]) -> tuple[str, ...]:
     """A sentence for each run whose simulation left the finite numbers."""
     return tuple(run.failure for run in runs if run.failure)
+
+
+def infinite_slopes(model: Model, runs: Sequence[Run], *, places: bool) -> InfiniteSlope | None:
+    """Where the first of some finite runs has an `infinite_slope`, if one has."""
+    for run in runs:
+        path = simulate_fixed(model, run.record, run.start, run.substeps)
+        if found := infinite_slope(model, run.record, path, places=places):
+            return found
+    return None
 
 
 def pooled_errors(runs: Sequence[Run]) -> Errors:
