@@ -499,16 +499,20 @@ class Craft(Model):
         for name, mounted in self.actuators.items():
             place = (number(each, 3) for each in self._place(name))
             pointing = ", ".join(f"{each:.3g}" for each in mounted.pointing)
+            command = ", ".join(unit or "-" for unit in mounted.model.inputs.values())
             owner = self._owner(name)
-            like = "" if owner == name else f"like {owner}"
-            rows.append((name, str(mounted.model), *place, pointing, like))
+            numbers = "its own" if owner == name else f"like {owner}"
+            rows.append((name, str(mounted.model), *place, pointing, command, numbers, ""))
         for name, mounted in self.sensors.items():
             sensor = mounted.model
             place = map(number, self._place(name), (3, 3, 3)) if sensor.placed else ("", "", "")
-            rows.append((name, sensor.name, *place, "", sensor.frame))
-        headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "")
+            rows.append((name, sensor.name, *place, "", "", "", sensor.frame))
+        headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "Command",
+                    "Numbers", "Axes")  # fmt: skip
+        shown = slice(None if self.sensors else -1)
+        rows = [row[shown] for row in rows]
         title = f"Craft of the body '{self.body.name}'"
-        return Report(Section("", title, Rows.of(headings, rows, numbers=(2, 3, 4))))
+        return Report(Section("", title, Rows.of(headings[shown], rows, numbers=(2, 3, 4))))
 
     # -- what it is made of, as data ---------------------------------------------------------------
 

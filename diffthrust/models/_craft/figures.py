@@ -93,6 +93,8 @@ def _view(
         behind.setdefault(at, (-dx, -dy * flipped) if flat else (0.0, 1.0))
     for (x, y), names in groups.items():
         words = ", ".join(names)
+        if len(names) > 1:  # beside the point they would run over the numbers of the axis
+            behind[x, y] = (0.0, 1.0)
         offset = ((8.0 + 3.0 * len(words)) * behind[x, y][0], 14.0 * behind[x, y][1])
         panel.annotate(words, (x, y), xytext=offset, textcoords="offset points",
                        fontsize=8, ha="center", va="center")  # fmt: skip
