@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -93,6 +94,13 @@ class InfiniteSlope(NamedTuple):
     mend: str
 
 
+_FINITE = (
+    "Write '{}' so that its derivatives are finite at every sample: a root, a logarithm or a power "
+    "below one of what is zero there has none. Keep it from zero, such as by "
+    "jnp.sqrt(jnp.maximum(x, 1e-12))"
+)
+
+
 def infinite_slope(
     model: Model, record: Record, path: Mapping[str, np.ndarray], *, places: bool
 ) -> InfiniteSlope | None:
@@ -107,67 +115,59 @@ def infinite_slope(
         path: a finite simulation of it, ``(n,)`` each.
         places: derivatives by inputs and ports count, beside those by free parameters and states.
     """
+    time = record.log.time
     inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
     states = {n: path[n] for n in model.all_states if n not in inputs}
-    at = {f"parameter '{n}'": (n, p.value) for n, p in model.parameters.items() if not p.fixed}
-    at |= {f"state '{n}'": (n, values) for n, values in states.items()}
-    if places:
-        at |= {f"port '{n}'": (n, np.zeros(len(record.log))) for n in model.ports}
-        at |= {f"input '{n}'": (n, values) for n, values in inputs.items()}
-    first: tuple[int, int, str, str] | None = None
-    for by, (name, value) in at.items():
-        for of, slope in _along(model, record, inputs, states, by.partition(" ")[0], name, value):
-            lost = np.flatnonzero(~np.isfinite(slope))
-            if lost.size and (first is None or lost[0] < first[0]):
-                first = int(lost[0]), int(lost.size), of, by
-    if first is None:
+    values = {n: p.value for n, p in model.parameters.items()}
+    still = {n: np.zeros(time.size) for n in model.ports}
+    given = {"parameter": values, "state": states, "port": still, "input": inputs}
+
+    free = [n for n, p in model.parameters.items() if not p.fixed]
+    fixable = {f"parameter '{n}'" for n in free}
+    kinds = {
+        "parameter": free,
+        "state": states,
+        **({"port": still, "input": inputs} if places else {}),
+    }
+    lost = []
+    for kind, name in ((kind, name) for kind, names in kinds.items() for name in names):
+        value = jnp.asarray(given[kind][name], float)
+        # by it alone: beside an infinite slope a tangent of zero is no number
+        along = partial(_along, model, time, given, kind, name)
+        _, slopes = jax.jvp(along, (value,), (jnp.ones_like(value),))
+        for of, slope in slopes.items():
+            at = np.flatnonzero(~np.isfinite(np.broadcast_to(slope, time.shape)))
+            if at.size:
+                lost.append((int(at[0]), at.size, of, f"{kind} '{name}'"))
+    if not lost:
         return None
-    k, count, of, by = first
+    k, count, of, by = min(lost, key=lambda row: row[0])
+    where = f"{count} of {time.size} samples; first at sample {k + 1} (t = {time[k]:.6g} s)"
     units = {**model.inputs, **model.optional_inputs, **model.all_states}
-    values = [
-        f"{n} = {v[k]:.4g} {units.get(n, '')}".rstrip() for n, v in {**inputs, **states}.items()
-    ]
-    held = f", or fix {by.partition(' ')[2]}" if by.startswith("parameter") else ""
+    there = [f"{n} = {v[k]:.4g} {units.get(n, '')}".rstrip() for n, v in (inputs | states).items()]
     return InfiniteSlope(
         f"{record.name}: the simulation is finite, but the derivative of {of} by the {by} is not, "
-        f"at {count} of {len(record.log)} samples; first at sample {k + 1} "
-        f"(t = {record.log.time[k]:.6g} s), where {', '.join(values[:6])}.",
-        f"Write '{model}' so that its derivatives are finite at every sample: a root, a logarithm "
-        "or a power below one of what is zero there has none. Keep it from zero, such as by "
-        f"jnp.sqrt(jnp.maximum(x, 1e-12)){held}.",
+        f"at {where}, where {', '.join(there[:6])}.",
+        _FINITE.format(model) + (f", or fix {by.partition(' ')[2]}." if by in fixable else "."),
     )
 
 
 def _along(
     model: Model,
-    record: Record,
-    inputs: Mapping[str, Any],
-    states: Mapping[str, Any],
+    time: np.ndarray,
+    given: Mapping[str, Mapping[str, Any]],
     kind: str,
     name: str,
     value: Any,
-) -> list[tuple[str, np.ndarray]]:
-    """Derivatives of rates and outputs along a run by one number or series, ``(n,)`` each.
-
-    By it alone: beside an infinite slope a tangent of zero is no number.
-    """
-    time = record.log.time
-
-    def both(moved: Any) -> dict[str, Any]:
-        chosen = {name: moved}
-        numbers = {n: p.value for n, p in model.parameters.items()}
-        bound = model.bind({**numbers, **chosen}) if kind == "parameter" else model
-        fed = {**inputs, **chosen} if kind == "input" else inputs
-        x = {**states, **chosen} if kind == "state" else states
-        s = Signals({**arriving(bound, time, fed), "time": time, **x})
-        port = Reading(bound.effects, s, chosen if kind == "port" else None)
-        rates, values = equations_of(bound, s, port)
-        rates = {**rates, **port.rates}
-        return {
-            **{f"the rate of '{n}'": plain_rate(rates[n]) for n in x},
-            **{f"the output '{n}'": v for n, v in measured_by(bound, s, values).items()},
-        }
-
-    value = jnp.asarray(value, float)
-    _, slopes = jax.jvp(both, (value,), (jnp.ones_like(value),))
-    return [(of, np.broadcast_to(slope, time.shape)) for of, slope in slopes.items()]
+) -> dict[str, Any]:
+    """Rates and outputs along a run, with another value of one of what is given by kind."""
+    now = {**given, kind: {**given[kind], name: value}}
+    bound = model.bind(now["parameter"])
+    s = Signals({**arriving(bound, time, now["input"]), "time": time, **now["state"]})
+    port = Reading(bound.effects, s, now["port"])
+    rates, outputs = equations_of(bound, s, port)
+    rates = {**rates, **port.rates}
+    return {
+        **{f"the rate of '{n}'": plain_rate(rates[n]) for n in now["state"]},
+        **{f"the output '{n}'": v for n, v in measured_by(bound, s, outputs).items()},
+    }
