@@ -37,10 +37,6 @@ from diffthrust.simulation._linearise import (  # private: told by no result
     slopes,
     slopes_at,
 )
-from diffthrust.simulation._overflow import (  # private: the sentences alone
-    overflow,
-    too_large,
-)
 from diffthrust.simulation._record import (  # private: what a model reads of a log
     are_tables,
     bind,
@@ -56,9 +52,11 @@ from diffthrust.simulation._runge_kutta import (  # private: the weights alone
     plain_rate,
     with_push,
 )
-from diffthrust.simulation._runs import (  # private: as a fit
+from diffthrust.simulation._runs import (  # private: as a fit; the sentences alone
+    overflow,
     pooled_errors,
     runs_over,
+    too_large,
     with_steps,
 )
 from diffthrust.simulation._runs import (  # private: as a fit

@@ -40,7 +40,7 @@ class StaticThruster(Actuator):
     commanded: tuple[str, ...] = ("command",)
     time_scales: ClassVar[tuple[float, float]] = (0.02, 100.0)
 
-    gain: float = parameter(40.0, "N/{command}", bounds=(0, None), doc="thrust at full command")
+    gain: float = parameter(40.0, "N/{command}", bounds=(0, None), doc="thrust at a command of 1")
     exponent: float = parameter(1.0, bounds=(0.05, 4.0), transform="log", doc="of the curve")
     reverse: float = parameter(1.0, bounds=(0, None), fixed=True, size=0.5, doc="astern to ahead")
 

@@ -67,10 +67,9 @@ def _show_craft(path: Path, figure: Path | None) -> None:
     """The thrusters of a craft, and a drawing of it."""
     with ui.session():
         if path.suffix.lower() == ".toml":
-            from diffthrust.specs._thrusters import craft_from
+            from diffthrust.specs._thrusters import described_craft
 
-            craft = craft_from(path)
-            report = craft.layout_report()
+            craft, report = described_craft(path)
         else:
             from diffthrust._support.results import report_of
             from diffthrust.layouts import layout_in

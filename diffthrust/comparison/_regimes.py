@@ -95,11 +95,6 @@ class Regime:
         """Upper end on the first signal."""
         return self.where[0].high
 
-    @property
-    def unit(self) -> str:
-        """Unit of the first signal."""
-        return self.where[0].unit
-
     def holds(self, derived: Mapping[str, tuple[np.ndarray, str]]) -> np.ndarray:
         """Which samples of a run are in it, by its `derived_of`."""
         ranges = [interval.holds(derived[interval.signal][0]) for interval in self.where]

@@ -31,7 +31,7 @@ from diffthrust.diagnosis._outcome import (
 from diffthrust.diagnosis._periodic_stage import add_periodic_force
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._rival_models import other_models
-from diffthrust.diagnosis._search_start import start_search, with_finer_steps
+from diffthrust.diagnosis._search_start import blind_notes, start_search, with_finer_steps
 from diffthrust.diagnosis._search_state import SOUGHT, SearchContext, SearchState
 from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._verdict import verdict_of
@@ -132,6 +132,7 @@ def diagnose(
         if wrong
         else _sought(context, state, candidates, mends, experiment, limits)
     )
+    blind = () if wrong else blind_notes(state, records)
     unused = unused_channels(context.given, (*records, *unseen_records))
     say("done", 1.0)
     origin, notes = provenance(fit, first.fit, train, unseen)
@@ -142,7 +143,7 @@ def diagnose(
         seconds=context.clock.seconds,
         mends=mends,
         unused=unused,
-        notes=(*notes, *unused_notes(context.given, unused)),
+        notes=(*notes, *blind, *unused_notes(context.given, unused)),
         origin=origin,
     )
 

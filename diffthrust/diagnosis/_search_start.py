@@ -33,8 +33,16 @@ from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._levels import levels_when_asked
+from diffthrust.simulation._linearise import InfiniteSlope
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._runs import Run, pooled_errors, runs_over, with_steps
+from diffthrust.simulation._runs import (
+    Run,
+    failures,
+    infinite_slopes,
+    pooled_errors,
+    runs_over,
+    with_steps,
+)
 from diffthrust.simulation._step_size import CoarseStepWarning, noise_levels
 
 _SUBSTEPS = 2
@@ -134,7 +142,9 @@ def compiled_fitter(
     effect that is present may need more.
     """
     failed = fit.status is Status.SIMULATION_FAILED
-    if failed and not math.isfinite(_trial_of(fit, [], train).cost):
+    if failed and (
+        _infinite_slope(fit, train) or not math.isfinite(_trial_of(fit, [], train).cost)
+    ):
         raise _not_finite(fit, [], train)
     for substeps in dict.fromkeys(steps or (few_substeps(fit, train), fit.substeps)):
         programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
@@ -233,6 +243,8 @@ def _has_response(trial: TrialFit) -> bool:
 
 def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
     """The error if no trial has a finite cost; it names the user's effect that is the cause."""
+    if slope := _infinite_slope(fit, train):
+        return InputError(f"The '{fit.model}' cannot be diagnosed. {slope.problem}", slope.mend)
     own = _own(effects)
     return _blamed(fit, own, train, lambda trial: math.isfinite(trial.cost)) or InputError(
         f"The '{fit.model}' cannot be simulated along these logs at the parameters of its fit "
@@ -240,6 +252,25 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) ->
         + (f" {fit.message}" if fit.status is Status.SIMULATION_FAILED else ""),
         "Give bounds that keep its time constants longer than a fifth of a sample, and check "
         "the units of the logs.",
+    )
+
+
+def _infinite_slope(fit: Fit, train: Sequence[Record]) -> InfiniteSlope | None:
+    """Where a derivative of a fit's model along its logs is not finite, though its runs are."""
+    begun = None if fit.status is Status.SIMULATION_FAILED else fit.initial
+    runs = runs_over(fit.model, train, initial=begun, substeps=fit.substeps)
+    return None if failures(runs) else infinite_slopes(fit.model, runs, places=True)
+
+
+def blind_notes(state: SearchState, train: Sequence[Record]) -> tuple[str, ...]:
+    """A note where nothing can be predicted beside the model as given, and why."""
+    if _has_response(state.current.trial):
+        return ()
+    slope = _infinite_slope(state.stages[0].fit, train)
+    return (
+        "What the effects promise and what is missing at the ports cannot be predicted: along "
+        "these logs the model as given has derivatives that are not finite."
+        + (f" {slope.problem} {slope.mend}" if slope else ""),
     )
 
 

@@ -118,11 +118,17 @@ class Curve(ExpressionEffect):
         numbers = {"low": low, "high": high, "size": size, "bend": bend, "pieces": pieces}
         _check_kinds(label, numbers, {"signal": signal, "times": times})
         law, factor = expression_of(signal), expression_of(times or "1")
-        most = int(pieces) + _DEGREE
-        whole_pieces = _LEAST_PIECES <= pieces <= _MOST_PIECES and pieces == int(pieces)
+        whole = isinstance(pieces, int | np.integer)
+        if not (whole and _LEAST_PIECES <= pieces <= _MOST_PIECES):
+            raise InputError(
+                f"{label}: expected a whole number of {_LEAST_PIECES} to {_MOST_PIECES} pieces, "
+                f"found {pieces!r}.",
+                "Write such as pieces=8, without a decimal point.",
+            )
+        pieces = int(pieces)
+        most = pieces + _DEGREE
         for right, expected, actual in (
             (-np.inf < low < high < np.inf, "low < high, both finite", f"{low!r} and {high!r}"),
-            (whole_pieces, f"{_LEAST_PIECES} to {_MOST_PIECES} pieces", repr(pieces)),
             (size > 0 and bend > 0, "a positive size and bend", f"{size!r} and {bend!r}"),
             (not factor.memories, "times of what does not remember", repr(times)),
             (len(shape) <= most, f"a shape of at most {most} numbers", str(len(shape))),

@@ -63,6 +63,7 @@ from diffthrust.simulation._record import Record, bind, input_ranges
 from diffthrust.simulation._runs import (
     Run,
     failures,
+    infinite_slopes,
     pooled_errors,
     runs_over,
     shown_of,
@@ -283,6 +284,8 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
     hint, model, runs, little = "", optimum.model, optimum.runs, {}
     if failed:
         status, message = failed_over(failed, message, np.isfinite(cost))
+    elif optimum.failed and (slope := infinite_slopes(model, runs, places=False)):
+        message = f"No search can begin. {slope.problem} {slope.mend}"
     else:
         little = little_explained(train)
         corrects = problem.layout.likelihood.corrects

@@ -119,9 +119,28 @@ class Layout(Result):
         law = {n: v for n, v in self.values.items() if n not in of_body and actuator is None}
         return craft.replace({**of_body, **{f"{names[0]}.{n}": v for n, v in law.items()}})
 
-    def _report(self) -> Report:
-        rows = [(listing_of(fact.values), fact.mark, fact.source) for fact in self.facts]
+    def sources(self, actuator: Model | None = None) -> Report:
+        """Where the numbers of its craft are from, with thrusters of this model.
+
+        Args:
+            actuator: as of `craft`; of another model than its own the layout has no numbers.
+
+        Example:
+            >>> type(dft.layouts.OTTER.sources(dft.Thruster())).__name__
+            'Report'
+        """
+        body = self.body.declared
+        facts = [
+            fact
+            for fact in self.facts
+            if actuator is None
+            or any(isinstance(v, str) or n in body for n, v in fact.values.items())
+        ]
+        rows = [(listing_of(fact.values), fact.mark, fact.source) for fact in facts]
         return Report(Section("", self.title, Rows.of(("Numbers", "Mark", "Source"), rows)))
+
+    def _report(self) -> Report:
+        return self.sources()
 
 
 def layout_named(name: str) -> Layout:

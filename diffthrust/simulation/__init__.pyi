@@ -1,4 +1,4 @@
-from ._overflow import SimulationFailedWarning as SimulationFailedWarning
+from ._runs import SimulationFailedWarning as SimulationFailedWarning
 from ._simulate import simulate as simulate
 from ._step_size import CoarseStepWarning as CoarseStepWarning
 from ._step_size import choose_substeps as choose_substeps

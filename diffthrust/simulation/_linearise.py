@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +16,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._runge_kutta import plain_rate
-from diffthrust.simulation._trajectory import Key, equations_of
+from diffthrust.simulation._trajectory import Key, arriving, equations_of, measured_by
 
 
 class Reading(Ports):
@@ -84,3 +85,89 @@ def slopes(
 
     still = {n: jnp.zeros(()) for n in model.ports}
     return jax.jacfwd(both, argnums=(0, 1, 2))(states, still, inputs)
+
+
+class InfiniteSlope(NamedTuple):
+    """Where a derivative of a model is not finite, and the mend, a sentence each."""
+
+    problem: str
+    mend: str
+
+
+_FINITE = (
+    "Write '{}' so that its derivatives are finite at every sample: a root, a logarithm or a power "
+    "below one of what is zero there has none. Keep it from zero, such as by "
+    "jnp.sqrt(jnp.maximum(x, 1e-12))"
+)
+
+
+def infinite_slope(
+    model: Model, record: Record, path: Mapping[str, np.ndarray], *, places: bool
+) -> InfiniteSlope | None:
+    """The first derivative along a run that is not finite; ``None`` if all are.
+
+    A root of what is zero in some samples is finite, and its slope is not: no search could begin,
+    and it was said that every start diverged.
+
+    Args:
+        model: the model.
+        record: the log.
+        path: a finite simulation of it, ``(n,)`` each.
+        places: derivatives by inputs and ports count, beside those by free parameters and states.
+    """
+    time = record.log.time
+    inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
+    states = {n: path[n] for n in model.all_states if n not in inputs}
+    values = {n: p.value for n, p in model.parameters.items()}
+    still = {n: np.zeros(time.size) for n in model.ports}
+    given = {"parameter": values, "state": states, "port": still, "input": inputs}
+
+    free = [n for n, p in model.parameters.items() if not p.fixed]
+    fixable = {f"parameter '{n}'" for n in free}
+    kinds = {
+        "parameter": free,
+        "state": states,
+        **({"port": still, "input": inputs} if places else {}),
+    }
+    lost = []
+    for kind, name in ((kind, name) for kind, names in kinds.items() for name in names):
+        value = jnp.asarray(given[kind][name], float)
+        # by it alone: beside an infinite slope a tangent of zero is no number
+        along = partial(_along, model, time, given, kind, name)
+        _, slopes = jax.jvp(along, (value,), (jnp.ones_like(value),))
+        for of, slope in slopes.items():
+            at = np.flatnonzero(~np.isfinite(np.broadcast_to(slope, time.shape)))
+            if at.size:
+                lost.append((int(at[0]), at.size, of, f"{kind} '{name}'"))
+    if not lost:
+        return None
+    k, count, of, by = min(lost, key=lambda row: row[0])
+    where = f"{count} of {time.size} samples; first at sample {k + 1} (t = {time[k]:.6g} s)"
+    units = {**model.inputs, **model.optional_inputs, **model.all_states}
+    there = [f"{n} = {v[k]:.4g} {units.get(n, '')}".rstrip() for n, v in (inputs | states).items()]
+    return InfiniteSlope(
+        f"{record.name}: the simulation is finite, but the derivative of {of} by the {by} is not, "
+        f"at {where}, where {', '.join(there[:6])}.",
+        _FINITE.format(model) + (f", or fix {by.partition(' ')[2]}." if by in fixable else "."),
+    )
+
+
+def _along(
+    model: Model,
+    time: np.ndarray,
+    given: Mapping[str, Mapping[str, Any]],
+    kind: str,
+    name: str,
+    value: Any,
+) -> dict[str, Any]:
+    """Rates and outputs along a run, with another value of one of what is given by kind."""
+    now = {**given, kind: {**given[kind], name: value}}
+    bound = model.bind(now["parameter"])
+    s = Signals({**arriving(bound, time, now["input"]), "time": time, **now["state"]})
+    port = Reading(bound.effects, s, now["port"])
+    rates, outputs = equations_of(bound, s, port)
+    rates = {**rates, **port.rates}
+    return {
+        **{f"the rate of '{n}'": plain_rate(rates[n]) for n in now["state"]},
+        **{f"the output '{n}'": v for n, v in measured_by(bound, s, outputs).items()},
+    }

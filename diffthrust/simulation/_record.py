@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing
+from diffthrust._support.names import listing, short_repr
+from diffthrust._support.validation import check_known, finite
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import command_kind
@@ -314,7 +315,24 @@ def _measured_start(
             if valid.size and valid[0] < max(_EARLY, np.median(np.diff(valid, prepend=-1))):
                 first[name] = float(values[valid[0]])
     measured = {name: value for name, value in first.items() if name in states}
-    return {**measured, **model.start_from(first)}
+    return {**measured, **_following(model, first)}
+
+
+def _following(model: Model, first: Mapping[str, float]) -> dict[str, float]:
+    """The states that a model, or the body of a craft, tells by first measurements, checked."""
+    where = f"{type(getattr(model, 'body', model)).__name__}.start_from"
+    follow = model.start_from(first)
+    if not isinstance(follow, Mapping):
+        raise InputError(
+            f"{where}: expected a mapping from states to numbers, found {short_repr(follow)}.",
+            f"Write return {{'{next(iter(model.states), 'state')}': value}}.",
+        )
+    start = {}
+    for name, value in follow.items():
+        check_known(name, model.all_states, f"{where}: '{model}' has no state")
+        expected = f"a finite number for the state '{name}'"
+        start[name] = finite(where, value, lambda _: True, expected, "Return one number for each.")
+    return start
 
 
 def _rails(log: Log, original: np.ndarray, units: Mapping[str, str]) -> dict[str, RailSamples]:

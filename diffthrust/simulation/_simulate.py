@@ -10,8 +10,8 @@ import numpy as np
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._overflow import SimulationFailedWarning, overflow
 from diffthrust.simulation._record import bind
+from diffthrust.simulation._runs import SimulationFailedWarning, overflow
 from diffthrust.simulation._step_size import StepChoice, simulate_chosen, sufficient_steps
 
 

@@ -138,7 +138,11 @@ def rates_of(
 
 def read_out(model: Model, s: Signals) -> dict[str, Any]:
     """What the sensors report, from the states and inputs over a whole log."""
-    _, values = equations_of(model, s, Ports(model.effects, s))
+    return measured_by(model, s, equations_of(model, s, Ports(model.effects, s))[1])
+
+
+def measured_by(model: Model, s: Signals, values: Mapping[str, Any]) -> dict[str, Any]:
+    """What sensors make of the outputs of the equations over a whole log."""
     expect(f"{type(model).__name__}.equations", "output", model.outputs, values)
     # An output may be a constant or depend on parameters only; all are returned as series.
     outputs = {name: jnp.broadcast_to(values[name], s["time"].shape) for name in model.outputs}

@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.soundness._doubt import Doubt, Reading
-from diffthrust.soundness._record import Record
+from diffthrust.soundness._record import ANGLES, Record
 
 _FACTORS: dict[str, tuple[tuple[str, float], ...]] = {
     "rad/s": (("deg/s", np.pi / 180), ("rpm", np.pi / 30), ("Hz or rev/s", 2 * np.pi)),
@@ -35,7 +35,10 @@ _SIGNED = (
 """Channels whose sign may be another convention's; where two would do, the first is named."""
 _OF_CHANNELS = {name: channel.unit for name, channel in CHANNELS.items()}
 UNITS = {
-    **{name: _OF_CHANNELS.get(name, "N") for name in (*_SIGNED, "left_force", "right_force")},
+    **{
+        name: _OF_CHANNELS.get(name, "N")
+        for name in (*_SIGNED, *ANGLES, "left_force", "right_force")
+    },
     "time": "s",
 }
 """In which unit the checks take each channel."""

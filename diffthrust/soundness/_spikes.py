@@ -10,7 +10,7 @@ from diffthrust._support.envelope import stretches
 from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.soundness._doubt import Doubt, moment
-from diffthrust.soundness._record import Series
+from diffthrust.soundness._record import ANGLES, Series
 
 _CODES = (
     *(-1.0, -9.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -2147483648.0),
@@ -55,7 +55,7 @@ def _excursions(s: Series, measured: bool) -> Iterator[Doubt]:
     """A doubt on single samples, or a few in a row, that stand out: a code, or outliers."""
     height = _heights(s.values)
     span = _span(s.values[height == 0]) if any(height == 0) else 0.0
-    if s.channel in ("heading", "wind_direction"):
+    if s.channel in ANGLES:
         turn = {"rad": 2 * np.pi, "deg": 360.0}.get(s.log.units[s.channel], np.inf)
         height = np.where(np.abs(height - turn) < 0.2 * turn, 0.0, height)
     usual = 5 * float(np.quantile(np.abs(np.diff(s.values)), 0.7))

@@ -8,6 +8,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearby
+from diffthrust._support.report import Report
 from diffthrust.actuators import ACTUATORS, Azimuth, RudderPropeller
 from diffthrust.bodies import BODIES
 from diffthrust.layouts import layout_named
@@ -96,7 +97,14 @@ def craft_from(path: Path | str) -> Craft:
         >>> list(dft.specs.craft_from("boat.toml").actuators)
         ['port', 'starboard']
     """
-    path = Path(path)
+    return described_craft(Path(path))[0]
+
+
+def described_craft(path: Path) -> tuple[Craft, Report]:
+    """The craft of a file as `craft_from` reads it, and what a person is shown of it.
+
+    Of a ready layout also where its numbers are from: of an Otter nothing said what was estimated.
+    """
     text = read_spec_text(path)
     tables = parse_toml(text, path)
     described = tables.get("thrusters")
@@ -113,7 +121,13 @@ def craft_from(path: Path | str) -> Craft:
     for name, sensor in part.sensors.items():
         with source.at("sensors", name):
             craft = with_sensor(craft, name, sensor)
-    return craft
+    report = craft.layout_report()
+    if part.thrusters.frame:
+        model = next(iter(craft.actuators.values())).model if part.thrusters.model else None
+        report = Report(
+            *report.sections, *layout_named(part.thrusters.frame).sources(model).sections
+        )
+    return craft, report
 
 
 def _mounts(thrusters: ThrustersPart) -> dict[str, Mounted[Model]]:

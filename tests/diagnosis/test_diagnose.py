@@ -259,3 +259,6 @@ def test_a_sound_effect_is_not_blamed_for_what_the_model_cannot_respond_to():
     model = dft.Thruster() + RootOfCommand(size=0.5)
     found = dft.diagnose(model, with_stops(), candidates=[SquareRootDrag()])
     assert found.sought
+    (note,) = (note for note in found.notes if "cannot be predicted" in note)
+    assert "the derivative of the rate of 'speed' by the input 'command' is not" in note
+    assert "first at sample 1 (t = 0 s), where command = 0 V" in note

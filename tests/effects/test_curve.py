@@ -108,6 +108,8 @@ def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
         ({"high": -50.0}, "low < high"),
         ({"pieces": 2}, "3 to 200 pieces, found 2"),
         ({"pieces": 10**7}, "3 to 200 pieces"),
+        ({"pieces": 4.0}, "expected a whole number of 3 to 200 pieces, found 4.0"),
+        ({"pieces": np.nan}, "expected a whole number of 3 to 200 pieces, found nan"),
         ({"high": np.inf}, "both finite"),
         ({"low": "a"}, "expected a number as low, found 'a'"),
         ({"times": 2}, "expected text as times, found 2"),

@@ -1,7 +1,9 @@
 """Models that leave the finite numbers, and logs too short to hold anything against."""
 
 import json
+from typing import ClassVar
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from short_logs import made_log
@@ -116,3 +118,39 @@ def test_a_log_of_a_sample_or_two_is_refused_but_simulated(count):
         with pytest.raises(InputError, match=told):
             work()
     assert dft.simulate(model, short)["speed"].size == count
+
+
+class SpringLaw(dft.Model):
+    """A user's own: the power of a spring, whose slope by the power is not finite at rest."""
+
+    name = "spring_law"
+    inputs: ClassVar = {"force": "N"}
+    states: ClassVar = {"velocity": "m/s"}
+    outputs: ClassVar = {"velocity": "m/s"}
+    gain: float = dft.parameter(2.0, bounds=(0, None))
+    slack: float = dft.parameter(0.3, "N", bounds=(0, None))
+
+    def equations(self, s, port):
+        pull = self.gain * jnp.sqrt(self.slack * s.force)
+        return {"velocity": pull - s.velocity}, {"velocity": s.velocity}
+
+
+def test_where_the_slope_of_a_model_of_ones_own_is_not_finite():
+    """It was said that every start diverged; a diagnosis asked for longer time constants."""
+    time = 0.1 * np.arange(60)
+    force = np.where((time > 1.95) & (time < 2.95), 0.0, 1.0)
+    measured = {"velocity": np.random.default_rng(0).normal(0.5, 0.1, 60)}
+    log = dft.Log(time, {"force": force}, measured, name="run 1")
+    fit = dft.fit(SpringLaw(), log, starts=1, horizon=None)
+    words = (
+        "run 1: the simulation is finite, but the derivative of the rate of 'velocity' by the "
+        "parameter 'slack' is not, at 10 of 60 samples; first at sample 21 (t = 2 s), where "
+        "force = 0 N, velocity = "
+    )
+    assert fit.status is dft.Status.SIMULATION_FAILED
+    assert words in fit.message
+    assert "jnp.sqrt(jnp.maximum(x, 1e-12)), or fix 'slack'" in fit.message
+    with pytest.raises(dft.InputError, match="'spring_law' cannot be diagnosed") as caught:
+        dft.diagnose(fit, log)
+    assert words in str(caught.value)
+    assert "or fix 'slack'" in caught.value.mend

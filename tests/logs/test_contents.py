@@ -341,3 +341,14 @@ def test_what_the_header_says_must_not_be_passed_over(tmp_path):
         read_log(path, time=time, measured={"speed": "n [rpm]"})
     log = read_log(path, time=time, measured={"speed": Column("n [rpm]", unit="rad/s")})
     assert log.notes == ("'speed': the file says 'rpm' of 'n [rpm]', read in 'rad/s'.",)
+
+
+def test_text_of_a_second_type_on_a_topic_is_no_number(tmp_path):
+    """The text "7" between numbers was listed as the number 7."""
+
+    def text(types):
+        return types["std_msgs/msg/String"](data="7")
+
+    first = "/x", (FLOAT, [(t, number(t)) for t in (0.0, 0.1)])
+    bag = write_bag(tmp_path, [first, ("/x", ("std_msgs/msg/String", [(0.2, text)]))])
+    np.testing.assert_array_equal(fields(bag)["/x.data"].values, [0.0, 0.1, np.nan])

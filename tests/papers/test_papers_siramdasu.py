@@ -181,6 +181,24 @@ def test_what_cannot_be_meant_is_refused():
         siramdasu.sequential(straight, mirrored)
 
 
+def test_a_step_that_no_sensor_saw_is_refused():
+    """It ended in an IndexError."""
+    straight, circles = scenarios()
+
+    def unseen(log, channel, start):
+        values = np.where((log.time >= start) & (log.time < 10.05), np.nan, log.measured[channel])
+        return log.replaced(measured={**log.measured, channel: values})
+
+    for channel, least in (("surge", 3), ("sway", 3), ("yaw_rate", 2)):
+        turning = [unseen(circles[0], channel, 5.0), *circles[1:]]
+        words = f"{least} or more measurements of {channel} from 5 to 10 s, after the step, found 0"
+        with pytest.raises(InputError, match=words):
+            siramdasu.sequential(straight, turning, settle=9.0, transient=5.0)
+    blind = unseen(recorded(98.0, 0.0, 10.0), "surge", 0.0)
+    with pytest.raises(InputError, match="2 or more measurements of surge from 0 to 10 s"):
+        siramdasu.sequential(straight, circles, settle=9.0, verify=[blind])
+
+
 def test_a_time_constant_needs_a_sample():
     time = np.arange(3.0)
     runs = [(time, np.array([0.0, 0.6, 0.9]), end) for end in (1.0, np.nan)]

@@ -93,18 +93,41 @@ class Chain(dft.Model):
         return {"fast": 3.0 * s.u, "alone": 0.5}
 
 
+class Cascade(dft.Model):
+    """Three tanks in a row, written down from the last one to the first."""
+
+    name = "cascade"
+    inputs: ClassVar = {"flow": "m"}
+    states: ClassVar = {"last": "m", "middle": "m", "first": "m"}
+    outputs: ClassVar = {"lowest": "m", "between": "m", "highest": "m", "poured": "m"}
+    rate: float = dft.parameter(0.5, "1/s", bounds=(0, None))
+
+    def equations(self, s, port):
+        rates = {
+            "last": self.rate * (s.middle - s.last),
+            "middle": self.rate * (s.first - s.middle),
+            "first": self.rate * (s.flow - s.first),
+        }
+        told = {"lowest": s.last, "between": s.middle, "highest": s.first, "poured": s.flow}
+        return rates, told
+
+
 @pytest.mark.parametrize(
-    ("output", "behind"),
+    ("model", "output", "behind"),
     [
-        ("slow", ("slow", "fast")),
-        ("fast", ("fast",)),
-        ("all", ("slow", "fast", "gathered", "alone")),
-        ("none", ()),
+        (Chain(), "slow", ("slow", "fast")),
+        (Chain(), "fast", ("fast",)),
+        (Chain(), "all", ("slow", "fast", "gathered", "alone")),
+        (Chain(), "none", ()),
+        (Cascade(), "lowest", ("last", "middle", "first")),
+        (Cascade(), "between", ("middle", "first")),
+        (Cascade(), "highest", ("first",)),
+        (Cascade(), "poured", ()),
     ],
 )
-def test_what_an_output_feels_beside_relaxing_states(output, behind):
-    states = tuple(Chain.states)
-    assert states_behind(Chain(), output, states, {"time": 0.3, "u": 1.0}) == behind
+def test_an_output_feels_the_states_upstream_of_it(model, output, behind):
+    signals = {"time": 0.3, **dict.fromkeys(model.inputs, 1.0)}
+    assert states_behind(model, output, tuple(model.states), signals) == behind
 
 
 def test_where_states_begin():
@@ -156,36 +179,3 @@ def test_held_and_linear_inputs_and_the_time_between_samples():
         x = solve_ivp(rate, span, [x], "DOP853", rtol=1e-11, atol=1e-12).y[0, -1]
         exact.append(x)
     np.testing.assert_allclose(found, exact, rtol=2e-8)
-
-
-class Cascade(dft.Model):
-    """Three tanks in a row, written down from the last one to the first."""
-
-    name = "cascade"
-    inputs: ClassVar = {"flow": "m"}
-    states: ClassVar = {"last": "m", "middle": "m", "first": "m"}
-    outputs: ClassVar = {"lowest": "m", "between": "m", "highest": "m", "poured": "m"}
-    rate: float = dft.parameter(0.5, "1/s", bounds=(0, None))
-
-    def equations(self, s, port):
-        rates = {
-            "last": self.rate * (s.middle - s.last),
-            "middle": self.rate * (s.first - s.middle),
-            "first": self.rate * (s.flow - s.first),
-        }
-        told = {"lowest": s.last, "between": s.middle, "highest": s.first, "poured": s.flow}
-        return rates, told
-
-
-@pytest.mark.parametrize(
-    ("output", "behind"),
-    [
-        ("lowest", ("last", "middle", "first")),
-        ("between", ("middle", "first")),
-        ("highest", ("first",)),
-        ("poured", ()),
-    ],
-)
-def test_an_output_feels_the_states_upstream_of_it(output, behind):
-    signals = {"time": 0.0, "flow": 1.0}
-    assert states_behind(Cascade(), output, ("last", "middle", "first"), signals) == behind

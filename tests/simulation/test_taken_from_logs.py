@@ -95,6 +95,33 @@ def test_the_start_is_the_first_measurement_if_it_comes_early_enough():
     assert start(16, every=15) == {}
 
 
+@pytest.mark.parametrize(
+    ("told", "words", "mend"),
+    [
+        (
+            (1.0, 2.0),
+            r"Told.start_from: expected a mapping .*, found \(1.0, 2.0\)",
+            "return {'surge': ",
+        ),
+        (1.0, "expected a mapping from states to numbers, found 1.0", "Write return"),
+        ({"headin": 1.0}, "has no state 'headin'.*'heading'", "Correct the name"),
+        ({"heading": "N"}, "a finite number for the state 'heading', found 'N'", "one number"),
+    ],
+)
+def test_a_body_of_ones_own_tells_starts_by_the_names_of_its_states(told, words, mend):
+    """Numbers alone ended in a TypeError, a misspelt state was passed over."""
+
+    class Told(dft.bodies.Planar):
+        def start_from(self, first):
+            return told
+
+    model = dft.Craft(Told(), screw=dft.Thruster().at((-0.3, 0.0, 0.0)))
+    log = Log([0.0, 0.1, 0.2], {"screw.command": np.ones(3)}, units={"screw.command": "V"})
+    with pytest.raises(InputError, match=words) as caught:
+        bind(model, [log])
+    assert mend in caught.value.mend
+
+
 def test_a_state_that_the_log_prescribes_has_no_start():
     log = Log([0.0, 0.1, 0.2], {"speed": np.ones(3)}, {"thrust": np.ones(3)})
     (record,) = bind(dft.Thruster(), [log])

@@ -90,6 +90,17 @@ def test_exchanged_channels_are_named(boat, one, two):
     assert kinds(swapped, BOAT) == {(one, "exchanged")}
 
 
+def test_a_wind_in_degrees_has_a_reading_in_degrees(boat):
+    """The doubt stood, and a diagnosis had nothing to measure its mend by."""
+    degrees = np.mod(330.0 + 60.0 * np.sin(0.3 * boat.time), 360.0)
+    wind = {"wind_speed": np.full(len(boat), 4.0), "wind_direction": degrees}
+    units = {"wind_speed": "m/s", "wind_direction": "rad"}
+    (doubt,) = doubts(boat.replaced(inputs={**boat.inputs, **wind}, units=units), BOAT)
+    assert (doubt.channel, doubt.kind) == ("wind_direction", "unit")
+    (reading,) = doubt.readings
+    assert reading.sources == {"wind_direction": ("wind_direction", np.pi / 180)}
+
+
 def test_exchanged_sides_are_seen_where_only_the_heading_tells_how_a_boat_turns(boat):
     """A Kingfisher logs speed and heading; its inertia ran away, and no log was doubted."""
     seen = {name: boat.measured[name] for name in ("surge", "heading")}

@@ -113,8 +113,14 @@ def test_mistakes_are_named_with_their_mend(folder, old, new, message):
 def test_look_draws_a_craft(folder):
     (folder / "boat.toml").write_text('thrusters = { frame = "otter" }')
     shown = run("look", "--craft", "boat.toml", "--figure", "boat.png")
-    assert "starboard" in shown.stdout
+    assert "rad/s    like port" in shown.stdout
+    assert "Maritime Robotics Otter, 2 m, two thrusters" in shown.stdout
+    assert "gain 0.01108, reverse 0.5817   measured" in shown.stdout
     assert (folder / "boat.png").stat().st_size > 5000
+    (folder / "boat.toml").write_text('thrusters = { frame = "otter", model = "thruster" }')
+    shown = run("look", "--craft", "boat.toml")
+    assert "m11 60.30" in shown.stdout
+    assert "gain" not in shown.stdout  # of thrusters of another model the layout says nothing
     shown = run("look", "--craft", "fit.toml")
     assert "like port" in shown.stdout
     (folder / "none.toml").write_text('model = "thruster"')

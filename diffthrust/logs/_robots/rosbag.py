@@ -203,6 +203,9 @@ def _number(message: Any, steps: Steps) -> float:
             message = message[step]
         else:
             message = _angle(step, message) if step in _ANGLES else getattr(message, step)
+    # float() takes the text "7", of another type of messages on a topic of numbers
+    if not isinstance(message, _NUMBERS):
+        raise TypeError
     return float(message)
 
 

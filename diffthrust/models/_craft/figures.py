@@ -28,7 +28,7 @@ _SIDEWAYS = 0.15
 class LaidOut(NamedTuple):
     """A part: where it is [m], if that matters, and where it pushes; a sensor pushes nowhere.
 
-    The note says whose numbers it has, or the axes of its readings.
+    Of an actuator also the unit of its command and whose numbers it has; of a sensor its axes.
     """
 
     name: str
@@ -36,7 +36,9 @@ class LaidOut(NamedTuple):
     place: tuple[float, ...]
     pointing: Vector | None = None
     turns: bool = False
-    note: str = ""
+    command: str = ""
+    numbers: str = ""
+    axes: str = ""
 
 
 def laid_out(actuators: Actuators, sensors: Sensors, values: Mapping[str, Any]) -> list[LaidOut]:
@@ -46,12 +48,14 @@ def laid_out(actuators: Actuators, sensors: Sensors, values: Mapping[str, Any]) 
         place = place_of(name, values)
         turns = "side_thrust" in mounted.model.outputs
         owner = actuators.owner(name)
-        like = "" if owner == name else f"like {owner}"
-        parts.append(LaidOut(name, str(mounted.model), place, mounted.pointing, turns, like))
+        command = ", ".join(unit or "-" for unit in mounted.model.inputs.values())
+        numbers = "its own" if owner == name else f"like {owner}"
+        told = (name, str(mounted.model), place, mounted.pointing, turns, command, numbers)
+        parts.append(LaidOut(*told))
     for name, mounted in sensors.items():
         sensor = mounted.model
         place = place_of(name, values) if sensor.placed else ()
-        parts.append(LaidOut(name, sensor.name, place, note=sensor.frame))
+        parts.append(LaidOut(name, sensor.name, place, axes=sensor.frame))
     return parts
 
 
@@ -61,8 +65,12 @@ def layout_report(body: str, parts: Sequence[LaidOut]) -> Report:
     for part in parts:
         place = [number(each, 3) for each in part.place] or ["", "", ""]
         pointing = ", ".join(f"{each:.3g}" for each in part.pointing or ())
-        rows.append((part.name, part.model, *place, pointing, part.note))
-    headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "")
+        row = part.name, part.model, *place, pointing, part.command, part.numbers, part.axes
+        rows.append(row)
+    headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "Command",
+                "Numbers", "Axes")  # fmt: skip
+    if all(part.pointing for part in parts):  # no sensor
+        headings, rows = headings[:-1], [row[:-1] for row in rows]
     title = f"Craft of the body '{body}'"
     return Report(Section("", title, Rows.of(headings, rows, numbers=(2, 3, 4))))
 
@@ -134,6 +142,8 @@ def _view(
         behind.setdefault(at, (-dx, -dy * flipped) if flat else (0.0, 1.0))
     for (x, y), names in groups.items():
         words = ", ".join(names)
+        if len(names) > 1:  # beside the point they would run over the numbers of the axis
+            behind[x, y] = (0.0, 1.0)
         offset = ((8.0 + 3.0 * len(words)) * behind[x, y][0], 14.0 * behind[x, y][1])
         panel.annotate(words, (x, y), xytext=offset, textcoords="offset points",
                        fontsize=8, ha="center", va="center")  # fmt: skip
