@@ -22,7 +22,6 @@ from diffthrust.estimation import _unexplained as unexplained_module
 from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
 from diffthrust.estimation._arrange import restarts  # private: segments of another length
 from diffthrust.estimation._horizons import (  # private: what a choice hides
-    Ended,
     folds,
     without,
 )
@@ -94,7 +93,6 @@ __all__ = [
     "RANGE",
     "RANK_LIMIT",
     "BoundedLevenbergMarquardt",
-    "Ended",
     "Gaps",
     "Innovations",
     "Local",

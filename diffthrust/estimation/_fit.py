@@ -274,9 +274,9 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
     local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
     if np.isfinite(cost) and local.gradient > GRADIENT_LIMIT:
         local = replace(local, rounding=rounding_of(problem, best))
-    agreeing = search.agreeing_on(problem)
+    agreeing = search.agreeing_on_parameters
     alone = search.begun - len(search.guesses) == 1
-    status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem), alone)
+    status, message = judge(local, cost, search.begun, agreeing, search.rivals, alone)
     figures = (local.gradient, local.rank, local.columns, local.condition)
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train, failed = pooled_errors(optimum.runs), failures(optimum.runs)
@@ -305,7 +305,7 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
         "train": train,
         "log_likelihood": -cost,
         "initial": optimum.states,
-        "horizon": optimum.horizon,
+        "horizon": problem.horizon,
         "held": problem.held,
         "substeps": optimum.substeps,
         "notes": (

@@ -54,18 +54,15 @@ _CARRIED = 3
 class Search:
     """The outcome of a multi-start search.
 
-    Args:
-        optima: the distinct optima, and where starts were given up, the best first, each with the
-            number of starts that led to it.
-        begun: starts that were begun, the caller's own guesses among them.
-        guesses: of these.
-        failed: of these could not be simulated.
+    ``optima`` are the distinct ones, and where starts were given up, the best first, each with the
+    number of starts that led to it.
     """
 
+    problem: Problem
     optima: tuple[tuple[Solved, int], ...]
-    begun: int
+    begun: int  # starts, the caller's own guesses among them
     guesses: tuple[np.ndarray, ...] = ()
-    failed: int = 0
+    failed: int = 0  # starts that could not be simulated
 
     @property
     def best(self) -> Solved:
@@ -77,14 +74,15 @@ class Search:
         """Starts that ended in it."""
         return self.optima[0][1]
 
-    def agreeing_on(self, problem: Problem) -> int:
+    @property
+    def agreeing_on_parameters(self) -> int:
         """Starts that ended in its parameters of the model, whatever an observer's gains.
 
         Where no random forces act, many gains and memories do as well as none.
         """
-        if not problem.nuisance:
+        if not self.problem.nuisance:
             return self.agreeing
-        k = len(problem.own)
+        k = len(self.problem.own)
         length = np.sqrt(np.diagonal(self.best.quadratic.information))[:k]
         away = [np.abs(solved.z - self.best.z)[:k] * length for solved, _ in self.optima]
         return sum(n for (_, n), d in zip(self.optima, away, strict=True) if np.all(d <= 1.0))
@@ -106,31 +104,29 @@ class Search:
             reached = all_carried_on(problem, starts)
         counts = [*(n for _, n in carried), *(0 for _ in guesses)]  # these are counted already
         counted = distinct(list(zip(reached, counts, strict=True)))
-        return replace(self, optima=tuple((solved, max(n, 1)) for solved, n in counted))
+        optima = tuple((solved, max(n, 1)) for solved, n in counted)
+        return replace(self, problem=problem, optima=optima)
 
-    def finished(self, problem: Problem) -> Search:
+    def finished(self) -> Search:
         """The search with its best optimum carried to the last digits, unless it creeps."""
         (best, count), *rivals = self.optima
         creeps = best.steps >= MOST_STEPS and not best.done
         if creeps or not np.isfinite(best.quadratic.cost):
             return self
-        return replace(self, optima=((solve(problem, best.z), count), *rivals))
+        return replace(self, optima=((solve(self.problem, best.z), count), *rivals))
 
     def moved(self, problem: Problem) -> Search:
         """The search with its best optimum a few steps on in a related problem."""
         (best, count), *rivals = self.optima
-        return replace(self, optima=((solve(problem, best.z, _LOOK_STEPS, _CLOSE), count), *rivals))
+        best = solve(problem, best.z, _LOOK_STEPS, _CLOSE)
+        return replace(self, problem=problem, optima=((best, count), *rivals))
 
-    def upheld(self, problem: Problem, finer: Problem) -> Search | None:
+    def upheld(self, finer: Problem) -> Search | None:
         """The search without the optima that only the steps of its problem have, if any is left.
 
         At the edge of its stability a scheme has slopes of its own: of a boat with a rudder inflow
         a fit ended with an inertia of 0.013 kg m^2 where 0.86 is the optimum, better by 100 in
         log-likelihood with the steps that it had, and worse by 2400 with half of them.
-
-        Args:
-            problem: that was solved.
-            finer: the same with finer integrator steps.
         """
 
         def holds(solved: Solved) -> bool:
@@ -139,7 +135,7 @@ class Search:
         kept = tuple((solved, count) for solved, count in self.optima if holds(solved))
         if not kept:
             return None
-        upheld = replace(self, optima=kept).finished(problem)
+        upheld = replace(self, optima=kept).finished()
         # one that was given up may end at the edge after all
         return upheld if holds(upheld.best) else None
 
@@ -147,14 +143,15 @@ class Search:
         """Whether it ended in another optimum, which is better than that of the other search."""
         return _cost(self.best) < _cost(other.best) - NOTICED
 
-    def rivals(self, problem: Problem) -> tuple[str, ...]:
+    @property
+    def rivals(self) -> tuple[str, ...]:
         """Parameters in which an equally good optimum differs from the best by over an error."""
         length = np.sqrt(np.diagonal(self.best.quadratic.information))
         names: dict[str, None] = {}
         for solved, _ in self.optima[1:]:
             if _cost(solved) <= _cost(self.best) + _SAME:
                 away = np.abs(solved.z - self.best.z) * length
-                names |= {name: None for i, name in enumerate(problem.own) if away[i] > 1.0}
+                names |= {name: None for i, name in enumerate(self.problem.own) if away[i] > 1.0}
         return tuple(names)
 
 
@@ -234,8 +231,8 @@ def search(
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
     optima = distinct([(solved, 1) for solved in ended])
-    result = Search(optima, total + len(guesses), tuple(guesses), failed)
-    return _mirrored(problem, result if passing else result.finished(problem))
+    result = Search(problem, optima, total + len(guesses), tuple(guesses), failed)
+    return _mirrored(result if passing else result.finished())
 
 
 def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solved:
@@ -275,7 +272,11 @@ def all_carried_on(problem: Problem, starts: Sequence[np.ndarray]) -> list[Solve
     ended: dict[int, Solved] = {}
     for i in sorted(range(len(begun)), key=lambda i: _cost(begun[i])):
         known = list(ended.values())
-        ended[i] = carried_on(problem, begun[i], known) if known else _close(problem, starts[i])
+        ended[i] = (
+            carried_on(problem, begun[i], known)
+            if known
+            else solve(problem, starts[i], tolerance=_CLOSE)
+        )
     return [ended[i] for i in range(len(begun))]
 
 
@@ -294,10 +295,6 @@ def _leads(problem: Problem, start: Solved, optimum: Solved) -> bool:
         z[logs] = np.log((1.0 - share) * np.exp(start.z[logs]) + share * np.exp(optimum.z[logs]))
         costs.append(_cost(solve(problem, z, budget=1)))
     return all(after <= before for before, after in pairwise([*costs, _cost(optimum)]))
-
-
-def _close(problem: Problem, z: np.ndarray) -> Solved:
-    return solve(problem, z, tolerance=_CLOSE)
 
 
 def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
@@ -329,9 +326,9 @@ def _same(first: Solved, second: Solved) -> bool:
     return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(_cost(second)) else _BESIDE**2)
 
 
-def _mirrored(problem: Problem, search: Search) -> Search:
+def _mirrored(search: Search) -> Search:
     """Try the other sign of every initial state that only an unsigned sensor reads."""
-    (best, count), *rivals = search.optima
+    problem, ((best, count), *rivals) = search.problem, search.optima
     for i in problem.sign_free():
         turned = best.z.copy()
         turned[i] = -turned[i]

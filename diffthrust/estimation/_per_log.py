@@ -135,18 +135,19 @@ class _Spread(NamedTuple):
         return np.sqrt(np.maximum(logs - 1, 1) / np.where(sums > 0, sums, 1.0))
 
 
-def with_widths(search: Search, problem: Problem) -> tuple[Search, Problem]:
+def with_widths(search: Search) -> Search:
     """The search carried on until the widths of what differs by log are those of the optimum.
 
     The best alone finds the widths, a few steps at a time, and only then do its rivals follow: of a
     boat in another current in each log all optima crept to their ends at each of twelve widths,
     for three minutes of a refit.
     """
-    names = [name for name, _ in problem.layout.per_log]
+    names = [name for name, _ in search.problem.layout.per_log]
     ended = False
     for i in range(_ROUNDS if names else 0):
         if not np.isfinite(search.best.quadratic.cost):
             break
+        problem = search.problem
         old = _widths(problem)
         new = _likeliest(_spread(problem, search.best.z, search.best.quadratic), old)
         settled = bool(np.all(np.abs(np.log(new / old)) < _SETTLED))
@@ -155,7 +156,7 @@ def with_widths(search: Search, problem: Problem) -> tuple[Search, Problem]:
         problem = _with(problem, dict(zip(names, new, strict=True)))
         ended = settled or i == _ROUNDS - 1
         search = search.followed(problem, with_guesses=False) if ended else search.moved(problem)
-    return search, problem
+    return search
 
 
 def _with(problem: Problem, widths: Mapping[str, float]) -> Problem:

@@ -42,11 +42,12 @@ _SHARE = 1e-3
 """Gradients are compared so many standard errors to either side."""
 
 
-def polished(search: Search, problem: Problem) -> Search:
+def polished(search: Search) -> Search:
     """The search with its best optimum carried to the end, if it had not come there."""
+    problem = search.problem
     if search.best.done and _is_flat(problem, search.best):
         return search
-    (best, count), *rivals = search.finished(problem).optima
+    (best, count), *rivals = search.finished().optima
     for _ in range(_ROUNDS):
         begun, best = best, _by_newton(problem, best)
         if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:
@@ -163,22 +164,18 @@ def _better(problem: Problem, trial: Solved, at: Solved) -> bool:
     return _steepness(problem, trial) < _steepness(problem, at)
 
 
-def refined(search: Search, problem: Problem) -> tuple[Search, Problem]:
+def refined(search: Search) -> Search:
     """An innovations fit continued with large errors limited, where the law forgives them.
 
     A spike then moves the states no further than a large error does. Where large errors are no
     spikes but real motion, the wider limit is likelier and is taken.
     """
-    if not problem.layout.likelihood.law.forgiving:
-        return search, problem
+    if not search.problem.layout.likelihood.law.forgiving:
+        return search
     for _ in range(2):  # the limit follows the noise level, which falls once spikes are limited
-        problem = with_clip(problem, CLIP * search.best.quadratic.sigma)
-        search = search.followed(problem)
-    wide = with_clip(problem, problem.numbers.clip, reach=WIDE)
-    freer = search.followed(wide)
-    if freer.best.quadratic.cost < search.best.quadratic.cost - REAL:
-        return freer, wide
-    return search, problem
+        search = search.followed(with_clip(search.problem, CLIP * search.best.quadratic.sigma))
+    freer = search.followed(with_clip(search.problem, search.problem.numbers.clip, reach=WIDE))
+    return freer if freer.best.quadratic.cost < search.best.quadratic.cost - REAL else search
 
 
 def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:

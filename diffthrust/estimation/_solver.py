@@ -280,21 +280,13 @@ def _secant(curvature: Any, step: Any, old: Quadratic, new: Quadratic) -> Any:
 
 
 class Solved(NamedTuple):
-    """One start, carried as far as its budget went.
-
-    Args:
-        z: the coordinates.
-        quadratic: the likelihood there.
-        done: whether the stopping rule was met.
-        steps: how many were taken.
-        kinked: the coordinates at a kink, along which nothing is to be gained either way.
-    """
+    """One start, carried as far as its budget went."""
 
     z: np.ndarray
     quadratic: Quadratic
-    done: bool
+    done: bool  # the stopping rule was met
     steps: int
-    kinked: np.ndarray
+    kinked: np.ndarray  # coordinates at a kink, along which nothing is to be gained either way
 
 
 @program(1)

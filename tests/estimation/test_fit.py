@@ -156,8 +156,10 @@ def test_what_finer_steps_uphold_is_looked_at_again_where_it_ends(monkeypatch, s
         return at(problem, 0.013 if slides and budget is None else z)
 
     monkeypatch.setattr(multistart_module, "solve", solve)
-    search = multistart_module.Search(((at("coarse", 0.013), 1), (at("coarse", 0.9), 4)), 8)
-    upheld = search.upheld("coarse", "finer")
+    search = multistart_module.Search(
+        "coarse", ((at("coarse", 0.013), 1), (at("coarse", 0.9), 4)), 8
+    )
+    upheld = search.upheld("finer")
     assert (upheld and [solved.z for solved, _ in upheld.optima]) == left
 
 
