@@ -177,17 +177,11 @@ def fit(
 
 
 class FitRuns(NamedTuple):
-    """A fit with the whole runs of its model.
-
-    Args:
-        fit: the fit.
-        runs: over the training records.
-        holdout_runs: over the unseen ones.
-    """
+    """A fit with the whole runs of its model."""
 
     fit: Fit
-    runs: tuple[Run, ...]
-    holdout_runs: tuple[Run, ...]
+    runs: tuple[Run, ...]  # over the training records,
+    holdout_runs: tuple[Run, ...]  # and the unseen ones
 
 
 def fit_records(
@@ -198,17 +192,11 @@ def fit_records(
     progress: ProgressOption = None,
     first_substeps: int | None = None,
 ) -> FitRuns:
-    """As `fit`, of records, whose options are checked; with the runs that it made.
+    """As `fit`, of records bound to the model, whose options are checked; with its runs.
 
-    Args:
-        model: the model, with any effects, to which the records are bound.
-        records: training records.
-        holdout_records: unseen ones.
-        options: of `fit`.
-        progress: a function of a message and the share done.
-        first_substeps: of a refit, the integrator steps per sample that are tried first; those of
-            the options are then taken unchecked. Its unseen runs have those of the fit, by which
-            refits compare, and its programs compile quickly where they are small.
+    A refit has ``first_substeps``, the integrator steps per sample that are tried first; those of
+    the options are then taken unchecked. Its unseen runs have those of the fit, by which refits
+    compare, and its programs compile quickly where they are small.
     """
     records, holdout_records = tuple(records), tuple(holdout_records)
     model = with_sizes(model, records)
@@ -263,12 +251,9 @@ def fit_records(
 
 
 def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) -> dict[str, Any]:
-    """What a fit reports of its optimum.
+    """What a fit reports of its optimum, with notes on a refit, unseen runs and rails.
 
-    Args:
-        optimum: where it ended.
-        notes: on a refit, unseen runs and rails.
-        doubted: the logs that are looked at whether they are sound.
+    The logs that are ``doubted`` are looked at whether they are sound.
     """
     search, problem, best = optimum.search, optimum.problem, optimum.best
     local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
@@ -277,7 +262,6 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
     agreeing = search.agreeing_on_parameters
     alone = search.begun - len(search.guesses) == 1
     status, message = judge(local, cost, search.begun, agreeing, search.rivals, alone)
-    figures = (local.gradient, local.rank, local.columns, local.condition)
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train, failed = pooled_errors(optimum.runs), failures(optimum.runs)
     hint, model, runs, little = "", optimum.model, optimum.runs, {}
@@ -301,7 +285,9 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
         "free": problem.own,
         "status": status,
         "message": message + optimum.unmoved + hint,
-        "checks": Checks(*figures, search.begun, agreeing),
+        "checks": Checks(
+            local.gradient, local.rank, local.columns, local.condition, search.begun, agreeing
+        ),
         "train": train,
         "log_likelihood": -cost,
         "initial": optimum.states,

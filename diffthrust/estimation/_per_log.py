@@ -108,17 +108,11 @@ class PerLog:
 
 
 class _Spread(NamedTuple):
-    """What the logs say of the coordinates of parameters that differ, all else integrated out.
+    """What the logs say of the coordinates of parameters that differ, all else integrated out."""
 
-    Args:
-        information: of the logs, ``(k, k)``.
-        linear: its linear term, ``(k,)``.
-        groups: the parameter of each coordinate, ``(k,)``.
-    """
-
-    information: np.ndarray
-    linear: np.ndarray
-    groups: np.ndarray
+    information: np.ndarray  # of the logs, ``(k, k)``,
+    linear: np.ndarray  # its linear term, ``(k,)``,
+    groups: np.ndarray  # and the parameter of each coordinate, ``(k,)``
 
     def ratio(self, widths: np.ndarray) -> float:
         """Twice the logarithm of the likelihood ratio of some widths and of none."""
@@ -231,11 +225,8 @@ def _width_range(spread: _Spread, widths: np.ndarray, i: int) -> tuple[float, fl
     """The 90 % interval of one width, the others as they are, by the plain likelihood."""
     low, high = np.log([_NARROW, _WIDE])
     grid = np.exp(np.linspace(low, high, 400)) * spread.errors(widths.size)[i]
-    ratios = []
-    for width in grid:
-        tried = widths.copy()
-        tried[i] = width
-        ratios.append(spread.ratio(tried))
+    others = np.arange(widths.size) != i
+    ratios = [spread.ratio(np.where(others, widths, width)) for width in grid]
     inside = grid[np.array(ratios) >= max(ratios) - _NINETY]
     return 0.0 if inside[0] == grid[0] else float(inside[0]), float(inside[-1])
 
@@ -247,14 +238,10 @@ def per_log_of(
     covariance: np.ndarray,
     means: Mapping[str, Estimate],
 ) -> dict[str, PerLog]:
-    """What a fit reports of its numbers by log.
+    """What a fit reports of its numbers by log, from its optimum and the likelihood there.
 
-    Args:
-        problem: the problem of the fit.
-        z: its optimum.
-        q: the likelihood there.
-        covariance: of all coordinates, ``(n, n)``; NaN where there is none.
-        means: the estimates of the parameters.
+    ``covariance`` is of all coordinates, ``(n, n)``; NaN where there is none. ``means`` are the
+    estimates of the parameters.
     """
     out: dict[str, PerLog] = {}
     if not problem.layout.per_log or not np.isfinite(q.cost):
@@ -276,13 +263,8 @@ def per_log_of(
             slope = value if transform == "log" else float(kind.scale)
             variance = covariance[np.ix_(together, together)].sum() * slope**2
             error = float(np.sqrt(variance)) if variance > 0 else None
-            values[label] = replace(
-                means[name],
-                value=value,
-                std_error=error,
-                fixed=False,
-                at_bound=bool(held[places[k, i]]),
-            )
+            own = {"value": value, "std_error": error, "at_bound": bool(held[places[k, i]])}
+            values[label] = replace(means[name], fixed=False, **own)
         low, high = _width_range(spread, widths, i)
         out[name] = PerLog(
             mean=means[name],

@@ -37,13 +37,9 @@ def hint_at(little: Mapping[str, str]) -> str:
 def doubts_about(
     little: Mapping[str, str], runs: Sequence[Run], model: Model, logs: Sequence[Log]
 ) -> tuple[Doubt, ...]:
-    """The doubts of a fit: on its logs, and on channels that it hardly explains.
+    """The doubts of a fit: on its logs, the unseen ones too, and on channels it hardly explains.
 
-    Args:
-        little: such channels.
-        runs: over its training logs; none where they failed.
-        model: at the optimum.
-        logs: that are looked at whether they are sound, the unseen ones too.
+    ``runs`` are those over its training logs; none where they failed.
     """
     wired = wiring_doubts(model, runs)
     doubts = (*_turning(model, runs), *wired, *late_readings(runs), *doubts_of(logs, model))
@@ -53,14 +49,7 @@ def doubts_about(
 def silent_doubts(
     little: Mapping[str, str], doubts: Sequence[Doubt], model: Model, runs: Sequence[Run]
 ) -> tuple[Doubt, ...]:
-    """Doubts on channels that a fit hardly explains, and that no other doubt names.
-
-    Args:
-        little: such channels.
-        doubts: the others.
-        model: at the optimum.
-        runs: over its training logs.
-    """
+    """Doubts on channels that a fit hardly explains, and that no other doubt names."""
     held = "".join(_held_against(model, runs)) if little else ""
     doubted = {word.strip(".,:;") for doubt in doubts for word in str(doubt).split()}
     return tuple(

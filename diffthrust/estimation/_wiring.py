@@ -47,12 +47,7 @@ _MOST = 3
 
 
 def wiring_doubts(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
-    """A doubt on the commands of a craft, where the logs fit another reading of them far better.
-
-    Args:
-        model: the model.
-        runs: over its training logs.
-    """
+    """A doubt on the commands of a craft, where the logs fit another reading of them far better."""
     if not isinstance(model, Craft) or not runs:
         return
     parts = {n: f"{n}.command" for n, m in model.actuators.items() if "command" in m.model.inputs}
@@ -111,10 +106,7 @@ def _reading(wiring: _Wiring, parts: Mapping[str, str]) -> Reading:
 class _Rows:
     """What least squares of one run need: changes of velocities, and what they may follow.
 
-    Args:
-        model: the craft.
-        run: a run of it.
-        parts: the actuators, each with the name of its command.
+    ``parts`` are the actuators, each with the name of its command.
     """
 
     def __init__(self, model: Craft, run: Run, parts: Mapping[str, str]) -> None:
