@@ -10,11 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from diffthrust._support.later import Later
-from diffthrust._support.progress import (
-    ProgressOption,
-    progressing,
-    reporter,
-)
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import (
     FitOptions,

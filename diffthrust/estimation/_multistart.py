@@ -107,19 +107,23 @@ class Search:
         optima = tuple((solved, max(n, 1)) for solved, n in counted)
         return replace(self, problem=problem, optima=optima)
 
+    def with_best(self, best: Solved) -> Search:
+        """The search with its best optimum carried on."""
+        (_, count), *rivals = self.optima
+        return replace(self, optima=((best, count), *rivals))
+
     def finished(self) -> Search:
         """The search with its best optimum carried to the last digits, unless it creeps."""
-        (best, count), *rivals = self.optima
+        best = self.best
         creeps = best.steps >= MOST_STEPS and not best.done
         if creeps or not np.isfinite(best.quadratic.cost):
             return self
-        return replace(self, optima=((solve(self.problem, best.z), count), *rivals))
+        return self.with_best(solve(self.problem, best.z))
 
     def moved(self, problem: Problem) -> Search:
         """The search with its best optimum a few steps on in a related problem."""
-        (best, count), *rivals = self.optima
-        best = solve(problem, best.z, _LOOK_STEPS, _CLOSE)
-        return replace(self, problem=problem, optima=((best, count), *rivals))
+        best = solve(problem, self.best.z, _LOOK_STEPS, _CLOSE)
+        return replace(self.with_best(best), problem=problem)
 
     def upheld(self, finer: Problem) -> Search | None:
         """The search without the optima that only the steps of its problem have, if any is left.

@@ -181,9 +181,7 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
         # a refit's guesses were begun with at every horizon, and know more than what is drawn
         drawn = 0 if task.refit else starts
         search, notes = by_left_out(search, drawn, task.rng)
-    if task.likelihood.corrects:
-        search = refined(search)
-    return _ended(task, with_widths(search), silent, notes)
+    return _ended(task, with_widths(refined(search)), silent, notes)
 
 
 def _arranged(task: Task, substeps: int, model: Model) -> Problem:
@@ -235,9 +233,7 @@ def _finer(task: Task, optimum: Optimum, substeps: int) -> Optimum | None:
         if upheld is None or search.improves_on(upheld):
             return None
         search, notes = upheld, (*optimum.notes, _SET_ASIDE)
-    if task.likelihood.corrects:
-        search = refined(search)
-    return _ended(task, with_widths(search), optimum.silent, notes)
+    return _ended(task, with_widths(refined(search)), optimum.silent, notes)
 
 
 def _ended(task: Task, search: Search, silent: tuple[str, ...], notes: tuple[str, ...]) -> Optimum:

@@ -11,8 +11,6 @@ took 72 passes a step, and two thirds of a fit.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from diffthrust.estimation._estimate import Estimate
@@ -47,7 +45,7 @@ def polished(search: Search) -> Search:
     problem = search.problem
     if search.best.done and _is_flat(problem, search.best):
         return search
-    (best, count), *rivals = search.finished().optima
+    best = search.finished().best
     for _ in range(_ROUNDS):
         begun, best = best, _by_newton(problem, best)
         if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:
@@ -55,7 +53,7 @@ def polished(search: Search) -> Search:
         if begun.quadratic.cost - best.quadratic.cost < _CREEPING:
             break
         best = solve(problem, best.z)  # from far away a trust region is the safer guide
-    return replace(search, optima=((best, count), *rivals))
+    return search.with_best(best)
 
 
 def rounding_of(problem: Problem, end: Solved) -> float:
@@ -165,12 +163,13 @@ def _better(problem: Problem, trial: Solved, at: Solved) -> bool:
 
 
 def refined(search: Search) -> Search:
-    """An innovations fit continued with large errors limited, where the law forgives them.
+    """A search continued with large errors limited that correct states, where the law forgives.
 
     A spike then moves the states no further than a large error does. Where large errors are no
     spikes but real motion, the wider limit is likelier and is taken.
     """
-    if not search.problem.layout.likelihood.law.forgiving:
+    likelihood = search.problem.layout.likelihood
+    if not (likelihood.corrects and likelihood.law.forgiving):
         return search
     for _ in range(2):  # the limit follows the noise level, which falls once spikes are limited
         search = search.followed(with_clip(search.problem, CLIP * search.best.quadratic.sigma))

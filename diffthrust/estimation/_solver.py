@@ -367,9 +367,9 @@ def solve(
         low, high = turn.limited(low, high)
         z = np.clip(turn.to(z), low, high)
     affine = None if turn is None else (turn.matrix, turn.shift)
+    bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
     side_by_side = shared_runs()
     if side_by_side is None:
-        bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         quick = _runs_quickly_compiled(problem)
         search = _solved_quickly_compiled if quick else solved_by_passes
         value, quadratic, settled, steps, own = search(layout, numbers, z, *bounds, affine)
@@ -379,7 +379,6 @@ def solve(
         return _ended(np.asarray(value), quadratic, settled, steps, np.asarray(own), turn)
     state = _begin(layout, z)
     while not (state.done or state.failed):
-        bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
     return _ended(z, state.quadratic, state.done, state.steps, state.own, turn)

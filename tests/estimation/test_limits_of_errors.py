@@ -26,7 +26,7 @@ class Posed:
 
 
 def posed(law):
-    return Posed(SimpleNamespace(likelihood=SimpleNamespace(law=law)))
+    return Posed(SimpleNamespace(likelihood=SimpleNamespace(law=law, corrects=True)))
 
 
 class Searched:

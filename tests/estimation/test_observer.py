@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from observers import Limits, direction, guesses, innovations, limited, one_step, with_clip
 from places import FITS
-from problems import build, errors_at, evaluate, examine, likelihood_of, solve
+from problems import build, compiled, errors_at, evaluated, examine, innovations_of, solve
 from reference import axis, inputs, noise, thruster
 from scipy.stats import chi2
 
@@ -19,17 +19,7 @@ import diffthrust as dft
 from diffthrust import InputError, Log, Status
 from diffthrust.effects import ActuatorLag, LinearDamping
 
-compiled = jax.jit(evaluate, static_argnums=0)
 GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
-
-
-def innovations_of(model, logs, loss="gaussian"):
-    words = {"likelihood": "innovations", "noise_model": "white", "loss": loss}
-    return likelihood_of(model, logs, **words)
-
-
-def evaluated(problem, z):
-    return jax.tree.map(np.asarray, compiled(problem.layout, problem.numbers, jnp.asarray(z)))
 
 
 def arranged(model, logs, *, initial="measured", **gains):
@@ -487,19 +477,6 @@ def test_a_spec_file_may_ask_for_it():
     part = words(likelihood="innovations")
     assert part.model_dump(exclude_unset=True) == {"likelihood": "innovations"}
     assert set(words.model_fields) <= set(inspect.signature(dft.fit).parameters)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"horizon": 5.0}, "whole runs, found 5.0"),
-        ({"horizon": [5.0, None]}, "whole runs"),
-        ({"likelihood": "filter"}, "expected one of simulation, innovations, found 'filter'"),
-    ],
-)
-def test_arguments_that_cannot_be_meant(options, words):
-    with pytest.raises(InputError, match=words):
-        dft.fit(GUESS, field_log(0), **{"likelihood": "innovations", **options})
 
 
 def test_without_a_measured_state_there_is_nothing_to_correct():

@@ -140,13 +140,7 @@ class Bare(Chain):
     ports: ClassVar = {}
 
     def equations(self, s, port):
-        rates = {
-            "first": s.u - s.first,
-            "second": self.rate * (s.first - s.second),
-            "third": s.second,
-            "aside": s.third,
-        }
-        return rates, {"second": s.second, "third": s.third, "sum": s.second + s.third}
+        return super().equations(s, lambda name, value: value)
 
 
 def test_without_ports_random_forces_act_on_all():
