@@ -252,7 +252,7 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
     The logs that are ``doubted`` are looked at whether they are sound.
     """
     search, problem, best = optimum.search, optimum.problem, optimum.best
-    local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
+    local, cost = examine(problem, best.z, best.quadratic), best.cost
     if np.isfinite(cost) and local.gradient > GRADIENT_LIMIT:
         local = replace(local, rounding=rounding_of(problem, best))
     agreeing = search.agreeing_on_parameters

@@ -52,7 +52,7 @@ def held_out_error(ended: Search) -> float:
         if not np.all(remaining.numbers.counts > 0):  # only hidden logs measure some channel
             continue
         solved = solve(remaining, ended.best.z, budget=_BUDGET)
-        if not np.isfinite(solved.quadratic.cost):
+        if not np.isfinite(solved.cost):
             return math.inf
         runs += _runs(remaining, solved, hidden)
     return pooled_errors(runs).nrmse if runs else math.inf
@@ -177,7 +177,7 @@ def by_left_out(
     over whole runs a fit bends the parameters to what it lacks, over segments it sees no drift.
     Then a note tells what was chosen and why.
     """
-    if not np.isfinite(ended.best.quadratic.cost):
+    if not np.isfinite(ended.best.cost):
         return ended, ()
     entire = _followed(ended, None)
     # where errors do not accumulate, no other valley is better

@@ -116,7 +116,7 @@ class Search:
         """The search with its best optimum carried to the last digits, unless it creeps."""
         best = self.best
         creeps = best.steps >= MOST_STEPS and not best.done
-        if creeps or not np.isfinite(best.quadratic.cost):
+        if creeps or not np.isfinite(best.cost):
             return self
         return self.with_best(solve(self.problem, best.z))
 
@@ -134,7 +134,7 @@ class Search:
         """
 
         def holds(solved: Solved) -> bool:
-            return abs(_cost(solve(finer, solved.z, budget=1)) - _cost(solved)) <= NOTICED
+            return abs(solve(finer, solved.z, budget=1).cost - solved.cost) <= NOTICED
 
         kept = tuple((solved, count) for solved, count in self.optima if holds(solved))
         if not kept:
@@ -145,7 +145,7 @@ class Search:
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
-        return _cost(self.best) < _cost(other.best) - NOTICED
+        return self.best.cost < other.best.cost - NOTICED
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ class Search:
         length = np.sqrt(np.diagonal(self.best.quadratic.information))
         names: dict[str, None] = {}
         for solved, _ in self.optima[1:]:
-            if _cost(solved) <= _cost(self.best) + _SAME:
+            if solved.cost <= self.best.cost + _SAME:
                 away = np.abs(solved.z - self.best.z) * length
                 names |= {name: None for i, name in enumerate(self.problem.own) if away[i] > 1.0}
         return tuple(names)
@@ -216,17 +216,15 @@ def search(
         fresh = drawn[1:] if total else drawn[:starts]
         total += starts
         for i, z in enumerate(fresh):
-            begun_first, first = first, None
-            begun.append(
-                solve(problem, z, budget=FIRST_BUDGET) if begun_first is None else begun_first
-            )
-            failed += not np.isfinite(begun[-1].quadratic.cost)
+            begun.append(first or solve(problem, z, budget=FIRST_BUDGET))
+            first = None
+            failed += not np.isfinite(begun[-1].cost)
             say(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
         wanted = max(_ENDED, len(begun) // 4)
         while begun and (wanted > 0 or _agreeing(ended) < enough):
             candidate = begun.pop(0)
-            if np.isfinite(candidate.quadratic.cost):
+            if np.isfinite(candidate.cost):
                 ended.append(carried_on(problem, candidate, ended))
             wanted -= 1
             say(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
@@ -251,7 +249,7 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
     of the time of the fit.
     """
     reached, steps = start, start.steps
-    best = min(ended, key=_cost, default=None)
+    best = min(ended, key=lambda solved: solved.cost, default=None)
     while not reached.done and steps < MOST_STEPS:
         if best is not None and _leads(problem, reached, best):
             return best
@@ -260,8 +258,8 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
         reached = reached._replace(steps=steps)
         if taken < _LOOK_STEPS:  # at its optimum, or stuck beside a kink
             break
-        pace, looks = _cost(last) - _cost(reached), max(0, MOST_STEPS - steps) / _LOOK_STEPS
-        if best is not None and _cost(reached) - looks * pace > _cost(best):
+        pace, looks = last.cost - reached.cost, max(0, MOST_STEPS - steps) / _LOOK_STEPS
+        if best is not None and reached.cost - looks * pace > best.cost:
             return best if _leads(problem, reached, best) else reached
     return reached
 
@@ -274,13 +272,11 @@ def all_carried_on(problem: Problem, starts: Sequence[np.ndarray]) -> list[Solve
     """
     begun = [solve(problem, z, budget=1) for z in starts]
     ended: dict[int, Solved] = {}
-    for i in sorted(range(len(begun)), key=lambda i: _cost(begun[i])):
-        known = list(ended.values())
-        ended[i] = (
-            carried_on(problem, begun[i], known)
-            if known
-            else solve(problem, starts[i], tolerance=_CLOSE)
-        )
+    for i in sorted(range(len(begun)), key=lambda i: begun[i].cost):
+        if ended:
+            ended[i] = carried_on(problem, begun[i], list(ended.values()))
+        else:
+            ended[i] = solve(problem, starts[i], tolerance=_CLOSE)
     return [ended[i] for i in range(len(begun))]
 
 
@@ -290,15 +286,15 @@ def _leads(problem: Problem, start: Solved, optimum: Solved) -> bool:
     The line is straight in the parameters themselves: a valley along which one drag takes over what
     another does is curved in their logarithms.
     """
-    if not _cost(optimum) <= _cost(start) <= _cost(optimum) + _NEAR_COST:
+    if not optimum.cost <= start.cost <= optimum.cost + _NEAR_COST:
         return False
     logs = [i for i, name in enumerate(problem.free) if problem.named[name].transform == "log"]
-    costs = [_cost(start)]
+    costs = [start.cost]
     for share in _ON_THE_WAY:
         z = (1.0 - share) * start.z + share * optimum.z
         z[logs] = np.log((1.0 - share) * np.exp(start.z[logs]) + share * np.exp(optimum.z[logs]))
-        costs.append(_cost(solve(problem, z, budget=1)))
-    return all(after <= before for before, after in pairwise([*costs, _cost(optimum)]))
+        costs.append(solve(problem, z, budget=1).cost)
+    return all(after <= before for before, after in pairwise([*costs, optimum.cost]))
 
 
 def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
@@ -306,8 +302,8 @@ def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
 
     Among equals stands first one that met the stopping rule rather than one stuck beside a kink.
     """
-    lowest = min(_cost(solved) for solved, _ in ended)
-    ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + _SAME, not e[0].done, _rank(e[0])))
+    lowest = min(solved.cost for solved, _ in ended)
+    ended = sorted(ended, key=lambda e: (e[0].cost > lowest + _SAME, not e[0].done, _rank(e[0])))
     optima: list[tuple[Solved, int]] = []
     for solved, count in ended:
         for i, (optimum, starts) in enumerate(optima):
@@ -321,13 +317,13 @@ def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
 
 def _same(first: Solved, second: Solved) -> bool:
     """Equal likelihoods, and nothing between them that either of the two would notice."""
-    if not np.isfinite(_cost(second)):
-        return not np.isfinite(_cost(first))
-    apart, away = abs(_cost(first) - _cost(second)), first.z - second.z
+    if not np.isfinite(second.cost):
+        return not np.isfinite(first.cost)
+    apart, away = abs(first.cost - second.cost), first.z - second.z
     if apart > _ROUNDED:
         return False
     nearest = min(float(away @ s.quadratic.information @ away) for s in (first, second))
-    return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(_cost(second)) else _BESIDE**2)
+    return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(second.cost) else _BESIDE**2)
 
 
 def _mirrored(search: Search) -> Search:
@@ -337,24 +333,17 @@ def _mirrored(search: Search) -> Search:
         turned = best.z.copy()
         turned[i] = -turned[i]
         trial = solve(problem, turned, _TURNED_STEPS)
-        if _cost(trial) < _cost(best) - _SAME:
+        if trial.cost < best.cost - _SAME:
             best = solve(problem, trial.z)
     return replace(search, optima=distinct([(best, count), *rivals]))
 
 
 def _rank(solved: Solved) -> float:
     """The cost without what rounding changes: of equal optima the one begun first is taken."""
-    return round(_cost(solved), 6)
-
-
-def _cost(solved: Solved) -> float:
-    cost = float(solved.quadratic.cost)
-    return cost if np.isfinite(cost) else np.inf
+    return round(solved.cost, 6)
 
 
 def _agreeing(ended: list[Solved]) -> int:
-    if not ended:
-        return 0
-    costs = np.array([_cost(s) for s in ended])
-    best = costs.min()
-    return int(np.sum(costs <= best + _SAME + 1e-9 * abs(best))) if np.isfinite(best) else 0
+    best = min((solved.cost for solved in ended), default=np.inf)
+    near = best + _SAME + 1e-9 * abs(best)
+    return sum(solved.cost <= near for solved in ended) if np.isfinite(best) else 0

@@ -76,7 +76,7 @@ class Optimum:
     @property
     def failed(self) -> bool:
         """Not one start could be simulated."""
-        return not np.isfinite(self.best.quadratic.cost)
+        return not np.isfinite(self.best.cost)
 
     @property
     def forbidden(self) -> bool:
@@ -208,7 +208,7 @@ def _run_on(task: Task, optimum: Optimum) -> Optimum:
         further = _finer(task, optimum, max(optimum.needed, 2 * optimum.substeps))
         if further is None:
             return optimum
-        gained = optimum.best.quadratic.cost - further.best.quadratic.cost
+        gained = optimum.best.cost - further.best.cost
         optimum = further
         if gained < NOTICED:
             return optimum
@@ -241,7 +241,7 @@ def _ended(task: Task, search: Search, silent: tuple[str, ...], notes: tuple[str
     final = search.problem
     model, substeps = final.model_at(search.best.z), final.substeps
     states = tuple(final.numbers_by_log(search.best.z))
-    failed = not np.isfinite(search.best.quadratic.cost)
+    failed = not np.isfinite(search.best.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
     needed = substeps
     if task.checked:

@@ -139,7 +139,7 @@ def with_widths(search: Search) -> Search:
     names = [name for name, _ in search.problem.layout.per_log]
     ended = False
     for i in range(_ROUNDS if names else 0):
-        if not np.isfinite(search.best.quadratic.cost):
+        if not np.isfinite(search.best.cost):
             break
         problem = search.problem
         old = _widths(problem)

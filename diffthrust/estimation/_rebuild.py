@@ -82,7 +82,7 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
     problem = restarts(_as_fitted(problem, fit), fit.horizon, hold=fit.held)
     begin = problem.coordinates_by_log(fit.initial)
     z = np.concatenate([problem.start()[: problem.shared], begin])
-    cost = float(solve(problem, z, budget=1).quadratic.cost)
+    cost = solve(problem, z, budget=1).cost
     samples = float(np.sum(problem.numbers.counts))
     if not math.isclose(cost, -fit.log_likelihood, rel_tol=0, abs_tol=_SAME * samples):
         raise InputError(

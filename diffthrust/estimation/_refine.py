@@ -48,9 +48,9 @@ def polished(search: Search) -> Search:
     best = search.finished().best
     for _ in range(_ROUNDS):
         begun, best = best, _by_newton(problem, best)
-        if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:
+        if not np.isfinite(best.cost) or best.done or _steepness(problem, best) == 0:
             break
-        if begun.quadratic.cost - best.quadratic.cost < _CREEPING:
+        if begun.cost - best.cost < _CREEPING:
             break
         best = solve(problem, best.z)  # from far away a trust region is the safer guide
     return search.with_best(best)
@@ -86,7 +86,7 @@ def rounding_of(problem: Problem, end: Solved) -> float:
 
 def _by_newton(problem: Problem, best: Solved) -> Solved:
     for _ in range(_STEPS):
-        if not np.isfinite(best.quadratic.cost) or (best.done and _steepness(problem, best) == 0):
+        if not np.isfinite(best.cost) or (best.done and _steepness(problem, best) == 0):
             break
         further = _newton(problem, best)
         if further is None:
@@ -155,8 +155,8 @@ def _axes(at: Solved, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 def _better(problem: Problem, trial: Solved, at: Solved) -> bool:
     """A lower cost; or one that is equal, and a smaller gradient."""
-    gain = float(at.quadratic.cost) - float(trial.quadratic.cost)
-    rounding = EQUAL * abs(float(at.quadratic.cost))
+    gain = at.cost - trial.cost
+    rounding = EQUAL * abs(at.cost)
     if not abs(gain) <= rounding:
         return gain > 0
     return _steepness(problem, trial) < _steepness(problem, at)
@@ -174,7 +174,7 @@ def refined(search: Search) -> Search:
     for _ in range(2):  # the limit follows the noise level, which falls once spikes are limited
         search = search.followed(with_clip(search.problem, CLIP * search.best.quadratic.sigma))
     freer = search.followed(with_clip(search.problem, search.problem.numbers.clip, reach=WIDE))
-    return freer if freer.best.quadratic.cost < search.best.quadratic.cost - REAL else search
+    return freer if freer.best.cost < search.best.cost - REAL else search
 
 
 def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:

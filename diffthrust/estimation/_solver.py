@@ -288,6 +288,12 @@ class Solved(NamedTuple):
     steps: int
     kinked: np.ndarray  # coordinates at a kink, along which nothing is to be gained either way
 
+    @property
+    def cost(self) -> float:
+        """Negative log-likelihood; infinite where the simulation fails."""
+        cost = float(self.quadratic.cost)
+        return cost if np.isfinite(cost) else np.inf
+
 
 @program(1)
 def solved_by_passes(

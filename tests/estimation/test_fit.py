@@ -154,7 +154,7 @@ def test_what_finer_steps_uphold_is_looked_at_again_where_it_ends(monkeypatch, s
 
     def at(problem, z):
         quadratic = SimpleNamespace(cost=costs[problem][z])
-        return SimpleNamespace(z=z, quadratic=quadratic, steps=1)
+        return SimpleNamespace(z=z, quadratic=quadratic, cost=quadratic.cost, steps=1)
 
     def solve(problem, z, budget=None):
         return at(problem, 0.013 if slides and budget is None else z)

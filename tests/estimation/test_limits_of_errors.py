@@ -34,8 +34,8 @@ class Searched:
 
     def __init__(self, problem, costs, sigma=0.5, asked=None):
         self.problem, self.costs, self.asked = problem, costs, [] if asked is None else asked
-        q = SimpleNamespace(sigma=np.array([sigma, 3.0 * sigma]), cost=costs[0])
-        self.best, self.sigma = SimpleNamespace(quadratic=q), sigma
+        q = SimpleNamespace(sigma=np.array([sigma, 3.0 * sigma]))
+        self.best, self.sigma = SimpleNamespace(quadratic=q, cost=costs[0]), sigma
 
     def followed(self, problem):
         self.asked.append((problem.numbers.clip.tolist(), float(problem.numbers.reach)))
@@ -55,7 +55,7 @@ def test_errors_are_limited_at_four_standard_deviations_or_at_twenty(wide, reach
     assert search.asked == [([2.0, 6.0], 1.0), ([4.0, 12.0], 1.0), ([4.0, 12.0], 5.0)]
     assert float(found.problem.numbers.reach) == reach
     assert found.problem.numbers.clip.tolist() == [4.0, 12.0]
-    assert found.best.quadratic.cost == (wide if reach == 5.0 else 100.0)
+    assert found.best.cost == (wide if reach == 5.0 else 100.0)
 
 
 def test_gains_and_memories_without_standard_errors():
