@@ -13,6 +13,7 @@ from diffthrust._support.later import Later
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import (
+    WORDS,
     FitOptions,
     check_arguments,
     check_guesses,
@@ -196,11 +197,7 @@ def fit_records(
     """
     records, holdout_records = tuple(records), tuple(holdout_records)
     model = with_sizes(model, records)
-    words = {
-        "likelihood": options.likelihood,
-        "noise_model": options.noise_model,
-        "loss": options.loss,
-    }
+    words = {name: getattr(options, name) for name in WORDS}
     likelihood, substeps = likelihood_of(model, records, **words), options.substeps
     task = Task(
         records=records,
@@ -218,16 +215,11 @@ def fit_records(
     steps = optimum.substeps if optimum.failed or first_substeps else substeps
     found = _of_noise(optimum.problem, optimum.best)
     noise = None if found["disturbance"] else found["noise"]
-    holdout_runs = (
-        runs_over(optimum.model, holdout_records, substeps=steps, noise=noise)
-        if holdout_records
-        else ()
-    )
-    notes += (
-        *failures(holdout_runs),
-        *start_notes(optimum.model, holdout_runs),
-        *rail_notes(likelihood.law, records),
-    )
+    holdout_runs: tuple[Run, ...] = ()
+    if holdout_records:
+        holdout_runs = runs_over(optimum.model, holdout_records, substeps=steps, noise=noise)
+    notes += failures(holdout_runs) + start_notes(optimum.model, holdout_runs)
+    notes += rail_notes(likelihood.law, records)
     task.tell("done", 1.0)
     logs, unseen = [r.log for r in records], [r.log for r in holdout_records]
     fitted = Fit(

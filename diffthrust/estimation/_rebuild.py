@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._arguments import likelihood_of, listed
+from diffthrust.estimation._arguments import WORDS, likelihood_of, listed
 from diffthrust.estimation._arrange import build, restarts
 from diffthrust.estimation._laws import Gaussian
 from diffthrust.estimation._likelihood import errors_at
@@ -70,7 +70,7 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
         )
     silent = [n for n, p in fit.model.parameters.items() if not p.fixed and n not in fit.free]
     records = bind(fit.model, logs)
-    words = {"likelihood": fit.likelihood, "noise_model": fit.noise_model, "loss": fit.loss}
+    words = {name: getattr(fit, name) for name in WORDS}
     problem = build(
         fit.model.fix(*silent) if silent else fit.model,
         records,

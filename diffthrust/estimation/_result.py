@@ -26,6 +26,7 @@ from diffthrust._support.report import (
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust._support.words import number
+from diffthrust.estimation._arguments import WORDS
 from diffthrust.estimation._estimate import Estimate, noise_rows, parameter_rows
 from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._per_log import PerLog, per_log_section
@@ -200,8 +201,7 @@ class Fit(Result):
             'simulation'
             >>> again = dft.fit(fit.model, log, starts=1, **fit.options)
         """
-        kept = ("likelihood", "loss", "noise_model")
-        arguments: dict[str, Any] = {name: getattr(self, name) for name in kept}
+        arguments: dict[str, Any] = {name: getattr(self, name) for name in WORDS}
         if self.horizon is not None:
             arguments["horizon"] = self.horizon
         if not self.begins_freely:
