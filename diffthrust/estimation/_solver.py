@@ -104,16 +104,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> _State:
-        zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
-        zeros = zeros._replace(cost=jnp.full_like(zeros.cost, jnp.inf))
-        no = jnp.array(False)
-        far, none = jnp.array(jnp.inf), jnp.array(0)
-        flat = jnp.zeros_like(zeros.information)
-        pair = jnp.stack([far, far])
-        own = jnp.zeros(flat.shape[0])
-        missed = jnp.stack([jnp.full_like(own, jnp.inf), own])
-        start = (y, zeros, flat, no, jnp.array(_DAMPING), pair, none, far, none)
-        return _State(*start, own, missed, no, no)
+        channels, scores = aux_struct.sigma.shape[0], aux_struct.scores.shape
+        return jax.tree.map(jnp.asarray, _begin(y, channels, scores))
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -383,7 +375,7 @@ def solve(
             _spent(layout)[0] += int(steps) * problem.work
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
         return _ended(np.asarray(value), quadratic, settled, steps, np.asarray(own), turn)
-    state = _begin(layout, z)
+    state = _begin(z, len(layout.channels), (layout.width or len(layout.free), 0))
     while not (state.done or state.failed):
         carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
@@ -402,12 +394,11 @@ def _ended(
     return Solved(z, q, bool(done), int(steps), kinked)
 
 
-def _begin(layout: Any, z: np.ndarray) -> _State:
-    """What `BoundedLevenbergMarquardt.init` gives, as numbers of a size known beforehand."""
-    n, blocks = z.size, np.zeros((layout.width or len(layout.free), 0))
-    sigma = np.zeros(len(layout.channels))
+def _begin(z: Any, channels: int, scores: tuple[int, ...]) -> _State:
+    """Before the first step."""
+    n, sigma = z.size, np.zeros(channels)
     zero, no, far, none = np.asarray(0.0), np.asarray(False), np.asarray(np.inf), np.asarray(0)
-    q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
+    q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, np.zeros(scores))
     flat, pair = np.zeros((n, n)), np.stack([far, far])
     own, missed = np.zeros(n), np.stack([np.full(n, np.inf), np.zeros(n)])
     return _State(z, q, flat, no, np.asarray(_DAMPING), pair, none, far, none, own, missed, no, no)
