@@ -1,7 +1,8 @@
 """The observer behind the innovations, by itself: its gains, limits and passes."""
 
-from diffthrust.estimation import _observer, _rebuild  # private: as a comparison calls it
-from diffthrust.estimation._observer import (  # private: its parts against closed forms
+# private: as a comparison and a diagnosis call it, and its parts against closed forms
+from diffthrust.estimation import _observer, _rebuild
+from diffthrust.estimation._observer import (
     CLIP,
     REAL,
     WIDE,
@@ -15,34 +16,14 @@ from diffthrust.estimation._observer import (  # private: its parts against clos
     limited,
     uncorrected,
 )
-from diffthrust.estimation._one_step import (  # private: as a diagnosis calls them
-    cost,
-    passes,
-    settled_start,
-    with_clip,
-)
-from diffthrust.simulation._record import bind  # private: logs as a model reads them
+from diffthrust.estimation._one_step import cost, passes, settled_start, with_clip
+from diffthrust.simulation._record import bind
 
 __all__ = [
-    "CLIP",
-    "REAL",
-    "WIDE",
-    "Correction",
-    "Limits",
-    "Observer",
-    "cost",
-    "direction",
-    "guesses",
-    "innovations",
-    "is_memory",
-    "limited",
-    "observer_of",
-    "one_step",
-    "passes",
-    "settled_start",
-    "uncorrected",
-    "with_clip",
-]
+    "CLIP", "REAL", "WIDE", "Correction", "Limits", "Observer", "cost", "direction", "guesses",
+    "innovations", "is_memory", "limited", "observer_of", "one_step", "passes", "settled_start",
+    "uncorrected", "with_clip",
+]  # fmt: skip
 
 
 def observer_of(model, log, channels, **options):

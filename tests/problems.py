@@ -1,37 +1,30 @@
 """What a fit solves, without the fit: logs arranged for a model, costs, searches, checks.
 
-They are held against closed forms, finite differences and SciPy at points that no fit returns.
+They are held against closed forms, finite differences and SciPy at points that no fit returns. All
+imports are of private names: logs as a search has them, words that become objects, costs and slopes
+beside the optimum, searches that stopped early, checks of any point.
 """
 
-from diffthrust._support.box import (  # private: the solver alone
-    least_in_box,
-)
-from diffthrust.estimation import (  # private: logs as a search has them
-    _arguments,
-    _arrange,
-)
-from diffthrust.estimation import _horizons as horizons_module  # private: two valleys
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.box import least_in_box
+from diffthrust.estimation import _arguments, _arrange
+from diffthrust.estimation import _horizons as horizons_module
 from diffthrust.estimation import _insensitive as insensitive_module
 from diffthrust.estimation import _likelihood as likelihood_module
 from diffthrust.estimation import _multistart as multistart_module
-from diffthrust.estimation import _optimum as optimum_module  # private: how often it searches
+from diffthrust.estimation import _optimum as optimum_module
 from diffthrust.estimation import _refine as refine_module
-from diffthrust.estimation import _solver as solver_module  # private: its budgets
+from diffthrust.estimation import _solver as solver_module
 from diffthrust.estimation import _status as status_module
 from diffthrust.estimation import _unexplained as unexplained_module
-from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS  # private: words become objects
-from diffthrust.estimation._arrange import restarts  # private: segments of another length
-from diffthrust.estimation._horizons import (  # private: what a choice hides
-    Ended,
-    folds,
-    without,
-)
-from diffthrust.estimation._insensitive import (  # private: each alone
-    alive,
-    vanished,
-    vanished_notes,
-)
-from diffthrust.estimation._likelihood import (  # private: costs and slopes beside the optimum
+from diffthrust.estimation._arguments import LOSSES, NOISE_MODELS
+from diffthrust.estimation._arrange import restarts
+from diffthrust.estimation._horizons import folds, without
+from diffthrust.estimation._insensitive import alive, vanished, vanished_notes
+from diffthrust.estimation._likelihood import (
     Quadratic,
     errors_at,
     evaluate,
@@ -39,42 +32,16 @@ from diffthrust.estimation._likelihood import (  # private: costs and slopes bes
     jacobians,
     noise_levels,
 )
-from diffthrust.estimation._multistart import (  # private: a search that stopped early
-    Search,
-    all_carried_on,
-    carried_on,
-    distinct,
-)
-from diffthrust.estimation._noise import (  # private: which samples a noise links
-    AR1,
-    RANGE,
-    Gaps,
-    White,
-    linked,
-)
-from diffthrust.estimation._one_step import (  # private: as a diagnosis calls it
-    nrmse,
-)
-from diffthrust.estimation._origin import (  # private: the lines alone
-    Origin,
-    origin_of,
-)
-from diffthrust.estimation._rebuild import problem_of  # private: what a stored fit has solved
-from diffthrust.estimation._refine import (  # private: the end alone
-    polished,
-    rounding_of,
-)
-from diffthrust.estimation._residuals import (  # private: with any law and noise
-    Innovations,
-    SimulationError,
-)
-from diffthrust.estimation._runaway import farthest_runaway  # private: of a fit
-from diffthrust.estimation._solver import (  # private: from any point, for any budget
-    BoundedLevenbergMarquardt,
-    Solved,
-    solve,
-)
-from diffthrust.estimation._status import (  # private: the checks of any point
+from diffthrust.estimation._multistart import Search, all_carried_on, carried_on, distinct
+from diffthrust.estimation._noise import AR1, RANGE, Gaps, White, linked
+from diffthrust.estimation._one_step import nrmse
+from diffthrust.estimation._origin import Origin, origin_of
+from diffthrust.estimation._rebuild import problem_of
+from diffthrust.estimation._refine import polished, rounding_of
+from diffthrust.estimation._residuals import Innovations, SimulationError
+from diffthrust.estimation._runaway import farthest_runaway
+from diffthrust.estimation._solver import BoundedLevenbergMarquardt, Solved, solve
+from diffthrust.estimation._status import (
     GRADIENT_LIMIT,
     RANK_LIMIT,
     Local,
@@ -84,67 +51,20 @@ from diffthrust.estimation._status import (  # private: the checks of any point
     marginal_spread,
     unstable_advice,
 )
-from diffthrust.simulation._record import bind  # private: logs as a model reads them
+from diffthrust.simulation._record import bind
 
 __all__ = [
-    "AR1",
-    "GRADIENT_LIMIT",
-    "LOSSES",
-    "NOISE_MODELS",
-    "RANGE",
-    "RANK_LIMIT",
-    "BoundedLevenbergMarquardt",
-    "Ended",
-    "Gaps",
-    "Innovations",
-    "Local",
-    "Origin",
-    "Quadratic",
-    "Search",
-    "SimulationError",
-    "Solved",
-    "White",
-    "alive",
-    "all_carried_on",
-    "bind",
-    "build",
-    "carried_on",
-    "distinct",
-    "errors_at",
-    "evaluate",
-    "examine",
-    "failed_over",
-    "farthest_runaway",
-    "folds",
-    "gram",
-    "horizons_module",
-    "insensitive_module",
-    "jacobians",
-    "judge",
-    "least_in_box",
-    "likelihood_module",
-    "likelihood_of",
-    "linked",
-    "marginal_spread",
-    "multistart_module",
-    "noise_levels",
-    "nrmse",
-    "optimum_module",
-    "origin_of",
-    "polished",
-    "problem_of",
-    "refine_module",
-    "restarts",
-    "rounding_of",
-    "solve",
-    "solver_module",
-    "status_module",
-    "unexplained_module",
-    "unstable_advice",
-    "vanished",
-    "vanished_notes",
+    "AR1", "GRADIENT_LIMIT", "LOSSES", "NOISE_MODELS", "RANGE", "RANK_LIMIT",
+    "BoundedLevenbergMarquardt", "Gaps", "Innovations", "Local", "Origin", "Quadratic", "Search",
+    "SimulationError", "Solved", "White", "alive", "all_carried_on", "bind", "build", "carried_on",
+    "compiled", "distinct", "errors_at", "evaluate", "evaluated", "examine", "failed_over",
+    "farthest_runaway", "folds", "gram", "horizons_module", "innovations_of", "insensitive_module",
+    "jacobians", "judge", "least_in_box", "likelihood_module", "likelihood_of", "linked",
+    "marginal_spread", "multistart_module", "noise_levels", "nrmse", "optimum_module", "origin_of",
+    "polished", "problem_of", "refine_module", "restarts", "rounding_of", "solve", "solver_module",
+    "status_module", "unexplained_module", "unstable_advice", "vanished", "vanished_notes",
     "without",
-]
+]  # fmt: skip
 
 
 def build(model, logs, **options):
@@ -155,3 +75,17 @@ def build(model, logs, **options):
 def likelihood_of(model, logs, **words):
     """The likelihood that the words of a fit mean for a model and its logs."""
     return _arguments.likelihood_of(model, bind(model, logs), **words)
+
+
+def innovations_of(model, logs, loss="gaussian"):
+    """The innovations form for a model and its logs."""
+    words = {"likelihood": "innovations", "noise_model": "white", "loss": loss}
+    return likelihood_of(model, logs, **words)
+
+
+compiled = jax.jit(evaluate, static_argnums=0)
+
+
+def evaluated(problem, z):
+    """The likelihood at some coordinates, as arrays of NumPy."""
+    return jax.tree.map(np.asarray, compiled(problem.layout, problem.numbers, jnp.asarray(z)))

@@ -35,6 +35,8 @@ LIKELIHOODS: dict[str, type[Likelihood]] = {
 }
 NOISE_MODELS: dict[str, NoiseModel] = {noise.word: noise for noise in (White(), AR1())}
 LOSSES: dict[str, Law] = {law.word: law for law in (Gaussian(), StudentT())}
+WORDS = ("likelihood", "loss", "noise_model")
+"""The arguments of a fit that name one of these."""
 
 
 def likelihood_of(

@@ -160,7 +160,7 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
         anew = {name: replace(r, value=series[name]) for name, r in batch.restarts.items()}
         batches.append(replace(batch, restarts=anew))
     numbers = replace(problem.numbers, batches=batches)
-    return _for_noise(replace(problem, numbers=numbers, held=hold))
+    return _for_noise(replace(problem, numbers=numbers, held=hold, horizon=horizon))
 
 
 def rearranged(problem: Problem, batches: Sequence[Batch]) -> Problem:

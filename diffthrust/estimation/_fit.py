@@ -10,13 +10,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from diffthrust._support.later import Later
-from diffthrust._support.progress import (
-    ProgressOption,
-    progressing,
-    reporter,
-)
+from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import (
+    WORDS,
     FitOptions,
     check_arguments,
     check_guesses,
@@ -178,17 +175,11 @@ def fit(
 
 
 class FitRuns(NamedTuple):
-    """A fit with the whole runs of its model.
-
-    Args:
-        fit: the fit.
-        runs: over the training records.
-        holdout_runs: over the unseen ones.
-    """
+    """A fit with the whole runs of its model."""
 
     fit: Fit
-    runs: tuple[Run, ...]
-    holdout_runs: tuple[Run, ...]
+    runs: tuple[Run, ...]  # over the training records,
+    holdout_runs: tuple[Run, ...]  # and the unseen ones
 
 
 def fit_records(
@@ -199,25 +190,15 @@ def fit_records(
     progress: ProgressOption = None,
     first_substeps: int | None = None,
 ) -> FitRuns:
-    """As `fit`, of records, whose options are checked; with the runs that it made.
+    """As `fit`, of records bound to the model, whose options are checked; with its runs.
 
-    Args:
-        model: the model, with any effects, to which the records are bound.
-        records: training records.
-        holdout_records: unseen ones.
-        options: of `fit`.
-        progress: a function of a message and the share done.
-        first_substeps: of a refit, the integrator steps per sample that are tried first; those of
-            the options are then taken unchecked. Its unseen runs have those of the fit, by which
-            refits compare, and its programs compile quickly where they are small.
+    A refit has ``first_substeps``, the integrator steps per sample that are tried first; those of
+    the options are then taken unchecked. Its unseen runs have those of the fit, by which refits
+    compare, and its programs compile quickly where they are small.
     """
     records, holdout_records = tuple(records), tuple(holdout_records)
     model = with_sizes(model, records)
-    words = {
-        "likelihood": options.likelihood,
-        "noise_model": options.noise_model,
-        "loss": options.loss,
-    }
+    words = {name: getattr(options, name) for name in WORDS}
     likelihood, substeps = likelihood_of(model, records, **words), options.substeps
     task = Task(
         records=records,
@@ -235,16 +216,11 @@ def fit_records(
     steps = optimum.substeps if optimum.failed or first_substeps else substeps
     found = _of_noise(optimum.problem, optimum.best)
     noise = None if found["disturbance"] else found["noise"]
-    holdout_runs = (
-        runs_over(optimum.model, holdout_records, substeps=steps, noise=noise)
-        if holdout_records
-        else ()
-    )
-    notes += (
-        *failures(holdout_runs),
-        *start_notes(optimum.model, holdout_runs),
-        *rail_notes(likelihood.law, records),
-    )
+    holdout_runs: tuple[Run, ...] = ()
+    if holdout_records:
+        holdout_runs = runs_over(optimum.model, holdout_records, substeps=steps, noise=noise)
+    notes += failures(holdout_runs) + start_notes(optimum.model, holdout_runs)
+    notes += rail_notes(likelihood.law, records)
     task.tell("done", 1.0)
     logs, unseen = [r.log for r in records], [r.log for r in holdout_records]
     fitted = Fit(
@@ -264,21 +240,17 @@ def fit_records(
 
 
 def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) -> dict[str, Any]:
-    """What a fit reports of its optimum.
+    """What a fit reports of its optimum, with notes on a refit, unseen runs and rails.
 
-    Args:
-        optimum: where it ended.
-        notes: on a refit, unseen runs and rails.
-        doubted: the logs that are looked at whether they are sound.
+    The logs that are ``doubted`` are looked at whether they are sound.
     """
     search, problem, best = optimum.search, optimum.problem, optimum.best
-    local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
+    local, cost = examine(problem, best.z, best.quadratic), best.cost
     if np.isfinite(cost) and local.gradient > GRADIENT_LIMIT:
         local = replace(local, rounding=rounding_of(problem, best))
-    agreeing = search.agreeing_on(problem)
+    agreeing = search.agreeing_on_parameters
     alone = search.begun - len(search.guesses) == 1
-    status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem), alone)
-    figures = (local.gradient, local.rank, local.columns, local.condition)
+    status, message = judge(local, cost, search.begun, agreeing, search.rivals, alone)
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train, failed = pooled_errors(optimum.runs), failures(optimum.runs)
     hint, model, runs, little = "", optimum.model, optimum.runs, {}
@@ -304,11 +276,13 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
         "free": problem.own,
         "status": status,
         "message": message + optimum.unmoved + hint,
-        "checks": Checks(*figures, search.begun, agreeing),
+        "checks": Checks(
+            local.gradient, local.rank, local.columns, local.condition, search.begun, agreeing
+        ),
         "train": train,
         "log_likelihood": -cost,
         "initial": optimum.states,
-        "horizon": optimum.horizon,
+        "horizon": problem.horizon,
         "held": problem.held,
         "substeps": optimum.substeps,
         "notes": (

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -41,23 +40,19 @@ def folds(records: Sequence[Record]) -> tuple[Hidden, ...]:
     return {0: (-math.inf, middle)}, {0: (middle, math.inf)}
 
 
-def held_out_error(problem: Problem, end: Solved) -> float:
+def held_out_error(ended: Search) -> float:
     """The error (NRMSE) of whole runs over what was hidden from the fit; infinite where it fails.
 
     Hidden measurements become missing values in numbers of the same shape, so that nothing is
     compiled again, and each fit continues from the optimum over all logs.
-
-    Args:
-        problem: at some horizon.
-        end: its optimum.
     """
     runs: list[Run] = []
-    for hidden in folds(problem.records):
-        remaining = without(problem, hidden)
+    for hidden in folds(ended.problem.records):
+        remaining = without(ended.problem, hidden)
         if not np.all(remaining.numbers.counts > 0):  # only hidden logs measure some channel
             continue
-        solved = solve(remaining, end.z, budget=_BUDGET)
-        if not np.isfinite(solved.quadratic.cost):
+        solved = solve(remaining, ended.best.z, budget=_BUDGET)
+        if not np.isfinite(solved.cost):
             return math.inf
         runs += _runs(remaining, solved, hidden)
     return pooled_errors(runs).nrmse if runs else math.inf
@@ -154,7 +149,7 @@ def through(
     tell: Progress,
     first: Solved | None = None,
     guesses: Sequence[np.ndarray] = (),
-) -> tuple[Search, Problem]:
+) -> Search:
     """Search at the first horizon, then follow the optimum as the horizon grows.
 
     With ``hold``, segments begin at the measured state throughout. ``first`` is the first start at
@@ -170,27 +165,19 @@ def through(
         tell(f"segments of {horizon:g} s" if horizon else "whole runs", share)
         share += (1.0 - _FIRST) / len(horizons[1:])
         ended = ended.followed(stage, passing=horizon != horizons[-1])
-    return ended, stage
-
-
-class Ended(NamedTuple):
-    """Where a search ended at one horizon."""
-
-    horizon: float | None
-    search: Search
-    problem: Problem
+    return ended
 
 
 def by_left_out(
-    ended: Ended, starts: int, rng: np.random.Generator
-) -> tuple[Ended, tuple[str, ...]]:
+    ended: Search, starts: int, rng: np.random.Generator
+) -> tuple[Search, tuple[str, ...]]:
     """Whole runs where errors do not accumulate; else the horizon that left-out logs choose.
 
     Where random forces act or an effect is missing, errors accumulate, and either may be better:
     over whole runs a fit bends the parameters to what it lacks, over segments it sees no drift.
     Then a note tells what was chosen and why.
     """
-    if not np.isfinite(ended.search.best.quadratic.cost):
+    if not np.isfinite(ended.best.cost):
         return ended, ()
     entire = _followed(ended, None)
     # where errors do not accumulate, no other valley is better
@@ -198,34 +185,32 @@ def by_left_out(
     if not _accumulate(ended, entire):
         return entire, ()
     several = [ended, entire]
-    longer = _LONGER * (ended.horizon or 0.0)
+    longer = _LONGER * (ended.problem.horizon or 0.0)
     if max(r.duration for r in ended.problem.records) > 2 * longer:
         several.insert(1, _followed(ended, longer))
-    errors = [held_out_error(candidate.problem, candidate.search.best) for candidate in several]
+    errors = [held_out_error(candidate) for candidate in several]
     best = int(np.argmin([e * (1.0 + _TIE * (i > 0)) for i, e in enumerate(errors)]))
-    rivals = (
-        f"{e:.3g} if fitted {_words(o.horizon)}" for o, e in zip(several, errors, strict=True)
-    )
+    ways = [_words(candidate.problem.horizon) for candidate in several]
+    rivals = (f"{e:.3g} if fitted {way}" for way, e in zip(ways, errors, strict=True))
     note = (
-        f"Fitted {_words(several[best].horizon)}, by what the fit says of logs that are left out "
+        f"Fitted {ways[best]}, by what the fit says of logs that are left out "
         f"of it: whole runs of these err by {', '.join(rivals)} (NRMSE)."
     )
     return several[best], (note,)
 
 
-def _accumulate(ended: Ended, entire: Ended) -> bool:
-    growth = entire.search.best.quadratic.sigma / ended.search.best.quadratic.sigma
+def _accumulate(ended: Search, entire: Search) -> bool:
+    growth = entire.best.quadratic.sigma / ended.best.quadratic.sigma
     return not np.all(growth <= _GROWTH)
 
 
-def _followed(ended: Ended, horizon: float | None) -> Ended:
+def _followed(ended: Search, horizon: float | None) -> Search:
     """The search carried on to another horizon; segments begin as they did."""
     held = ended.problem.held and horizon is not None
-    stage = restarts(ended.problem, horizon, hold=held)
-    return Ended(horizon, ended.search.followed(stage), stage)
+    return ended.followed(restarts(ended.problem, horizon, hold=held))
 
 
-def _begun_anew(entire: Ended, starts: int, rng: np.random.Generator) -> Ended:
+def _begun_anew(entire: Search, starts: int, rng: np.random.Generator) -> Search:
     """The search over whole runs that came from segments, and begun there anew.
 
     Where much is missing, the way through segments may lead into another valley. BlueBoat with its
@@ -237,10 +222,9 @@ def _begun_anew(entire: Ended, starts: int, rng: np.random.Generator) -> Ended:
     """
     if not starts:
         return entire
-    known = entire.search.best.z
-    anew = search(entire.problem, starts, rng, guesses=[known], once=True)
+    anew = search(entire.problem, starts, rng, guesses=[entire.best.z], once=True)
     # of the same optimum the first search tells who agreed
-    return entire._replace(search=anew) if anew.improves_on(entire.search) else entire
+    return anew if anew.improves_on(entire) else entire
 
 
 def _words(horizon: float | None) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from itertools import chain
 
 import numpy as np
 
@@ -18,20 +19,15 @@ def without_silent(
 ) -> tuple[Problem, tuple[str, ...], Solved | None]:
     """Hold parameters that no measured channel depends on, at the guess or near it.
 
-    Args:
-        problem: with all parameters that may be estimated.
-        arrange: makes the same problem of another model.
-        rng: draws the points beside the guess.
-        begin: the search will begin with this very problem.
-
-    Returns:
-        The problem to solve, the names of what is held, and with ``begin`` the first start of its
-        search: mostly it depends on every parameter at its end, which leaves nothing to check.
+    Returns the problem to solve, the names of what is held, and with ``begin``, where the search
+    will begin with this very problem, the first start of that search: mostly it depends on every
+    parameter at its end, which leaves nothing to check.
     """
     points = draw(problem, 3, rng)
     first = solve(problem, points[0], FIRST_BUDGET) if begin else None
     sensitivity = np.zeros(points.shape[1])
-    for solved in _looks(problem, points, first):
+    begun = [] if first is None else [first]
+    for solved in chain(begun, (solve(problem, z, budget=1) for z in points)):
         sensitivity += np.nan_to_num(np.diagonal(solved.quadratic.information), nan=1.0, posinf=1.0)
         if np.all(sensitivity[: len(problem.own)] > 0):
             return problem, (), first
@@ -44,13 +40,6 @@ def without_silent(
         return problem, (), first
     held = {name: {"fixed": True, "per_log": False} for name in silent}
     return arrange(problem.model.replace(held)), silent, None
-
-
-def _looks(problem: Problem, points: np.ndarray, first: Solved | None) -> Iterator[Solved]:
-    if first is not None:
-        yield first
-    for z in points:
-        yield solve(problem, z, budget=1)
 
 
 def _idle(problem: Problem, points: np.ndarray, i: int) -> bool:
@@ -85,8 +74,8 @@ def vanished(problem: Problem, z: np.ndarray) -> np.ndarray:
 
 def alive(model: Model) -> Model:
     """The model with parameters that vanished in an earlier fit back where logs can move them."""
-    usual = {n: p for effect in model.effects for n, p in _usual(effect, f"{effect.name}.")}
-    usual |= dict(_usual(model, ""))
+    usual = {f"{e.name}.{n}": p for e in model.effects for n, p in e.declared.items()}
+    usual |= model.declared
     back = {
         name: _ALIVE * usual[name].value
         for name, p in model.parameters.items()
@@ -107,10 +96,6 @@ def vanished_notes(problem: Problem, z: np.ndarray) -> tuple[str, ...]:
             "The model fits them as well without that term."
         )
     return tuple(notes)
-
-
-def _usual(component, prefix: str) -> list[tuple[str, Parameter]]:
-    return [(f"{prefix}{name}", p) for name, p in component.declared.items()]
 
 
 def _may_vanish(p: Parameter) -> bool:

@@ -74,12 +74,8 @@ class Law(ABC):
     ) -> Any:
         """Negative log-likelihood without constants, and the noise level of each channel.
 
-        A level that is not known is the fixed point of the law's reweighting.
-
-        Args:
-            rests: residuals of each batch, ``(B, C, T)``.
-            numbers: of the problem.
-            levels_known: whether the level of a channel is known.
+        A level that is not known is the fixed point of the law's reweighting. The residuals are
+        those of each batch, ``(B, C, T)``; ``levels_known`` says of which channels it is.
         """
         counts, fixed = numbers.counts, jnp.asarray(levels_known)
         sigma = jnp.where(fixed, numbers.noise, _pooled(rests, numbers)[1])
@@ -325,10 +321,7 @@ def _mills(a: Any) -> tuple[Any, Any]:
 def at_rails(batch: Batch, records: Sequence[Record], channels: Sequence[str]) -> Batch:
     """A batch in which samples at the rails of censored channels stand at them, and on which side.
 
-    Args:
-        batch: of these records, without such samples.
-        records: of the batch.
-        channels: of the batch.
+    It is made of a ``batch`` of these records without such samples.
     """
     measured = np.array(batch.measured)
     beyond = np.zeros(measured.shape, np.int8)

@@ -26,22 +26,16 @@ _FEW = 6
 class Quadratic(NamedTuple):
     """A likelihood near some coordinates.
 
-    Args:
-        cost: negative log-likelihood without constants; infinite where the simulation fails.
-        gradient: of the cost, ``(n,)``.
-        information: Gauss-Newton approximation of the cost's Hessian, ``(n, n)``.
-        energy: weighted sum of squared residuals, which sets the scale of the gradient.
-        sigma: noise standard deviation of each channel, known or estimated, ``(C,)``.
-        scores: the gradient by blocks of time, ``(n, blocks)``, without priors: its scatter tells
-            how sure the gradient is, however the residuals are correlated within a block. Only of
-            layouts with a width, which are made to be tested: for others there are no blocks.
+    ``scores`` are the gradient by blocks of time, ``(n, blocks)``, without priors: its scatter
+    tells how sure the gradient is, however the residuals are correlated within a block. Only of
+    layouts with a width, which are made to be tested: for others there are no blocks.
     """
 
-    cost: Any
-    gradient: Any
-    information: Any
-    energy: Any
-    sigma: Any
+    cost: Any  # negative log-likelihood without constants; infinite where the simulation fails
+    gradient: Any  # of the cost, ``(n,)``
+    information: Any  # Gauss-Newton approximation of the cost's Hessian, ``(n, n)``
+    energy: Any  # weighted sum of squared residuals, which sets the scale of the gradient
+    sigma: Any  # noise standard deviation of each channel, known or estimated, ``(C,)``
     scores: Any
 
     def turned(self, matrix: Any) -> Quadratic:
@@ -107,10 +101,7 @@ def tightness(layout: Layout, numbers: ProblemNumbers) -> Any:
 def apart(layout: Layout, numbers: ProblemNumbers, own: Sequence[Any]) -> Any:
     """What it costs that parameters that differ by log lie apart from their means; traceable.
 
-    Args:
-        layout: of the problem.
-        numbers: of the problem.
-        own: by batch what is each log's own, ``(logs, local)``.
+    ``own`` is by batch what is each log's own, ``(logs, local)``.
     """
     tight = tightness(layout, numbers)[None]
     return sum((0.5 * jnp.sum(tight * away**2) for away in own), jnp.zeros(()))
@@ -261,12 +252,9 @@ def _assemble(
 
 
 def by_blocks(products: Any, count: int, xp: Any) -> Any:
-    """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(B, k, blocks)``.
+    """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(B, k, count)``.
 
-    Args:
-        products: the products.
-        count: the number of blocks.
-        xp: whose functions are used, `numpy` or `jax.numpy`.
+    ``xp`` is whose functions are used, `numpy` or `jax.numpy`.
     """
     size = -(-products.shape[-1] // count)
     padding = count * size - products.shape[-1]
@@ -275,17 +263,11 @@ def by_blocks(products: Any, count: int, xp: Any) -> Any:
 
 
 def gram(series: Sequence[Any]) -> Any:
-    """Inner products of series with each other.
+    """Inner products of ``k`` series ``(B, C, T)`` with each other, ``(B, k, k)``.
 
     A matrix product first writes the series to memory and is slow for matrices of a few rows. Of a
     few series all products are summed in one pass, into which XLA also draws what the series are
     made from: several times faster than all else in a Gauss-Newton step.
-
-    Args:
-        series: ``k`` arrays ``(B, C, T)``.
-
-    Returns:
-        Sums over ``C`` and ``T``, ``(B, k, k)``.
     """
     k = len(series)
     if k > _FEW:

@@ -54,18 +54,15 @@ _CARRIED = 3
 class Search:
     """The outcome of a multi-start search.
 
-    Args:
-        optima: the distinct optima, and where starts were given up, the best first, each with the
-            number of starts that led to it.
-        begun: starts that were begun, the caller's own guesses among them.
-        guesses: of these.
-        failed: of these could not be simulated.
+    ``optima`` are the distinct ones, and where starts were given up, the best first, each with the
+    number of starts that led to it.
     """
 
+    problem: Problem
     optima: tuple[tuple[Solved, int], ...]
-    begun: int
+    begun: int  # starts, the caller's own guesses among them
     guesses: tuple[np.ndarray, ...] = ()
-    failed: int = 0
+    failed: int = 0  # starts that could not be simulated
 
     @property
     def best(self) -> Solved:
@@ -77,14 +74,15 @@ class Search:
         """Starts that ended in it."""
         return self.optima[0][1]
 
-    def agreeing_on(self, problem: Problem) -> int:
+    @property
+    def agreeing_on_parameters(self) -> int:
         """Starts that ended in its parameters of the model, whatever an observer's gains.
 
         Where no random forces act, many gains and memories do as well as none.
         """
-        if not problem.nuisance:
+        if not self.problem.nuisance:
             return self.agreeing
-        k = len(problem.own)
+        k = len(self.problem.own)
         length = np.sqrt(np.diagonal(self.best.quadratic.information))[:k]
         away = [np.abs(solved.z - self.best.z)[:k] * length for solved, _ in self.optima]
         return sum(n for (_, n), d in zip(self.optima, away, strict=True) if np.all(d <= 1.0))
@@ -106,55 +104,58 @@ class Search:
             reached = all_carried_on(problem, starts)
         counts = [*(n for _, n in carried), *(0 for _ in guesses)]  # these are counted already
         counted = distinct(list(zip(reached, counts, strict=True)))
-        return replace(self, optima=tuple((solved, max(n, 1)) for solved, n in counted))
+        optima = tuple((solved, max(n, 1)) for solved, n in counted)
+        return replace(self, problem=problem, optima=optima)
 
-    def finished(self, problem: Problem) -> Search:
+    def with_best(self, best: Solved) -> Search:
+        """The search with its best optimum carried on."""
+        (_, count), *rivals = self.optima
+        return replace(self, optima=((best, count), *rivals))
+
+    def finished(self) -> Search:
         """The search with its best optimum carried to the last digits, unless it creeps."""
-        (best, count), *rivals = self.optima
+        best = self.best
         creeps = best.steps >= MOST_STEPS and not best.done
-        if creeps or not np.isfinite(best.quadratic.cost):
+        if creeps or not np.isfinite(best.cost):
             return self
-        return replace(self, optima=((solve(problem, best.z), count), *rivals))
+        return self.with_best(solve(self.problem, best.z))
 
     def moved(self, problem: Problem) -> Search:
         """The search with its best optimum a few steps on in a related problem."""
-        (best, count), *rivals = self.optima
-        return replace(self, optima=((solve(problem, best.z, _LOOK_STEPS, _CLOSE), count), *rivals))
+        best = solve(problem, self.best.z, _LOOK_STEPS, _CLOSE)
+        return replace(self.with_best(best), problem=problem)
 
-    def upheld(self, problem: Problem, finer: Problem) -> Search | None:
+    def upheld(self, finer: Problem) -> Search | None:
         """The search without the optima that only the steps of its problem have, if any is left.
 
         At the edge of its stability a scheme has slopes of its own: of a boat with a rudder inflow
         a fit ended with an inertia of 0.013 kg m^2 where 0.86 is the optimum, better by 100 in
         log-likelihood with the steps that it had, and worse by 2400 with half of them.
-
-        Args:
-            problem: that was solved.
-            finer: the same with finer integrator steps.
         """
 
         def holds(solved: Solved) -> bool:
-            return abs(_cost(solve(finer, solved.z, budget=1)) - _cost(solved)) <= NOTICED
+            return abs(solve(finer, solved.z, budget=1).cost - solved.cost) <= NOTICED
 
         kept = tuple((solved, count) for solved, count in self.optima if holds(solved))
         if not kept:
             return None
-        upheld = replace(self, optima=kept).finished(problem)
+        upheld = replace(self, optima=kept).finished()
         # one that was given up may end at the edge after all
         return upheld if holds(upheld.best) else None
 
     def improves_on(self, other: Search) -> bool:
         """Whether it ended in another optimum, which is better than that of the other search."""
-        return _cost(self.best) < _cost(other.best) - NOTICED
+        return self.best.cost < other.best.cost - NOTICED
 
-    def rivals(self, problem: Problem) -> tuple[str, ...]:
+    @property
+    def rivals(self) -> tuple[str, ...]:
         """Parameters in which an equally good optimum differs from the best by over an error."""
         length = np.sqrt(np.diagonal(self.best.quadratic.information))
         names: dict[str, None] = {}
         for solved, _ in self.optima[1:]:
-            if _cost(solved) <= _cost(self.best) + _SAME:
+            if solved.cost <= self.best.cost + _SAME:
                 away = np.abs(solved.z - self.best.z) * length
-                names |= {name: None for i, name in enumerate(problem.own) if away[i] > 1.0}
+                names |= {name: None for i, name in enumerate(self.problem.own) if away[i] > 1.0}
         return tuple(names)
 
 
@@ -215,17 +216,15 @@ def search(
         fresh = drawn[1:] if total else drawn[:starts]
         total += starts
         for i, z in enumerate(fresh):
-            begun_first, first = first, None
-            begun.append(
-                solve(problem, z, budget=FIRST_BUDGET) if begun_first is None else begun_first
-            )
-            failed += not np.isfinite(begun[-1].quadratic.cost)
+            begun.append(first or solve(problem, z, budget=FIRST_BUDGET))
+            first = None
+            failed += not np.isfinite(begun[-1].cost)
             say(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
         wanted = max(_ENDED, len(begun) // 4)
         while begun and (wanted > 0 or _agreeing(ended) < enough):
             candidate = begun.pop(0)
-            if np.isfinite(candidate.quadratic.cost):
+            if np.isfinite(candidate.cost):
                 ended.append(carried_on(problem, candidate, ended))
             wanted -= 1
             say(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
@@ -234,8 +233,8 @@ def search(
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
     optima = distinct([(solved, 1) for solved in ended])
-    result = Search(optima, total + len(guesses), tuple(guesses), failed)
-    return _mirrored(problem, result if passing else result.finished(problem))
+    result = Search(problem, optima, total + len(guesses), tuple(guesses), failed)
+    return _mirrored(result if passing else result.finished())
 
 
 def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solved:
@@ -250,7 +249,7 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
     of the time of the fit.
     """
     reached, steps = start, start.steps
-    best = min(ended, key=_cost, default=None)
+    best = min(ended, key=lambda solved: solved.cost, default=None)
     while not reached.done and steps < MOST_STEPS:
         if best is not None and _leads(problem, reached, best):
             return best
@@ -259,8 +258,8 @@ def carried_on(problem: Problem, start: Solved, ended: Sequence[Solved]) -> Solv
         reached = reached._replace(steps=steps)
         if taken < _LOOK_STEPS:  # at its optimum, or stuck beside a kink
             break
-        pace, looks = _cost(last) - _cost(reached), max(0, MOST_STEPS - steps) / _LOOK_STEPS
-        if best is not None and _cost(reached) - looks * pace > _cost(best):
+        pace, looks = last.cost - reached.cost, max(0, MOST_STEPS - steps) / _LOOK_STEPS
+        if best is not None and reached.cost - looks * pace > best.cost:
             return best if _leads(problem, reached, best) else reached
     return reached
 
@@ -273,9 +272,11 @@ def all_carried_on(problem: Problem, starts: Sequence[np.ndarray]) -> list[Solve
     """
     begun = [solve(problem, z, budget=1) for z in starts]
     ended: dict[int, Solved] = {}
-    for i in sorted(range(len(begun)), key=lambda i: _cost(begun[i])):
-        known = list(ended.values())
-        ended[i] = carried_on(problem, begun[i], known) if known else _close(problem, starts[i])
+    for i in sorted(range(len(begun)), key=lambda i: begun[i].cost):
+        if ended:
+            ended[i] = carried_on(problem, begun[i], list(ended.values()))
+        else:
+            ended[i] = solve(problem, starts[i], tolerance=_CLOSE)
     return [ended[i] for i in range(len(begun))]
 
 
@@ -285,19 +286,15 @@ def _leads(problem: Problem, start: Solved, optimum: Solved) -> bool:
     The line is straight in the parameters themselves: a valley along which one drag takes over what
     another does is curved in their logarithms.
     """
-    if not _cost(optimum) <= _cost(start) <= _cost(optimum) + _NEAR_COST:
+    if not optimum.cost <= start.cost <= optimum.cost + _NEAR_COST:
         return False
     logs = [i for i, name in enumerate(problem.free) if problem.named[name].transform == "log"]
-    costs = [_cost(start)]
+    costs = [start.cost]
     for share in _ON_THE_WAY:
         z = (1.0 - share) * start.z + share * optimum.z
         z[logs] = np.log((1.0 - share) * np.exp(start.z[logs]) + share * np.exp(optimum.z[logs]))
-        costs.append(_cost(solve(problem, z, budget=1)))
-    return all(after <= before for before, after in pairwise([*costs, _cost(optimum)]))
-
-
-def _close(problem: Problem, z: np.ndarray) -> Solved:
-    return solve(problem, z, tolerance=_CLOSE)
+        costs.append(solve(problem, z, budget=1).cost)
+    return all(after <= before for before, after in pairwise([*costs, optimum.cost]))
 
 
 def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
@@ -305,8 +302,8 @@ def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
 
     Among equals stands first one that met the stopping rule rather than one stuck beside a kink.
     """
-    lowest = min(_cost(solved) for solved, _ in ended)
-    ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + _SAME, not e[0].done, _rank(e[0])))
+    lowest = min(solved.cost for solved, _ in ended)
+    ended = sorted(ended, key=lambda e: (e[0].cost > lowest + _SAME, not e[0].done, _rank(e[0])))
     optima: list[tuple[Solved, int]] = []
     for solved, count in ended:
         for i, (optimum, starts) in enumerate(optima):
@@ -320,40 +317,33 @@ def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
 
 def _same(first: Solved, second: Solved) -> bool:
     """Equal likelihoods, and nothing between them that either of the two would notice."""
-    if not np.isfinite(_cost(second)):
-        return not np.isfinite(_cost(first))
-    apart, away = abs(_cost(first) - _cost(second)), first.z - second.z
+    if not np.isfinite(second.cost):
+        return not np.isfinite(first.cost)
+    apart, away = abs(first.cost - second.cost), first.z - second.z
     if apart > _ROUNDED:
         return False
     nearest = min(float(away @ s.quadratic.information @ away) for s in (first, second))
-    return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(_cost(second)) else _BESIDE**2)
+    return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(second.cost) else _BESIDE**2)
 
 
-def _mirrored(problem: Problem, search: Search) -> Search:
+def _mirrored(search: Search) -> Search:
     """Try the other sign of every initial state that only an unsigned sensor reads."""
-    (best, count), *rivals = search.optima
+    problem, ((best, count), *rivals) = search.problem, search.optima
     for i in problem.sign_free():
         turned = best.z.copy()
         turned[i] = -turned[i]
         trial = solve(problem, turned, _TURNED_STEPS)
-        if _cost(trial) < _cost(best) - _SAME:
+        if trial.cost < best.cost - _SAME:
             best = solve(problem, trial.z)
     return replace(search, optima=distinct([(best, count), *rivals]))
 
 
 def _rank(solved: Solved) -> float:
     """The cost without what rounding changes: of equal optima the one begun first is taken."""
-    return round(_cost(solved), 6)
-
-
-def _cost(solved: Solved) -> float:
-    cost = float(solved.quadratic.cost)
-    return cost if np.isfinite(cost) else np.inf
+    return round(solved.cost, 6)
 
 
 def _agreeing(ended: list[Solved]) -> int:
-    if not ended:
-        return 0
-    costs = np.array([_cost(s) for s in ended])
-    best = costs.min()
-    return int(np.sum(costs <= best + _SAME + 1e-9 * abs(best))) if np.isfinite(best) else 0
+    best = min((solved.cost for solved in ended), default=np.inf)
+    near = best + _SAME + 1e-9 * abs(best)
+    return sum(solved.cost <= near for solved in ended) if np.isfinite(best) else 0

@@ -27,30 +27,18 @@ _CORRELATED = 0.5
 
 
 class Whiteness(NamedTuple):
-    """Where errors are correlated that a likelihood takes as white.
+    """Where errors are correlated that a likelihood takes as white."""
 
-    Args:
-        limit: the lag-one correlation beyond which it is said.
-        sentence: with ``{}`` for the channels.
-        whole_runs: it is the residuals of whole runs that are looked at, rather than what the
-            likelihood sums.
-    """
-
-    limit: float
-    sentence: str
-    whole_runs: bool = False
+    limit: float  # the lag-one correlation beyond which it is said
+    sentence: str  # with `{}` for the channels
+    whole_runs: bool = False  # of the residuals of whole runs, not of what the likelihood sums
 
 
 class Likeliest(NamedTuple):
-    """How likely a noise makes residuals, at its best parameters.
+    """How likely a noise makes residuals, at its best parameters."""
 
-    Args:
-        cost: negative log-likelihood, with all constants.
-        lag_one: correlation from one step to the next.
-    """
-
-    cost: float
-    lag_one: float = 0.0
+    cost: float  # negative log-likelihood, with all constants
+    lag_one: float = 0.0  # correlation from one step to the next
 
 
 class NoiseModel(ABC):
@@ -71,11 +59,9 @@ class NoiseModel(ABC):
         return ({},)
 
     def arranged(self, numbers: ProblemNumbers, step: float) -> ProblemNumbers:
-        """The numbers with what it needs to know of the samples.
+        """The numbers, whose restarts are set, with what it needs to know of the samples.
 
-        Args:
-            numbers: of a problem; where its restarts are is known.
-            step: shortest step of the logs [s].
+        ``step`` is the shortest step of the logs [s].
         """
         return numbers
 
@@ -101,14 +87,9 @@ class NoiseModel(ABC):
     ) -> Likeliest | None:
         """How likely it makes the residuals of one channel, without a fit.
 
-        Args:
-            runs: residuals of each run, ``(n,)``; NaN where nothing was measured.
-            times: of the samples [s].
-            law: of what is new in each residual.
-            step: in which correlations are counted [s].
-
-        Returns:
-            ``None`` where it does not say: the advice on noise leaves it out.
+        Of each run the residuals, ``(n,)``, NaN where nothing was measured, and the ``times`` of
+        the samples [s]; ``law`` is that of what is new in each, and correlations are counted in
+        steps [s]. ``None`` where it does not say: the advice on noise leaves it out.
         """
         return None
 
@@ -122,8 +103,7 @@ class NoiseModel(ABC):
     def whiteness(self, tables: bool) -> Whiteness:
         """What is said where the residuals are not of this kind.
 
-        Args:
-            tables: the logs are tables of readings, without a time of their own.
+        The logs may be ``tables`` of readings, without a time of their own.
         """
 
 
@@ -162,26 +142,16 @@ RANGE = (1e-3, 0.9999)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
 class Links:
-    """For each sample the one measured before it.
+    """For each sample the one measured before it."""
 
-    Args:
-        past: its index.
-        gap: how long before [steps]; `_FAR` where there is none.
-    """
-
-    past: Int[AnyArray, "logs channels time"]
-    gap: Float[AnyArray, "logs channels time"]
+    past: Int[AnyArray, "logs channels time"]  # its index,
+    gap: Float[AnyArray, "logs channels time"]  # how long before [steps]; _FAR if there is none
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
 class Gaps:
-    """The gaps of all logs.
-
-    Args:
-        steps: that occur.
-        counts: how often.
-    """
+    """The gaps of all logs: their sizes [steps], and how often each occurs."""
 
     steps: Float[AnyArray, "channels sizes"]
     counts: Float[AnyArray, "channels sizes"]
@@ -243,17 +213,12 @@ class AR1(NoiseModel):
     ) -> Sequence[Any]:
         """What the sample before does not tell."""
         scales, links = self.levels(channels, numbers, values), log.links
-        return [
-            _whitened(
-                residual,
-                ~jnp.isnan(log.measured[i]),
-                links.past[i],
-                links.gap[i],
-                values[_name(name)],
-                scales[i],
-            )
-            for i, (name, residual) in enumerate(zip(channels, rests, strict=True))
-        ]
+        new = []
+        for i, (name, residual) in enumerate(zip(channels, rests, strict=True)):
+            measured, kept = ~jnp.isnan(log.measured[i]), values[_name(name)]
+            parts = (measured, links.past[i], links.gap[i], kept, scales[i])
+            new.append(_whitened(residual, *parts))
+        return new
 
     def levels(
         self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, Any]
@@ -261,14 +226,8 @@ class AR1(NoiseModel):
         """At some values of the correlations."""
         gaps: Gaps = numbers.gaps
         kept = jnp.stack([jnp.asarray(values[_name(c)]) for c in channels])
-        return jnp.stack(
-            [
-                _level(lag_one, steps, often, samples)
-                for lag_one, steps, often, samples in zip(
-                    kept, gaps.steps, gaps.counts, numbers.counts, strict=True
-                )
-            ]
-        )
+        by_channel = zip(kept, gaps.steps, gaps.counts, numbers.counts, strict=True)
+        return jnp.stack([_level(*channel) for channel in by_channel])
 
     def likeliest(
         self, runs: Sequence[np.ndarray], times: Sequence[np.ndarray], law: Law, step: float
@@ -326,13 +285,10 @@ def _name(channel: str) -> str:
 
 
 def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float) -> Links:
-    """For each sample the one measured before it, and how long before.
+    """For each sample the one measured before it, and how long before, in steps [s].
 
-    Args:
-        time: ``(B, T)`` [s].
-        measured: ``(B, C, T)``; NaN where nothing was measured.
-        anew: ``(B, T)``, true where a simulation begins anew, and with it the noise.
-        step: in which gaps are counted [s].
+    Of ``(B, C, T)`` at times ``(B, T)`` [s]; NaN where nothing was measured. Where a simulation
+    begins ``anew``, ``(B, T)``, the noise does so, too.
     """
     finite = np.isfinite(measured)
     place = np.arange(time.shape[1])

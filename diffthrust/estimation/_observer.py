@@ -46,7 +46,6 @@ how the states moved."""
 REAL = 10.0
 """That is so where the logs are likelier with `WIDE` by more than this (log-likelihood)."""
 
-
 _PER_STEP = "1 / step"
 """Of what is handed to a correction beside the readings, by a name that no channel can have: of a
 motor whose speed is called "rate" this took the place of the reading."""
@@ -56,27 +55,19 @@ motor whose speed is called "rate" this took the place of the reading."""
 class Observer:
     """What is corrected by what; fixes the compiled code.
 
-    Args:
-        channels: all measured channels.
-        fed: those that are states, or tell what ``follow``, and correct them.
-        corrected: for each state, the channels that correct it.
-        forced: states on which random forces act.
-        still: nothing is corrected and no random force acts; what is left is a simulation whose
-            sensors have errors that last ("ar1" noise).
-        lasting: sensors have errors that last.
-        within: measured states follow their readings within so many seconds, by gains that are
-            fixed; estimated where ``None``.
-        follow: states that follow from outputs, as a quaternion from angles.
+    One that is ``still`` corrects nothing, and no random force acts: what is left is a simulation
+    whose sensors have errors that last ("ar1" noise). Where ``within`` is given, measured states
+    follow their readings within so many seconds, by gains that are fixed.
     """
 
-    channels: tuple[str, ...]
-    fed: tuple[str, ...]
-    corrected: tuple[tuple[str, tuple[str, ...]], ...]
-    forced: tuple[str, ...]
+    channels: tuple[str, ...]  # all that are measured
+    fed: tuple[str, ...]  # those that are states, or tell what `follow`, and correct them
+    corrected: tuple[tuple[str, tuple[str, ...]], ...]  # by state, the channels that correct it
+    forced: tuple[str, ...]  # states on which random forces act
     still: bool = False
-    lasting: bool = True
+    lasting: bool = True  # sensors have errors that last
     within: float | None = None
-    follow: tuple[str, ...] = ()
+    follow: tuple[str, ...] = ()  # states that follow from outputs, as a quaternion from angles
 
     @property
     def simulation(self) -> Observer:
@@ -329,16 +320,7 @@ def innovations(
     The states come with ``moved.STATE``, what the correction adds to a corrected state, and
     ``pushed.STATE``, the random acceleration until the next sample; with ``rest.CHANNEL``, what is
     left of a measurement before its own past has predicted it, and ``colour.CHANNEL``, what that
-    past predicts.
-
-    Args:
-        observer: what is corrected by what.
-        model: the model with (possibly traced) parameter values.
-        grid: how to integrate.
-        values: gains and memories by name.
-        log: one log.
-        start: initial states.
-        limits: beyond which errors correct no further.
+    past predicts. ``values`` are the gains and memories by name.
     """
     run = Correction(observer, model, values, log.time, log.measured, log.unsigned, limits)
     series, path = march(model, grid, log.time, log.inputs, start, {}, run)

@@ -27,25 +27,17 @@ of 60 samples took 0.06 s one by one, and 0.01 s at once."""
 
 @dataclass(frozen=True)
 class Pass:
-    """One log.
+    """One log."""
 
-    Args:
-        errors: measured minus predicted, ``(C, T)``; NaN where nothing was measured.
-        measured: ``(C, T)``.
-        path: inputs and states before each correction, and what the observer notes, ``(T,)`` each.
-    """
-
-    errors: np.ndarray
-    measured: np.ndarray
-    path: dict[str, np.ndarray]
+    errors: np.ndarray  # measured minus predicted, ``(C, T)``; NaN where nothing was measured
+    measured: np.ndarray  # ``(C, T)``
+    path: dict[str, np.ndarray]  # inputs, states before each correction, and the observer's notes
 
 
 def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
     """A pass over each log of a problem in the innovations form, in the order of ``records``.
 
-    Args:
-        problem: the problem.
-        z: coordinates, initial states included; the problem's own values where ``None``.
+    At coordinates ``z``, initial states included; at the problem's own values where ``None``.
     """
     by_log: dict[int, Pass] = {}
     batches, by_batch = problem.numbers.batches, batch_passes(problem, z)
@@ -179,12 +171,9 @@ def nrmse(problem: Problem) -> float:
 
 
 def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
-    """The problem with errors limited where they correct states.
+    """The problem in the innovations form with errors limited where they correct states.
 
-    Args:
-        problem: in the innovations form.
-        clip: size of a large error, ``(C,)``.
-        reach: errors are limited at so many times that.
+    ``clip`` is the size of a large error, ``(C,)``; limited they are at ``reach`` times that.
     """
     clip, reach = np.asarray(clip, float), np.asarray(reach, float)
     return replace(problem, numbers=replace(problem.numbers, clip=clip, reach=reach))

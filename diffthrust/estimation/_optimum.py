@@ -12,7 +12,7 @@ import numpy as np
 from diffthrust._support.progress import Progress, subtask
 from diffthrust.estimation._arguments import FitOptions
 from diffthrust.estimation._arrange import build
-from diffthrust.estimation._horizons import Ended, by_left_out, through
+from diffthrust.estimation._horizons import by_left_out, through
 from diffthrust.estimation._insensitive import alive, without_silent
 from diffthrust.estimation._multistart import AGREED, NOTICED, Search
 from diffthrust.estimation._per_log import with_widths
@@ -34,56 +34,39 @@ _SET_ASIDE = (
 
 
 class Task(NamedTuple):
-    """What is asked of a fit, whatever the values of the model and its steps.
-
-    Args:
-        records: training records.
-        likelihood: what is summed of them.
-        horizons: of the segments, in turn.
-        options: of the fit.
-        rng: draws the starts.
-        tell: is called with the progress.
-        refit: one of many of a diagnosis, with good guesses.
-        checked: whether it is looked at if the optimum needs finer steps.
-    """
+    """What is asked of a fit, whatever the values of the model and its steps."""
 
     records: tuple[Record, ...]
     likelihood: Likelihood
-    horizons: tuple[float | None, ...]
+    horizons: tuple[float | None, ...]  # of the segments, in turn
     options: FitOptions
-    rng: np.random.Generator
+    rng: np.random.Generator  # draws the starts
     tell: Progress
-    refit: bool = False
-    checked: bool = True
+    refit: bool = False  # one of many of a diagnosis, with good guesses
+    checked: bool = True  # it is looked at whether the optimum needs finer steps
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where one pass ended.
-
-    Args:
-        search: of several starts.
-        problem: that was solved last.
-        horizon: of its segments.
-        silent: parameters of which the logs say nothing, held.
-        model: at the optimum.
-        states: initial ones, and parameters that differ, by log.
-        runs: the model over its logs.
-        substeps: that were used.
-        needed: that the model needs.
-        notes: of the horizons.
-    """
+    """Where one pass ended."""
 
     search: Search
-    problem: Problem
-    horizon: float | None
-    silent: tuple[str, ...]
+    silent: tuple[str, ...]  # parameters of which the logs say nothing, held
     model: Model
-    states: tuple[Mapping[str, float], ...]
+    states: tuple[Mapping[str, float], ...]  # initial ones, and parameters that differ, by log
     runs: tuple[Run, ...]
-    substeps: int
-    needed: int
-    notes: tuple[str, ...]
+    needed: int  # integrator steps per sample that the model needs
+    notes: tuple[str, ...]  # on the horizons
+
+    @property
+    def problem(self) -> Problem:
+        """What was solved last."""
+        return self.search.problem
+
+    @property
+    def substeps(self) -> int:
+        """Integrator steps per sample that were used."""
+        return self.problem.substeps
 
     @property
     def best(self) -> Solved:
@@ -93,7 +76,7 @@ class Optimum:
     @property
     def failed(self) -> bool:
         """Not one start could be simulated."""
-        return not np.isfinite(self.best.quadratic.cost)
+        return not np.isfinite(self.best.cost)
 
     @property
     def forbidden(self) -> bool:
@@ -129,11 +112,8 @@ def optimum_of(
 ) -> tuple[Optimum, tuple[str, ...]]:
     """Where a search from a model's values ends, and a note where coarse steps did not do.
 
-    Args:
-        task: what is asked of the fit.
-        model: the model.
-        substeps: integrator steps per sample; as many as the optimum needs where ``None``.
-        first: the number that is tried first where it is left open.
+    With as many integrator steps per sample as the optimum needs where ``substeps`` is None; of
+    these ``first`` are tried first.
     """
     # the first guess may need more steps than the optimum does
     optimum = _searched(task, model, substeps or first, (0.0, 0.9))
@@ -156,11 +136,10 @@ def _polished(task: Task, optimum: Optimum) -> Optimum:
     Nor do fits whose steps are not looked at, which are only compared with each other: closed forms
     in the place of a curve took half of their time for it on the BlueBoat.
     """
-    search = polished(optimum.search, optimum.problem) if task.checked else optimum.search
+    search = polished(optimum.search) if task.checked else optimum.search
     if np.array_equal(search.best.z, optimum.best.z):
         return replace(optimum, search=search)
-    parts = (optimum.horizon, optimum.silent, optimum.notes)
-    return _ended(task, search, optimum.problem, *parts)
+    return _ended(task, search, optimum.silent, optimum.notes)
 
 
 def _searched_finer(task: Task, optimum: Optimum) -> Optimum:
@@ -197,16 +176,12 @@ def _searched(task: Task, model: Model, substeps: int, shares: tuple[float, floa
     problem, silent, first = without_silent(problem, arrange, task.rng, begin)
     hold, starts = task.options.initial == "auto", task.options.starts
     guesses = [problem.at(values) for values in task.options.guesses]
-    search, final = through(problem, horizons, hold, starts, task.rng, tell, first, guesses)
-    length = horizons[-1]
+    search = through(problem, horizons, hold, starts, task.rng, tell, first, guesses)
     if task.options.horizon == "auto" and horizons != (None,):
         # a refit's guesses were begun with at every horizon, and know more than what is drawn
         drawn = 0 if task.refit else starts
-        ended, notes = by_left_out(Ended(length, search, final), drawn, task.rng)
-        length, search, final = ended
-    if task.likelihood.corrects:
-        search, final = refined(search, final)
-    return _ended(task, *with_widths(search, final), length, silent, notes)
+        search, notes = by_left_out(search, drawn, task.rng)
+    return _ended(task, with_widths(refined(search)), silent, notes)
 
 
 def _arranged(task: Task, substeps: int, model: Model) -> Problem:
@@ -233,7 +208,7 @@ def _run_on(task: Task, optimum: Optimum) -> Optimum:
         further = _finer(task, optimum, max(optimum.needed, 2 * optimum.substeps))
         if further is None:
             return optimum
-        gained = optimum.best.quadratic.cost - further.best.quadratic.cost
+        gained = optimum.best.cost - further.best.cost
         optimum = further
         if gained < NOTICED:
             return optimum
@@ -254,35 +229,26 @@ def _finer(task: Task, optimum: Optimum, substeps: int) -> Optimum | None:
     problem = optimum.problem.stepped(substeps)
     search, notes = optimum.search.followed(problem, with_guesses=False), optimum.notes
     if optimum.search.improves_on(search):
-        upheld = optimum.search.upheld(optimum.problem, problem)
+        upheld = optimum.search.upheld(problem)
         if upheld is None or search.improves_on(upheld):
             return None
-        search, problem, notes = upheld, optimum.problem, (*optimum.notes, _SET_ASIDE)
-    if task.likelihood.corrects:
-        search, problem = refined(search, problem)
-    parts = (optimum.horizon, optimum.silent, notes)
-    return _ended(task, *with_widths(search, problem), *parts)
+        search, notes = upheld, (*optimum.notes, _SET_ASIDE)
+    return _ended(task, with_widths(refined(search)), optimum.silent, notes)
 
 
-def _ended(
-    task: Task,
-    search: Search,
-    final: Problem,
-    horizon: float | None,
-    silent: tuple[str, ...],
-    notes: tuple[str, ...],
-) -> Optimum:
+def _ended(task: Task, search: Search, silent: tuple[str, ...], notes: tuple[str, ...]) -> Optimum:
     """The optimum with its runs, and the steps that they need."""
+    final = search.problem
     model, substeps = final.model_at(search.best.z), final.substeps
     states = tuple(final.numbers_by_log(search.best.z))
-    failed = not np.isfinite(search.best.quadratic.cost)
+    failed = not np.isfinite(search.best.cost)
     runs = runs_over(model, task.records, initial=None if failed else states, substeps=substeps)
     needed = substeps
     if task.checked:
         k = _most_demanding(runs)
         choice = step_choice(model, runs[k])
         runs, needed = (*runs[:k], replace(runs[k], choice=choice), *runs[k + 1 :]), choice.substeps
-    return Optimum(search, final, horizon, silent, model, states, runs, substeps, needed, notes)
+    return Optimum(search, silent, model, states, runs, needed, notes)
 
 
 def _most_demanding(runs: Sequence[Run]) -> int:

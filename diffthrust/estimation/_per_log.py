@@ -108,17 +108,11 @@ class PerLog:
 
 
 class _Spread(NamedTuple):
-    """What the logs say of the coordinates of parameters that differ, all else integrated out.
+    """What the logs say of the coordinates of parameters that differ, all else integrated out."""
 
-    Args:
-        information: of the logs, ``(k, k)``.
-        linear: its linear term, ``(k,)``.
-        groups: the parameter of each coordinate, ``(k,)``.
-    """
-
-    information: np.ndarray
-    linear: np.ndarray
-    groups: np.ndarray
+    information: np.ndarray  # of the logs, ``(k, k)``,
+    linear: np.ndarray  # its linear term, ``(k,)``,
+    groups: np.ndarray  # and the parameter of each coordinate, ``(k,)``
 
     def ratio(self, widths: np.ndarray) -> float:
         """Twice the logarithm of the likelihood ratio of some widths and of none."""
@@ -135,18 +129,19 @@ class _Spread(NamedTuple):
         return np.sqrt(np.maximum(logs - 1, 1) / np.where(sums > 0, sums, 1.0))
 
 
-def with_widths(search: Search, problem: Problem) -> tuple[Search, Problem]:
+def with_widths(search: Search) -> Search:
     """The search carried on until the widths of what differs by log are those of the optimum.
 
     The best alone finds the widths, a few steps at a time, and only then do its rivals follow: of a
     boat in another current in each log all optima crept to their ends at each of twelve widths,
     for three minutes of a refit.
     """
-    names = [name for name, _ in problem.layout.per_log]
+    names = [name for name, _ in search.problem.layout.per_log]
     ended = False
     for i in range(_ROUNDS if names else 0):
-        if not np.isfinite(search.best.quadratic.cost):
+        if not np.isfinite(search.best.cost):
             break
+        problem = search.problem
         old = _widths(problem)
         new = _likeliest(_spread(problem, search.best.z, search.best.quadratic), old)
         settled = bool(np.all(np.abs(np.log(new / old)) < _SETTLED))
@@ -155,7 +150,7 @@ def with_widths(search: Search, problem: Problem) -> tuple[Search, Problem]:
         problem = _with(problem, dict(zip(names, new, strict=True)))
         ended = settled or i == _ROUNDS - 1
         search = search.followed(problem, with_guesses=False) if ended else search.moved(problem)
-    return search, problem
+    return search
 
 
 def _with(problem: Problem, widths: Mapping[str, float]) -> Problem:
@@ -230,11 +225,8 @@ def _width_range(spread: _Spread, widths: np.ndarray, i: int) -> tuple[float, fl
     """The 90 % interval of one width, the others as they are, by the plain likelihood."""
     low, high = np.log([_NARROW, _WIDE])
     grid = np.exp(np.linspace(low, high, 400)) * spread.errors(widths.size)[i]
-    ratios = []
-    for width in grid:
-        tried = widths.copy()
-        tried[i] = width
-        ratios.append(spread.ratio(tried))
+    others = np.arange(widths.size) != i
+    ratios = [spread.ratio(np.where(others, widths, width)) for width in grid]
     inside = grid[np.array(ratios) >= max(ratios) - _NINETY]
     return 0.0 if inside[0] == grid[0] else float(inside[0]), float(inside[-1])
 
@@ -246,14 +238,10 @@ def per_log_of(
     covariance: np.ndarray,
     means: Mapping[str, Estimate],
 ) -> dict[str, PerLog]:
-    """What a fit reports of its numbers by log.
+    """What a fit reports of its numbers by log, from its optimum and the likelihood there.
 
-    Args:
-        problem: the problem of the fit.
-        z: its optimum.
-        q: the likelihood there.
-        covariance: of all coordinates, ``(n, n)``; NaN where there is none.
-        means: the estimates of the parameters.
+    ``covariance`` is of all coordinates, ``(n, n)``; NaN where there is none. ``means`` are the
+    estimates of the parameters.
     """
     out: dict[str, PerLog] = {}
     if not problem.layout.per_log or not np.isfinite(q.cost):
@@ -275,13 +263,8 @@ def per_log_of(
             slope = value if transform == "log" else float(kind.scale)
             variance = covariance[np.ix_(together, together)].sum() * slope**2
             error = float(np.sqrt(variance)) if variance > 0 else None
-            values[label] = replace(
-                means[name],
-                value=value,
-                std_error=error,
-                fixed=False,
-                at_bound=bool(held[places[k, i]]),
-            )
+            own = {"value": value, "std_error": error, "at_bound": bool(held[places[k, i]])}
+            values[label] = replace(means[name], fixed=False, **own)
         low, high = _width_range(spread, widths, i)
         out[name] = PerLog(
             mean=means[name],

@@ -60,20 +60,13 @@ class Turn(NamedTuple):
     """Other coordinates: the values by log themselves, whose bounds are a box.
 
     How far they are from their means, in which a search goes quickest, has no such bounds: they
-    would move with the means.
-
-    Args:
-        matrix: of the coordinates of a problem by these, ``(n, n)``.
-        shift: what is added, ``(n,)``.
-        places: of the values, in turn for each log, ``(k,)``.
-        low: lower bounds of the values, ``(k,)``.
-        high: their upper bounds.
+    would move with the means. The coordinates of a problem are ``matrix @ these + shift``.
     """
 
     matrix: np.ndarray
     shift: np.ndarray
-    places: np.ndarray
-    low: np.ndarray
+    places: np.ndarray  # of the values, in turn for each log, ``(k,)``,
+    low: np.ndarray  # and their bounds
     high: np.ndarray
 
     def to(self, z: np.ndarray) -> np.ndarray:
@@ -96,30 +89,23 @@ class Turn(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """An estimation problem.
+    """An estimation problem; its model's values are where the fit starts.
 
-    Args:
-        model: the model; its values are where the fit starts.
-        records: the logs, bound to the model.
-        layout: the static part.
-        numbers: the numeric part.
-        order: for each batch, the indices of its records.
-        held: measured initial states stay at their measured values.
-        nuisance: parameters of the observer or of the noise, estimated with the model's.
-        chosen: the coordinates that are moved, where the layout has a width.
-        quick_compile: it is solved for one model among many, each of which is compiled anew: as
-            long as little was run, to compile counts more.
-        compared: its fit is only compared with others', and need not creep to its end.
+    With ``quick_compile`` it is solved for one model among many, each of which is compiled anew: as
+    long as little was run, to compile counts more. One that is ``compared`` has a fit that is only
+    compared with others', and need not creep to its end.
     """
 
     model: Model
     records: tuple[Record, ...]
     layout: Layout
     numbers: ProblemNumbers = field(repr=False)
-    order: tuple[tuple[int, ...], ...] = ()
-    held: bool = False
+    order: tuple[tuple[int, ...], ...] = ()  # for each batch, the indices of its records
+    held: bool = False  # measured initial states stay at their measured values
+    horizon: float | None = None  # length of its segments [s]; None for whole runs
+    # of the observer or of the noise, estimated with the model's
     nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
-    chosen: tuple[str, ...] | None = None
+    chosen: tuple[str, ...] | None = None  # what is moved, where the layout has a width
     quick_compile: bool = False
     compared: bool = False
 

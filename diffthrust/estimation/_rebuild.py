@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._arguments import likelihood_of, listed
+from diffthrust.estimation._arguments import WORDS, likelihood_of, listed
 from diffthrust.estimation._arrange import build, restarts
 from diffthrust.estimation._laws import Gaussian
 from diffthrust.estimation._likelihood import errors_at
@@ -51,11 +51,8 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
     """The problem whose optimum a fit is, and the coordinates of that optimum.
 
     The coordinates are the free parameters (those of the model first, then the noise's), followed
-    by the initial states of the logs; see `Problem`.
-
-    Args:
-        fit: a fit that could be simulated.
-        logs: the training logs of the fit, in their order.
+    by the initial states of the logs; see `Problem`. The logs are the training logs of the fit, in
+    their order.
 
     Raises:
         InputError: a failed fit, or logs that are not those of the fit.
@@ -73,24 +70,19 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
         )
     silent = [n for n, p in fit.model.parameters.items() if not p.fixed and n not in fit.free]
     records = bind(fit.model, logs)
+    words = {name: getattr(fit, name) for name in WORDS}
     problem = build(
         fit.model.fix(*silent) if silent else fit.model,
         records,
         substeps=fit.substeps,
         initial="estimate" if fit.begins_freely else "measured",
         segmented=fit.horizon is not None,
-        likelihood=likelihood_of(
-            fit.model,
-            records,
-            likelihood=fit.likelihood,
-            noise_model=fit.noise_model,
-            loss=fit.loss,
-        ),
+        likelihood=likelihood_of(fit.model, records, **words),
     )
     problem = restarts(_as_fitted(problem, fit), fit.horizon, hold=fit.held)
     begin = problem.coordinates_by_log(fit.initial)
     z = np.concatenate([problem.start()[: problem.shared], begin])
-    cost = float(solve(problem, z, budget=1).quadratic.cost)
+    cost = solve(problem, z, budget=1).cost
     samples = float(np.sum(problem.numbers.counts))
     if not math.isclose(cost, -fit.log_likelihood, rel_tol=0, abs_tol=_SAME * samples):
         raise InputError(
@@ -104,19 +96,15 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
 def one_step(fit: Fit, records: Sequence[Record], substeps: int = 1) -> list[dict[str, np.ndarray]]:
     """Errors of the one-step predictions of a fit on any records, from their measured states on.
 
-    Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured.
-
-    A channel that the fit did not know corrects nothing.
+    Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured. A channel
+    that the fit did not know corrects nothing.
 
     Raises:
         InputError: the logs measure no state.
     """
+    likelihood = Innovations.of(fit.model, records, White(), Gaussian())
     problem = build(
-        fit.model,
-        records,
-        substeps=substeps,
-        initial="measured",
-        likelihood=Innovations.of(fit.model, records, White(), Gaussian()),
+        fit.model, records, substeps=substeps, initial="measured", likelihood=likelihood
     )
     problem = _as_fitted(problem, fit)
     errors = errors_at(problem, problem.start())

@@ -11,8 +11,6 @@ took 72 passes a step, and two thirds of a fit.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from diffthrust.estimation._estimate import Estimate
@@ -42,19 +40,20 @@ _SHARE = 1e-3
 """Gradients are compared so many standard errors to either side."""
 
 
-def polished(search: Search, problem: Problem) -> Search:
+def polished(search: Search) -> Search:
     """The search with its best optimum carried to the end, if it had not come there."""
+    problem = search.problem
     if search.best.done and _is_flat(problem, search.best):
         return search
-    (best, count), *rivals = search.finished(problem).optima
+    best = search.finished().best
     for _ in range(_ROUNDS):
         begun, best = best, _by_newton(problem, best)
-        if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:
+        if not np.isfinite(best.cost) or best.done or _steepness(problem, best) == 0:
             break
-        if begun.quadratic.cost - best.quadratic.cost < _CREEPING:
+        if begun.cost - best.cost < _CREEPING:
             break
         best = solve(problem, best.z)  # from far away a trust region is the safer guide
-    return replace(search, optima=((best, count), *rivals))
+    return search.with_best(best)
 
 
 def rounding_of(problem: Problem, end: Solved) -> float:
@@ -87,7 +86,7 @@ def rounding_of(problem: Problem, end: Solved) -> float:
 
 def _by_newton(problem: Problem, best: Solved) -> Solved:
     for _ in range(_STEPS):
-        if not np.isfinite(best.quadratic.cost) or (best.done and _steepness(problem, best) == 0):
+        if not np.isfinite(best.cost) or (best.done and _steepness(problem, best) == 0):
             break
         further = _newton(problem, best)
         if further is None:
@@ -156,29 +155,26 @@ def _axes(at: Solved, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 def _better(problem: Problem, trial: Solved, at: Solved) -> bool:
     """A lower cost; or one that is equal, and a smaller gradient."""
-    gain = float(at.quadratic.cost) - float(trial.quadratic.cost)
-    rounding = EQUAL * abs(float(at.quadratic.cost))
+    gain = at.cost - trial.cost
+    rounding = EQUAL * abs(at.cost)
     if not abs(gain) <= rounding:
         return gain > 0
     return _steepness(problem, trial) < _steepness(problem, at)
 
 
-def refined(search: Search, problem: Problem) -> tuple[Search, Problem]:
-    """An innovations fit continued with large errors limited, where the law forgives them.
+def refined(search: Search) -> Search:
+    """A search continued with large errors limited that correct states, where the law forgives.
 
     A spike then moves the states no further than a large error does. Where large errors are no
     spikes but real motion, the wider limit is likelier and is taken.
     """
-    if not problem.layout.likelihood.law.forgiving:
-        return search, problem
+    likelihood = search.problem.layout.likelihood
+    if not (likelihood.corrects and likelihood.law.forgiving):
+        return search
     for _ in range(2):  # the limit follows the noise level, which falls once spikes are limited
-        problem = with_clip(problem, CLIP * search.best.quadratic.sigma)
-        search = search.followed(problem)
-    wide = with_clip(problem, problem.numbers.clip, reach=WIDE)
-    freer = search.followed(wide)
-    if freer.best.quadratic.cost < search.best.quadratic.cost - REAL:
-        return freer, wide
-    return search, problem
+        search = search.followed(with_clip(search.problem, CLIP * search.best.quadratic.sigma))
+    freer = search.followed(with_clip(search.problem, search.problem.numbers.clip, reach=WIDE))
+    return freer if freer.best.cost < search.best.cost - REAL else search
 
 
 def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:

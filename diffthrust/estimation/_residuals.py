@@ -29,12 +29,7 @@ from diffthrust.simulation._trajectory import Grid, trajectory
 
 @dataclass(frozen=True)
 class Likelihood(ABC):
-    """What the residuals of a fit are, and of which law.
-
-    Args:
-        noise: what noise they are taken for.
-        law: its law.
-    """
+    """What the residuals of a fit are, what noise they are taken for, and of which law."""
 
     noise: NoiseModel = field(default_factory=White)
     law: Law = field(default_factory=Gaussian)
@@ -81,14 +76,8 @@ class Likelihood(ABC):
     ) -> Float[jax.Array, "channels time"]:
         """What is summed of one log; zero where nothing was measured; traceable.
 
-        Args:
-            channels: those that any log measures.
-            model: with (possibly traced) parameter values.
-            grid: how to integrate.
-            values: of all parameters, by name.
-            numbers: of the problem.
-            log: one log of a batch.
-            states: the initial ones.
+        Of the ``channels`` that any log measures, from initial ``states``; ``values`` are those of
+        all parameters, by name.
         """
 
     def whiteness(self, tables: bool) -> Whiteness:
@@ -145,11 +134,6 @@ class Innovations(Likelihood):
     """Errors of predicting each sample from all earlier ones; see `_observer`.
 
     Errors that last are the observer's own, so that what is left is taken as white.
-
-    Args:
-        noise: white.
-        law: its law.
-        observer: what is corrected by what.
     """
 
     observer: Observer = field(kw_only=True)

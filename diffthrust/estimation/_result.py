@@ -26,6 +26,7 @@ from diffthrust._support.report import (
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust._support.words import number
+from diffthrust.estimation._arguments import WORDS
 from diffthrust.estimation._estimate import Estimate, noise_rows, parameter_rows
 from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._per_log import PerLog, per_log_section
@@ -37,7 +38,7 @@ from diffthrust.logs._identity import LogIdentity
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import ChannelError, Errors
+from diffthrust.simulation._errors import Errors
 from diffthrust.soundness._doubt import Doubt
 
 if TYPE_CHECKING:
@@ -200,8 +201,7 @@ class Fit(Result):
             'simulation'
             >>> again = dft.fit(fit.model, log, starts=1, **fit.options)
         """
-        kept = ("likelihood", "loss", "noise_model")
-        arguments: dict[str, Any] = {name: getattr(self, name) for name in kept}
+        arguments: dict[str, Any] = {name: getattr(self, name) for name in WORDS}
         if self.horizon is not None:
             arguments["horizon"] = self.horizon
         if not self.begins_freely:
@@ -374,17 +374,13 @@ def error_rows(errors: Iterable[tuple[str, Errors | None]]) -> Rows:
 
 def _channel_rows(logs: str, errors: Errors) -> Iterator[tuple[str, ...]]:
     for name, e in errors.channels.items():
-        yield logs, name, *_error_cells(e)
+        # + 0.0 turns -0.0 into 0.0
+        percent = f"{round(e.fit_percent, 1) + 0.0:.1f}" if math.isfinite(e.fit_percent) else "-"
+        size, unit = _error_cell(e.shown.value), e.shown.unit
+        yield logs, name, size, unit, _error_cell(e.nrmse), percent, str(e.samples)
     if len(errors.channels) > 1:
         total = (logs, "all", "", "", _error_cell(errors.nrmse), "", "")
         yield tuple(Styled(cell, "strong") for cell in total)
-
-
-def _error_cells(e: ChannelError) -> tuple[str, str, str, str, str]:
-    """RMSE, its unit, NRMSE, fit per cent and samples."""
-    # + 0.0 turns -0.0 into 0.0
-    percent = f"{round(e.fit_percent, 1) + 0.0:.1f}" if math.isfinite(e.fit_percent) else "-"
-    return _error_cell(e.shown.value), e.shown.unit, _error_cell(e.nrmse), percent, str(e.samples)
 
 
 def _error_cell(value: float) -> str:

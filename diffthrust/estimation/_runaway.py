@@ -18,7 +18,6 @@ from diffthrust._support.later import Later
 from diffthrust._support.words import joined, number
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
 from diffthrust.soundness._doubt import Doubt
 
@@ -56,13 +55,7 @@ once the wind was added; three times as much, along a straight valley, leaves th
 
 
 def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
-    """The fit with what is to be said of parameters that ran away.
-
-    Args:
-        fit: the fit, whose ``guess`` is where it began.
-        runs: of its model over the training logs.
-        doubts: whether values far beyond the guess are doubted; else they have their notes only.
-    """
+    """The fit with notes on parameters that ran away, and doubts on values far beyond the guess."""
     fit = replace(fit, notes=(*runaway_notes(fit, runs), *fit.notes))
     far = [name for name, value in _suspects(fit, VERY_FAR)] if doubts else []
     if not far:
@@ -131,16 +124,12 @@ def _along(fit: Fit, name: str, times: float) -> dict[str, float]:
 
 
 def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
-    """A sentence with a mend for each parameter that ran away.
-
-    Args:
-        fit: the fit, whose ``guess`` is where it began.
-        runs: of its model over the training logs.
-    """
+    """A sentence with a mend for each parameter that ran away."""
+    ends = {name: p.limits for name, p in fit.model.parameters.items()}
     suspects = [
         (name, value)
         for name, value in _suspects(fit, FAR)
-        if _within(FURTHER * value, fit.model.parameters[name])
+        if ends[name][0] <= FURTHER * value <= ends[name][1]
     ]
     if not suspects or not np.isfinite(fit.train.nrmse):
         return ()
@@ -163,9 +152,7 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
 def farthest_runaway(fit: Fit, guess: Mapping[str, float]) -> tuple[str, float] | None:
     """The parameter that ran away by so much that nothing a fit says is to be believed; its value.
 
-    Args:
-        fit: the fit.
-        guess: where the parameters in question began, at first: other fits may have gone before.
+    From the ``guess``, where the parameters in question began: other fits may have gone before.
     """
     began = replace(fit, guess={**fit.guess, **guess})
     far = [each for each in _suspects(began, HOPELESS) if each[0] in guess]
@@ -185,11 +172,6 @@ def _suspects(fit: Fit, times: float) -> Iterator[tuple[str, float]]:
         bounded = estimate.at_bound and math.isfinite(parameter.limits[int(estimate.value > 0)])
         if size > 0 and not bounded and abs(estimate.value) >= times * size:
             yield name, estimate.value
-
-
-def _within(value: float, parameter: Parameter) -> bool:
-    low, high = parameter.limits
-    return low <= value <= high
 
 
 def _error(fit: Fit, model: Model, runs: Sequence[Run]) -> float:

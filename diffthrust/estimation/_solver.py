@@ -104,16 +104,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> _State:
-        zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
-        zeros = zeros._replace(cost=jnp.full_like(zeros.cost, jnp.inf))
-        no = jnp.array(False)
-        far, none = jnp.array(jnp.inf), jnp.array(0)
-        flat = jnp.zeros_like(zeros.information)
-        pair = jnp.stack([far, far])
-        own = jnp.zeros(flat.shape[0])
-        missed = jnp.stack([jnp.full_like(own, jnp.inf), own])
-        start = (y, zeros, flat, no, jnp.array(_DAMPING), pair, none, far, none)
-        return _State(*start, own, missed, no, no)
+        channels, scores = aux_struct.sigma.shape[0], aux_struct.scores.shape
+        return jax.tree.map(jnp.asarray, _begin(y, channels, scores))
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -280,21 +272,19 @@ def _secant(curvature: Any, step: Any, old: Quadratic, new: Quadratic) -> Any:
 
 
 class Solved(NamedTuple):
-    """One start, carried as far as its budget went.
-
-    Args:
-        z: the coordinates.
-        quadratic: the likelihood there.
-        done: whether the stopping rule was met.
-        steps: how many were taken.
-        kinked: the coordinates at a kink, along which nothing is to be gained either way.
-    """
+    """One start, carried as far as its budget went."""
 
     z: np.ndarray
     quadratic: Quadratic
-    done: bool
+    done: bool  # the stopping rule was met
     steps: int
-    kinked: np.ndarray
+    kinked: np.ndarray  # coordinates at a kink, along which nothing is to be gained either way
+
+    @property
+    def cost(self) -> float:
+        """Negative log-likelihood; infinite where the simulation fails."""
+        cost = float(self.quadratic.cost)
+        return cost if np.isfinite(cost) else np.inf
 
 
 @program(1)
@@ -375,9 +365,9 @@ def solve(
         low, high = turn.limited(low, high)
         z = np.clip(turn.to(z), low, high)
     affine = None if turn is None else (turn.matrix, turn.shift)
+    bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
     side_by_side = shared_runs()
     if side_by_side is None:
-        bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         quick = _runs_quickly_compiled(problem)
         search = _solved_quickly_compiled if quick else solved_by_passes
         value, quadratic, settled, steps, own = search(layout, numbers, z, *bounds, affine)
@@ -385,9 +375,8 @@ def solve(
             _spent(layout)[0] += int(steps) * problem.work
         quadratic = Quadratic(*(np.asarray(component) for component in quadratic))
         return _ended(np.asarray(value), quadratic, settled, steps, np.asarray(own), turn)
-    state = _begin(layout, z)
+    state = _begin(z, len(layout.channels), (layout.width or len(layout.free), 0))
     while not (state.done or state.failed):
-        bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         carried = (numbers, z, state, *bounds, affine)
         z, state = side_by_side.ask(_further, layout, carried)
     return _ended(z, state.quadratic, state.done, state.steps, state.own, turn)
@@ -405,12 +394,11 @@ def _ended(
     return Solved(z, q, bool(done), int(steps), kinked)
 
 
-def _begin(layout: Any, z: np.ndarray) -> _State:
-    """What `BoundedLevenbergMarquardt.init` gives, as numbers of a size known beforehand."""
-    n, blocks = z.size, np.zeros((layout.width or len(layout.free), 0))
-    sigma = np.zeros(len(layout.channels))
+def _begin(z: Any, channels: int, scores: tuple[int, ...]) -> _State:
+    """Before the first step."""
+    n, sigma = z.size, np.zeros(channels)
     zero, no, far, none = np.asarray(0.0), np.asarray(False), np.asarray(np.inf), np.asarray(0)
-    q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
+    q = Quadratic(far, np.zeros(n), np.zeros((n, n)), zero, sigma, np.zeros(scores))
     flat, pair = np.zeros((n, n)), np.stack([far, far])
     own, missed = np.zeros(n), np.stack([np.full(n, np.inf), np.zeros(n)])
     return _State(z, q, flat, no, np.asarray(_DAMPING), pair, none, far, none, own, missed, no, no)

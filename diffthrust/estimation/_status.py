@@ -82,11 +82,7 @@ class Checks:
 
 @dataclass(frozen=True)
 class Local:
-    """The neighbourhood of an optimum: what is known there and what is not.
-
-    ``spread`` is the covariance of all coordinates, ``(n, n)``; NaN where there is none.
-    ``rounding`` is the part of the gradient that floating-point numbers do not resolve.
-    """
+    """The neighbourhood of an optimum: what is known there and what is not."""
 
     gradient: float
     rank: int
@@ -96,9 +92,9 @@ class Local:
     at_bound: tuple[str, ...]
     vanished: tuple[str, ...]
     covariance: np.ndarray
-    spread: np.ndarray
+    spread: np.ndarray  # covariance of all coordinates, ``(n, n)``; NaN where there is none
     combinations: tuple[str, ...]
-    rounding: float = 0.0
+    rounding: float = 0.0  # the part of the gradient that floating-point numbers do not resolve
 
 
 def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
@@ -302,10 +298,7 @@ def judge(
 def failed_over(failures: Sequence[str], message: str, begun: bool) -> tuple[Status, str]:
     """The status and the sentence of a fit whose model leaves the finite numbers over whole runs.
 
-    Args:
-        failures: a sentence for each run.
-        message: what the search ended with.
-        begun: whether it found a start that can be simulated, by segments or by corrected states.
+    It has ``begun`` where it found a start that can be simulated, by segments or corrected states.
     """
     where = " ".join(failures[:3])
     if begun:
@@ -324,13 +317,7 @@ def _of_bounds(local: Local) -> str:
 
 
 def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> tuple[str, ...]:
-    """A sentence where errors are correlated that the likelihood takes as white.
-
-    Args:
-        problem: the problem of the fit.
-        z: its optimum.
-        runs: the fit over its training logs.
-    """
+    """A sentence where errors are correlated that the likelihood takes as white."""
     white = problem.layout.likelihood.whiteness(are_tables(run.record for run in runs))
     if white.whole_runs:
         errors = [{n: t.residual for n, t in run.channels.items()} for run in runs]
@@ -341,12 +328,7 @@ def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> t
 
 
 def effect_notes(model: Model, runs: Sequence[Run]) -> tuple[str, ...]:
-    """What the numbers of effects come to, and those that the spacing of held samples moves.
-
-    Args:
-        model: at the optimum.
-        runs: over its training logs.
-    """
+    """What the numbers of effects come to, and those that the spacing of held samples moves."""
     record = runs[0].record
     held = {n for n in model.inputs if record.hold.get(n) == "zero"}
     recorded = {*record.inputs, *record.measured}
@@ -381,12 +363,6 @@ def unstable_advice(status: Status, model: Model, runs: Sequence[Run], corrects:
     and parameters decide where a run ends, the likelihood has ridges that no search follows, and
     the rank that is left of it is that of rounding. Predictions from sample to sample do not have
     that; the fit does not go over to them by itself, for their standard errors claim other things.
-
-    Args:
-        status: of the fit.
-        model: at the optimum.
-        runs: over its training logs.
-        corrects: whether the fit predicted from sample to sample.
     """
     measured = any(set(run.channels) & set(model.all_states) for run in runs)
     if status.ok or corrects or not measured:

@@ -185,19 +185,6 @@ def test_it_goes_with_spikes_and_with_segments_and_is_arranged_again():
         assert np.abs(gradient).max() < 1e-2
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"noise_model": "pink"}, "expected one of white, ar1"),
-        ({"noise_model": "ar1", "likelihood": "innovations"}, "lasting sensor errors of its own"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused(options, words):
-    log = thruster_log(np.random.default_rng(7), size=50)
-    with pytest.raises(dft.InputError, match=words):
-        dft.fit(dft.Thruster(), log, **options)
-
-
 def test_the_problem_of_a_fit_wants_the_logs_of_the_fit():
     rng = np.random.default_rng(8)
     log, other = thruster_log(rng, size=200), thruster_log(rng, size=200)

@@ -18,6 +18,7 @@ def log(name="monday", shift=0.0):
 
 
 LOG = log()
+CORRECTED = {"likelihood": "innovations"}
 
 
 def refusal(work):
@@ -37,6 +38,7 @@ def refusal(work):
         (LOG, dft.Thruster(), {}, "logs: expected a Log .* found Thruster", "read_log"),
         (dft.Thruster(), "a.csv", {}, "logs: .* found 'a.csv' .str.", "read_log"),
         (dft.Thruster(), [LOG, "b.csv"], {}, "logs: .* 'b.csv' .str. in a list", "read_log"),
+        (dft.Thruster(), {"time": [0, 1]}, {}, "logs: expected a Log .* found dict", "read_log"),
         (dft.Thruster(), pd.DataFrame({"t": TIME}), {}, "found DataFrame", "from_dataframe"),
         (dft.Thruster(), [], {}, "logs: expected at least one log", "Give"),
         (dft.Thruster(), LOG, {"holdout": False}, "holdout: .* found False", "read_log"),
@@ -58,12 +60,25 @@ def test_a_wrong_argument_is_named_with_its_mend(verb, model, logs, options, sai
     [
         ({"loss": ["gaussian"]}, r"loss: .* found \['gaussian'\]", "loss='gaussian'"),
         ({"loss": None}, "loss: .* found None", "loss='gaussian'"),
-        ({"noise_model": "ar2"}, "noise_model: .* nearest is 'ar1'", "noise_model='white'"),
+        ({"loss": "huber"}, "loss: expected one of gaussian, student_t", "loss='gaussian'"),
+        ({"initial": "zero"}, "initial: expected one of", "initial='auto'"),
+        ({"noise_model": "ar2"}, "one of white, ar1, .* nearest is 'ar1'", "noise_model='white'"),
         ({"starts": "3"}, "starts: expected a whole number of at least 1, found '3'", "starts=8"),
+        ({"starts": 0}, "starts: expected a whole number of at least 1", "starts=8"),
+        ({"starts": 2.5}, "starts: expected a whole number of at least 1", "starts=8"),
+        ({"seed": -1}, "seed: expected a whole number of at least 0", "seed=0"),
         ({"substeps": 0}, "substeps: .* at least 1, found 0", "Leave it out"),
+        ({"substeps": -1}, "substeps: expected a whole number of at least 1", "Leave it out"),
+        ({"substeps": 1.5}, "substeps: expected a whole number of at least 1", "Leave it out"),
         ({"doubts": "no"}, "doubts: expected True or False, found 'no'", "doubts=False"),
         ({"horizon": "long"}, "horizon: expected seconds or 'auto', found 'long'", "seconds"),
         ({"horizon": []}, r"horizon: expected .* found \(\)", "whole runs"),
+        ({"horizon": -1.0}, "horizon: expected a positive", "seconds"),
+        ({"horizon": 1e-10}, "horizon: .* above the step", "seconds"),
+        ({"horizon": 5.0, **CORRECTED}, "whole runs, found 5.0", "Leave the horizon out"),
+        ({"horizon": [5.0, None], **CORRECTED}, "horizon: .* whole runs", "Leave the horizon out"),
+        ({"noise_model": "ar1", **CORRECTED}, "lasting sensor errors of its own", "simulation"),
+        ({"likelihood": "filter"}, "one of simulation, innovations, found 'filter'", "others"),
         ({"guesses": {"alpha": 1.0}}, "guesses: expected a list", "guesses="),
         ({"guesses": [{"alfa": 1.0}]}, "guesses: .* 'alfa' .the nearest is 'alpha'.", "name"),
         ({"guesses": [{"alpha": "x"}]}, "'alpha': expected a number in 1/rad, found 'x'", "number"),

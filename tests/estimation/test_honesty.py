@@ -28,22 +28,11 @@ def hidden_logs():
     return [dft.Log(time=made.time, inputs=dict(made.inputs), measured=dict(made.measured))]
 
 
+THREE = dft.Thruster() + "actuator_lag" + "command_deadband" + "reverse_thrust_asymmetry"
 CASES = {
     "thruster": (dft.Thruster(), thruster_logs),
-    "three_effects": (
-        dft.Thruster()
-        + dft.effects.ActuatorLag()
-        + dft.effects.CommandDeadband()
-        + dft.effects.ReverseThrustAsymmetry(),
-        hidden_logs,
-    ),
-    "three_needless_effects": (
-        dft.Thruster()
-        + dft.effects.ActuatorLag()
-        + dft.effects.CommandDeadband()
-        + dft.effects.ReverseThrustAsymmetry(),
-        thruster_logs,
-    ),
+    "three_effects": (THREE, hidden_logs),
+    "three_needless_effects": (THREE, thruster_logs),
     "vessel": (dft.Vessel(), vessel_logs),
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from compilations import compilations
 from gusty_runs import MISSING, gusty_runs, model_of
-from problems import Ended, Search, Solved, build, folds, horizons_module, solve, without
+from problems import Search, Solved, build, folds, horizons_module, solve, without
 
 import diffthrust as dft
 
@@ -77,10 +77,11 @@ def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizo
         assert chosen < 1.03 * better, seed
 
 
-def search_of(cost, z, sigma):
+def search_of(cost, z, sigma, horizon=None):
     quadratic = SimpleNamespace(cost=cost, sigma=np.array([sigma]))
     best = Solved(np.array([z]), quadratic, done=True, steps=1, kinked=np.zeros(1, bool))
-    return Search(((best, 1),), begun=1, guesses=("a user's guess",))
+    problem = SimpleNamespace(horizon=horizon)
+    return Search(problem, ((best, 1),), begun=1, guesses=("a user's guess",))
 
 
 @pytest.fixture
@@ -94,11 +95,8 @@ def valleys(monkeypatch):
             begun.append((problem, starts, guesses))
             return anew
 
-        def follow(ended, horizon):
-            return Ended(horizon, followed, "whole runs")
-
         monkeypatch.setattr(horizons_module, "search", search)
-        monkeypatch.setattr(horizons_module, "_followed", follow)
+        monkeypatch.setattr(horizons_module, "_followed", lambda ended, horizon: followed)
         return followed, begun
 
     return of
@@ -110,11 +108,10 @@ def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_v
 ):
     anew = search_of(10.0 - deeper, 2.0, 1.0)
     followed, begun = valleys(anew, 2.0)
-    entire = Ended(None, followed, "whole runs")
-    end = horizons_module._begun_anew(entire, 4, None)
-    assert end.search is {"anew": anew, "followed": followed}[taken]
-    assert begun == [("whole runs", 4, [followed.best.z])]  # the guess was followed there
-    assert horizons_module._begun_anew(entire, 0, None).search is followed  # none is drawn
+    end = horizons_module._begun_anew(followed, 4, None)
+    assert end is {"anew": anew, "followed": followed}[taken]
+    assert begun == [(followed.problem, 4, [followed.best.z])]  # the guess was followed there
+    assert horizons_module._begun_anew(followed, 0, None) is followed  # none is drawn
     assert len(begun) == 1
 
 
@@ -122,10 +119,10 @@ def test_whole_runs_are_begun_anew_where_the_way_through_segments_missed_their_v
 def test_whole_runs_are_not_begun_anew_where_errors_do_not_accumulate(valleys, sigma, taken, times):
     anew = search_of(5.0, 2.0, 1.0)
     followed, begun = valleys(anew, sigma)
-    segments = Ended(20.0, search_of(-3.0, 1.0, 1.0), "segments")
+    segments = search_of(-3.0, 1.0, 1.0, horizon=20.0)
     end, notes = horizons_module.by_left_out(segments, 4, None)
-    assert end.search is {"anew": anew, "followed": followed}[taken]
-    assert (end.horizon, notes, len(begun)) == (None, (), times)
+    assert end is {"anew": anew, "followed": followed}[taken]
+    assert (end.problem.horizon, notes, len(begun)) == (None, (), times)
 
 
 def test_a_way_to_whole_runs_ends_there_once():

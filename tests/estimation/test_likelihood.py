@@ -8,19 +8,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from error_laws import TAIL
-from problems import LOSSES, SimulationError, build, evaluate, gram, likelihood_module, restarts
+from problems import (
+    LOSSES,
+    SimulationError,
+    build,
+    compiled,
+    evaluated,
+    gram,
+    likelihood_module,
+    restarts,
+)
 from reference import inputs, noise, thruster, vessel
 from scipy.optimize import minimize_scalar
 
 import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
-
-compiled = jax.jit(evaluate, static_argnums=0)
-
-
-def evaluated(problem, z):
-    return jax.tree.map(np.asarray, compiled(problem.layout, problem.numbers, jnp.asarray(z)))
 
 
 @functools.cache
@@ -29,14 +32,9 @@ def record(seed, count=161, unsigned=False, dropout=0.0, spikes=0.0):
     time = 0.05 * np.arange(count)
     command = inputs.low_passed_random(time, 1.5, rng)
     clean = thruster.simulate(time, command, initial_speed=5.0, method="rk4")
-    return noise.measure(
-        clean,
-        rng,
-        speed=noise.Sensor(
-            0.3, unsigned=unsigned, dropout_share=dropout, spike_share=spikes, spike_size=20.0
-        ),
-        thrust=noise.Sensor(0.5, dropout_share=dropout),
-    )
+    kept = {"unsigned": unsigned, "spike_share": spikes, "spike_size": 20.0}
+    speed = noise.Sensor(0.3, dropout_share=dropout, **kept)
+    return noise.measure(clean, rng, speed=speed, thrust=noise.Sensor(0.5, dropout_share=dropout))
 
 
 def log_of(seed, count=161, *, known=(), unsigned=False, dropout=0.0, spikes=0.0, channels=None):
@@ -53,6 +51,7 @@ def log_of(seed, count=161, *, known=(), unsigned=False, dropout=0.0, spikes=0.0
 
 
 GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
+FORGIVING = SimulationError(law=LOSSES["student_t"])
 
 
 # A second version, by way of `simulate` on each log.
@@ -88,7 +87,8 @@ def plain_cost(problem, z):
             tails = np.log1p(rest**2 / (TAIL * s**2))
             return 0.5 * (TAIL + 1.0) * np.sum(tails) + rest.size * np.log(s)
 
-        law = gaussian if problem.layout.likelihood.law.word == "gaussian" else student
+        normal = problem.layout.likelihood.law.word == "gaussian"
+        law = gaussian if normal else student
         if not known:
             root = np.sqrt(np.mean(rest**2))
             inside = (np.log(0.01 * root), np.log(10.0 * root))
@@ -100,9 +100,7 @@ def plain_cost(problem, z):
             )
             sigma = float(np.exp(best.x))
         cost += law(sigma)
-        if (
-            problem.layout.likelihood.law.word == "gaussian"
-        ):  # constants that the package leaves out
+        if normal:  # constants that the package leaves out
             cost -= rest.size * np.log(sigma) if known else 0.5 * rest.size
     for name, (mean, std) in problem.numbers.prior.items():
         cost += 0.5 * ((problem.values(z)[name] - float(mean)) / float(std)) ** 2
@@ -118,13 +116,9 @@ CASES = {
     "gaussian": lambda: build(GUESS, [log_of(1)]),
     "known_noise": lambda: build(GUESS, [log_of(1, known=("speed", "thrust"))]),
     "one_known": lambda: build(GUESS, [log_of(1, known=("thrust",))]),
-    "student_t": lambda: build(
-        GUESS, [log_of(2, spikes=0.05)], likelihood=SimulationError(law=LOSSES["student_t"])
-    ),
+    "student_t": lambda: build(GUESS, [log_of(2, spikes=0.05)], likelihood=FORGIVING),
     "student_t_known": lambda: build(
-        GUESS,
-        [log_of(2, spikes=0.05, known=("speed", "thrust"))],
-        likelihood=SimulationError(law=LOSSES["student_t"]),
+        GUESS, [log_of(2, spikes=0.05, known=("speed", "thrust"))], likelihood=FORGIVING
     ),
     "unsigned": lambda: build(GUESS, [log_of(3, unsigned=True)]),
     "missing": lambda: build(GUESS, [log_of(4, dropout=0.3)]),
@@ -156,13 +150,8 @@ def vessel_log():
     start = {"surge": 0.3, "heading": 3.0}
     clean = vessel.simulate(time, given, parameters=vessel.SIRAMDASU, initial=start, method="rk4")
     rng = np.random.default_rng(9)
-    read = noise.measure(
-        clean,
-        rng,
-        surge=noise.Sensor(0.02),
-        yaw_rate=noise.Sensor(0.01),
-        heading=noise.Sensor(0.02),
-    )
+    levels = {"surge": 0.02, "yaw_rate": 0.01, "heading": 0.02}
+    read = noise.measure(clean, rng, **{n: noise.Sensor(std) for n, std in levels.items()})
     read.measured["heading"][:] = np.angle(np.exp(1j * read.measured["heading"]))
     assert np.ptp(np.diff(read.measured["heading"])) > 6.0  # it does wrap
     return Log(time, given, read.measured)
@@ -239,14 +228,10 @@ def test_an_outlier_weighs_little_under_student_t():
     z = build(GUESS, [clean]).start()
 
     def gradients(loss):
-        out = []
+        out, likelihood = [], SimulationError(law=LOSSES[loss])
         for measured in (clean.measured, spoilt):
             log = Log(clean.time, clean.inputs, measured, noise={"speed": 0.3, "thrust": 0.5})
-            out.append(
-                evaluated(
-                    build(GUESS, [log], likelihood=SimulationError(law=LOSSES[loss])), z
-                ).gradient[:3]
-            )
+            out.append(evaluated(build(GUESS, [log], likelihood=likelihood), z).gradient[:3])
         return np.linalg.norm(out[1] - out[0]) / np.linalg.norm(out[0])
 
     assert gradients("student_t") < 0.02
@@ -413,10 +398,8 @@ def test_inner_products_tell_that_series_are_parallel():
 @pytest.mark.parametrize("count", [30, 48, 50, 1000])
 def test_products_are_summed_over_equal_blocks_of_time(count):
     products = np.random.default_rng(0).normal(size=(2, 3, 2, count))
-    found = np.asarray(
-        likelihood_module.by_blocks(jnp.asarray(products), likelihood_module._BLOCKS, jnp)
-    )
     blocks = likelihood_module._BLOCKS
+    found = np.asarray(likelihood_module.by_blocks(jnp.asarray(products), blocks, jnp))
     size = int(np.ceil(count / blocks))
     parts = [products[..., k * size : (k + 1) * size].sum(axis=(2, 3)) for k in range(blocks)]
     np.testing.assert_allclose(found, np.stack(parts, axis=-1), atol=1e-12)

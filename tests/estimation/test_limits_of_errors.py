@@ -26,36 +26,36 @@ class Posed:
 
 
 def posed(law):
-    return Posed(SimpleNamespace(likelihood=SimpleNamespace(law=law)))
+    return Posed(SimpleNamespace(likelihood=SimpleNamespace(law=law, corrects=True)))
 
 
 class Searched:
     """A search whose next costs are known; its noise doubles each time."""
 
-    def __init__(self, costs, sigma=0.5, asked=None):
-        self.costs, self.asked = costs, [] if asked is None else asked
-        q = SimpleNamespace(sigma=np.array([sigma, 3.0 * sigma]), cost=costs[0])
-        self.best, self.sigma = SimpleNamespace(quadratic=q), sigma
+    def __init__(self, problem, costs, sigma=0.5, asked=None):
+        self.problem, self.costs, self.asked = problem, costs, [] if asked is None else asked
+        q = SimpleNamespace(sigma=np.array([sigma, 3.0 * sigma]))
+        self.best, self.sigma = SimpleNamespace(quadratic=q, cost=costs[0]), sigma
 
     def followed(self, problem):
         self.asked.append((problem.numbers.clip.tolist(), float(problem.numbers.reach)))
-        return Searched(self.costs[1:], 2.0 * self.sigma, self.asked)
+        return Searched(problem, self.costs[1:], 2.0 * self.sigma, self.asked)
 
 
 def test_a_law_that_does_not_forgive_limits_nothing():
-    search, problem = Searched([1.0]), posed(Gaussian())
-    assert refine_module.refined(search, problem) == (search, problem)
+    search = Searched(posed(Gaussian()), [1.0])
+    assert refine_module.refined(search) is search
     assert search.asked == []
 
 
 @pytest.mark.parametrize(("wide", "reach"), [(89.9, 5.0), (90.1, 1.0)])
 def test_errors_are_limited_at_four_standard_deviations_or_at_twenty(wide, reach):
-    search = Searched([500.0, 300.0, 100.0, wide])
-    found, problem = refine_module.refined(search, posed(StudentT()))
+    search = Searched(posed(StudentT()), [500.0, 300.0, 100.0, wide])
+    found = refine_module.refined(search)
     assert search.asked == [([2.0, 6.0], 1.0), ([4.0, 12.0], 1.0), ([4.0, 12.0], 5.0)]
-    assert float(problem.numbers.reach) == reach
-    assert problem.numbers.clip.tolist() == [4.0, 12.0]
-    assert found.best.quadratic.cost == (wide if reach == 5.0 else 100.0)
+    assert float(found.problem.numbers.reach) == reach
+    assert found.problem.numbers.clip.tolist() == [4.0, 12.0]
+    assert found.best.cost == (wide if reach == 5.0 else 100.0)
 
 
 def test_gains_and_memories_without_standard_errors():

@@ -6,12 +6,11 @@ from dataclasses import replace
 from typing import ClassVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from observers import Limits, direction, guesses, innovations, limited, one_step, with_clip
+from observers import Limits, guesses, innovations, one_step, with_clip
 from places import FITS
-from problems import build, errors_at, evaluate, examine, likelihood_of, solve
+from problems import build, compiled, errors_at, evaluated, examine, innovations_of, solve
 from reference import axis, inputs, noise, thruster
 from scipy.stats import chi2
 
@@ -19,17 +18,7 @@ import diffthrust as dft
 from diffthrust import InputError, Log, Status
 from diffthrust.effects import ActuatorLag, LinearDamping
 
-compiled = jax.jit(evaluate, static_argnums=0)
 GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
-
-
-def innovations_of(model, logs, loss="gaussian"):
-    words = {"likelihood": "innovations", "noise_model": "white", "loss": loss}
-    return likelihood_of(model, logs, **words)
-
-
-def evaluated(problem, z):
-    return jax.tree.map(np.asarray, compiled(problem.layout, problem.numbers, jnp.asarray(z)))
 
 
 def arranged(model, logs, *, initial="measured", **gains):
@@ -489,19 +478,6 @@ def test_a_spec_file_may_ask_for_it():
     assert set(words.model_fields) <= set(inspect.signature(dft.fit).parameters)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"horizon": 5.0}, "whole runs, found 5.0"),
-        ({"horizon": [5.0, None]}, "whole runs"),
-        ({"likelihood": "filter"}, "expected one of simulation, innovations, found 'filter'"),
-    ],
-)
-def test_arguments_that_cannot_be_meant(options, words):
-    with pytest.raises(InputError, match=words):
-        dft.fit(GUESS, field_log(0), **{"likelihood": "innovations", **options})
-
-
 def test_without_a_measured_state_there_is_nothing_to_correct():
     log = field_log(0)
     blind = Log(log.time, log.inputs, {"thrust": log.measured["thrust"]})
@@ -511,22 +487,6 @@ def test_without_a_measured_state_there_is_nothing_to_correct():
     driven = Log(log.time, {"speed": log.measured["speed"]}, {"thrust": log.measured["thrust"]})
     with pytest.raises(InputError, match="drive the model alike"):
         dft.fit(GUESS, [log, driven], likelihood="innovations")
-
-
-def test_what_an_error_corrects_bends_smoothly_into_its_limit():
-    errors = jnp.array([-1e12, -20.0, -1.0, 0.0, 1.0, 20.0, 1e12])
-    told = limited(errors, 4.0)
-    assert told == pytest.approx([-4.0, -4.0, -1.0, 0.0, 1.0, 4.0, 4.0], rel=2e-5)
-    assert limited(errors, jnp.inf) == pytest.approx(errors)
-    slopes = jax.vmap(jax.grad(limited), (0, None))(errors, 4.0)
-    assert np.all(np.isfinite(slopes))
-
-
-def test_the_direction_of_an_unsigned_sensor_passes_zero_smoothly():
-    speeds = jnp.array([-9.0, 0.0, 9.0])
-    assert direction(speeds, 1.0) == pytest.approx([-1.0, 0.0, 1.0])
-    assert direction(speeds, jnp.inf) == pytest.approx([-1.0, 1.0, 1.0])
-    assert jax.grad(direction)(0.0, 2.0) == pytest.approx(0.5)
 
 
 def test_gains_are_begun_as_given_small_and_as_the_sensors_own():

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 from typing import ClassVar
 
+import jax
 import numpy as np
 import pytest
 from observers import (
@@ -140,13 +141,7 @@ class Bare(Chain):
     ports: ClassVar = {}
 
     def equations(self, s, port):
-        rates = {
-            "first": s.u - s.first,
-            "second": self.rate * (s.first - s.second),
-            "third": s.second,
-            "aside": s.third,
-        }
-        return rates, {"second": s.second, "third": s.third, "sum": s.second + s.third}
+        return super().equations(s, lambda name, value: value)
 
 
 def test_without_ports_random_forces_act_on_all():
@@ -248,6 +243,12 @@ def test_errors_bend_and_directions_turn_as_they_say():
     assert float(limited(1.0, 1.0)) == pytest.approx(0.92, abs=4e-3)
     np.testing.assert_allclose(direction(e, 0.8), np.tanh(e / 0.8), rtol=1e-12)
     np.testing.assert_array_equal(direction(e, np.inf), np.where(e < 0, -1.0, 1.0))
+    far = np.array([-1e12, -20.0, -1.0, 0.0, 1.0, 20.0, 1e12])
+    told = [-4.0, -4.0, -1.0, 0.0, 1.0, 4.0, 4.0]
+    np.testing.assert_allclose(limited(far, 4.0), told, rtol=2e-5)
+    np.testing.assert_allclose(limited(far, np.inf), far, rtol=1e-6)
+    assert np.all(np.isfinite(jax.vmap(jax.grad(limited), (0, None))(far, 4.0)))
+    assert jax.grad(direction)(0.0, 2.0) == pytest.approx(0.5)  # it passes zero smoothly
 
 
 def test_a_correction_knows_whole_turns():

@@ -16,22 +16,6 @@ import diffthrust as dft
 VERSIONS = {"diffthrust": "1.2.3", "jax": "0.10.2", "numpy": "2.4.6"}
 
 
-class OwnEffect(dft.Effect):
-    name = "own_effect"
-    port = "shaft"
-
-    def __call__(self, value, s):
-        return value
-
-
-class OwnModel(dft.LinearSensor):
-    name = "own_model"
-
-    def __init__(self, table=None, slow=False, **values):
-        self._set(slow=slow)
-        super().__init__(**values)
-
-
 def log(seed=0):
     return short.made_log(seed, name=f"run{seed}.csv")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from compilations import compilations
 from observers import cost, passes, settled_start, with_clip
-from problems import build, errors_at, likelihood_of
+from problems import build, errors_at, innovations_of
 
 import diffthrust as dft
 from diffthrust import Log
@@ -37,8 +37,7 @@ def log(count, seed):
 def problem():
     """Two logs that share a batch in the order of their lengths, with limits that none meets."""
     logs = [log(25, 1), log(31, 2)]
-    words = {"likelihood": "innovations", "noise_model": "white", "loss": "gaussian"}
-    made = build(Both(), logs, likelihood=likelihood_of(Both(), logs, **words), width=4)
+    made = build(Both(), logs, likelihood=innovations_of(Both(), logs), width=4)
     assert made.order == ((1, 0),)
     made = made.focus(("a", "b", "noise.x.gain.x"), {n: p.value for n, p in made.named.items()})
     return with_clip(made, [50.0, 80.0])
@@ -58,8 +57,7 @@ def test_passes_are_in_the_order_of_the_logs(problem):
 
 
 def made_of(logs):
-    words = {"likelihood": "innovations", "noise_model": "white", "loss": "gaussian"}
-    return build(Both(a=0.8), logs, likelihood=likelihood_of(Both(), logs, **words))
+    return build(Both(a=0.8), logs, likelihood=innovations_of(Both(), logs))
 
 
 def test_few_logs_one_by_one_and_many_at_once_have_the_same_passes():

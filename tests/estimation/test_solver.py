@@ -420,7 +420,7 @@ def test_newtons_method_ends_a_search_that_stopped_early():
     problem = build(dft.Thruster(alpha=0.05, beta=50.0), [log_of(record())])
     short = stopped(problem, 3)
     assert examine(problem, short.z, short.quadratic).gradient > 1e-4
-    ended = polished(Search(((short, 1),), 1), problem).best
+    ended = polished(Search(problem, ((short, 1),), 1)).best
     full = stopped(problem, 300)
     assert examine(problem, ended.z, ended.quadratic).gradient < 1e-6
     assert float(ended.quadratic.cost) <= float(full.quadratic.cost) + 1e-9

@@ -8,7 +8,7 @@ import pytest
 import diffthrust as dft
 from diffthrust.actuators import StaticThruster
 from diffthrust.bodies import FourDegrees, Planar
-from diffthrust.estimation._wiring import wiring_doubts  # private: without a fit
+from diffthrust.estimation._unexplained import wiring_doubts  # private: without a fit
 from diffthrust.simulation._record import bind  # private: a run of the model as given
 from diffthrust.simulation._runs import runs_over  # private: a run of the model as given
 
@@ -68,10 +68,7 @@ def test_one_turned(name):
 
 
 def test_a_boat_with_its_sides_exchanged():
-    wired = {
-        "port.command": ("starboard.command", 1.0),
-        "starboard.command": ("port.command", 1.0),
-    }
+    wired = {"port.command": ("starboard.command", 1.0), "starboard.command": ("port.command", 1.0)}
     (doubt,), _, _ = doubts(BOAT, wired)
     assert "the commands of port and starboard exchanged" in doubt.evidence
 
