@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.files import oddity
+from diffthrust._support.files import PathLike, oddity
 from diffthrust._support.lossless import Decoder
 from diffthrust._support.names import listing
 from diffthrust._support.saved_file import read_saved, version_of
@@ -27,7 +26,7 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
-from diffthrust.specs._scripts import own_class
+from diffthrust.specs._scripts import own_class, trusted_folders
 from diffthrust.specs._spec import Spec, load_spec
 
 Classes = type[Component] | str | Sequence[type[Component] | str]
@@ -35,7 +34,7 @@ _KINDS: dict[str, type] = {"fit": Fit, "diagnosis": Diagnosis}
 
 
 def load(
-    path: str | PathLike[str], *, classes: Classes = (), trust: Iterable[Path | str] = ()
+    path: PathLike, *, classes: Classes = (), trust: PathLike | Iterable[PathLike] = ()
 ) -> Any:
     """Load a saved fit, diagnosis or posterior.
 
@@ -48,8 +47,8 @@ def load(
             ArviZ, ``post.to_netcdf("posterior.nc")``.
         classes: your own models and effects: classes, or ``"script.py:Class"``, whose script is
             then run.
-        trust: folders whose scripts may be run, where the file names one there that defines a
-            model or an effect of your own.
+        trust: a folder or several whose scripts may be run, where the file names one there that
+            defines a model or an effect of your own.
 
     Returns:
         `Fit`, `Diagnosis`, or `arviz.InferenceData`.
@@ -82,7 +81,7 @@ def load(
             "Load it with the version of diffthrust that wrote it.",
         )
     words = [classes] if isinstance(classes, str | type) else [*classes]
-    words += _trusted(document["result"], tuple(trust))
+    words += _trusted(document["result"], trusted_folders(trust))
     resolved = tuple(own_class(w, Path()) if isinstance(w, str) else w for w in words)
     decoder = Decoder(
         arrays=document["arrays"],
