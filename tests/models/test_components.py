@@ -99,6 +99,11 @@ def test_a_model_in_another_unit_of_its_command():
     ].unit == "effort"
 
 
+def test_what_surrounds_a_thruster_keeps_its_value_in_another_unit_of_the_command():
+    bound = dft.actuators.Azimuth(dft.Thruster()).bind({"slew_time": 3.0})
+    assert bound.commanded_in("effort").slew_time == 3.0
+
+
 def test_what_may_be_read_at_a_port_and_on_a_channel():
     twin = dft.Vessel("twin")
     assert twin.signals_at("left_force") == (

@@ -144,6 +144,7 @@ def test_the_transform_that_is_taken():
     assert parameter(1.0, bounds=(-0.1, 2)).transform == "linear"
     assert parameter(1.0, bounds=(None, 2)).transform == "linear"
     assert parameter(0.0, bounds=(0, 2)).transform == "linear"
+    assert parameter(1.0, bounds=(0, None), null=0.0).transform == "linear"
     assert parameter(1.0, bounds=(0, None), null=1.0).transform == "linear"
     assert parameter(1.0, bounds=(0, None), null=1.0, transform="log").transform == "log"
     assert parameter(1.0, bounds=(True, None)).transform == "linear"

@@ -63,7 +63,8 @@ class Steered(Actuator):
         present = {k: self._parameters[k] for k in names} if self._parameters else names
         thruster = self.thruster._with_parameters(present).commanded_in(unit)
         changed = {**converted._parameters, **thruster._parameters}
-        return converted._with_parameters(changed)._copy(thruster=thruster)
+        values = {k: changed[k].value for k in names}  # its own are as in the converted one
+        return converted._copy(thruster=thruster, _parameters=changed, **values)
 
     def settled(self, s: Signals) -> Mapping[str, Signal | float]:
         """As the thruster does."""

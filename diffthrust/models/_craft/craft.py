@@ -205,10 +205,10 @@ class Craft(Model):
                 weaker = {k: strength * part_outputs[k] for k in _FORCES if k in part_outputs}
                 part_outputs = {**part_outputs, **weaker}
             thrust = port(f"{name}.{PUSH}", part_outputs["thrust"])
-            side, reaction = (
-                part_outputs.get("side_thrust"),
-                getattr(self, f"{name}.reaction", None),
-            )
+            side = part_outputs.get("side_thrust")
+            # without one at its place, a parameter of that name is the model's own
+            no_torque = mounted.reaction is None
+            reaction = None if no_torque else getattr(self, f"{name}.reaction")
             force, moment = wrench(mounted.pointing, thrust, side, reaction)
             forces = forces.pushed(force, place, moment)
             rates |= {f"{name}.{k}": v for k, v in part_rates.items()}

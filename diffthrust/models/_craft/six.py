@@ -98,7 +98,10 @@ def scaled(factor: Any, a: Triple) -> Triple:
 
 
 def in_frame(frame: str, a: Triple) -> Triple:
-    """A vector of forward, starboard, down (FRD) in the axes of a sensor: these, or FLU."""
+    """A vector along forward, starboard, down in the axes of a sensor.
+
+    These are "FRD", or "FLU" for forward, port, up.
+    """
     x, y, z = a
     return (x, -y, -z) if frame == "FLU" else a
 

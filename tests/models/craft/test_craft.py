@@ -162,6 +162,22 @@ def test_propellers_leave_their_torque_on_the_hull():
     assert abs(out["roll"]).max() < 1e-12
 
 
+def test_a_number_called_reaction_of_a_model_is_no_torque_on_the_hull():
+    class Geared(dft.Model):
+        name = "geared"
+        inputs = {"command": "V"}
+        outputs = {"thrust": "N"}
+        reaction: float = dft.parameter(2.0, "N/V", bounds=(0, None))
+
+        def equations(self, s, port):
+            return {}, {"thrust": self.reaction * s.command}
+
+    model = dft.Craft(SixDegrees(), aft=Geared().at((0, 0, 0)))
+    out = dft.simulate(model, log_of(model))
+    assert out["surge"][-1] > 0.01
+    assert abs(out["roll"]).max() < 1e-12
+
+
 # -- what a model must be --------------------------------------------------------------------------
 
 
