@@ -20,10 +20,25 @@ from diffthrust.estimation._one_step import cost, passes, settled_start, with_cl
 from diffthrust.simulation._record import bind
 
 __all__ = [
-    "CLIP", "REAL", "WIDE", "Correction", "Limits", "Observer", "cost", "direction", "guesses",
-    "innovations", "is_memory", "limited", "observer_of", "one_step", "passes", "settled_start",
-    "uncorrected", "with_clip",
-]  # fmt: skip
+    "CLIP",
+    "REAL",
+    "WIDE",
+    "Correction",
+    "Limits",
+    "Observer",
+    "cost",
+    "direction",
+    "guesses",
+    "innovations",
+    "is_memory",
+    "limited",
+    "observer_of",
+    "one_step",
+    "passes",
+    "settled_start",
+    "uncorrected",
+    "with_clip",
+]
 
 
 def observer_of(model, log, channels, **options):

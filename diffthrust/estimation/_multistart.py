@@ -328,7 +328,8 @@ def _same(first: Solved, second: Solved) -> bool:
 
 def _mirrored(search: Search) -> Search:
     """Try the other sign of every initial state that only an unsigned sensor reads."""
-    problem, ((best, count), *rivals) = search.problem, search.optima
+    problem = search.problem
+    (best, count), *rivals = search.optima
     for i in problem.sign_free():
         turned = best.z.copy()
         turned[i] = -turned[i]

@@ -88,8 +88,8 @@ class NoiseModel(ABC):
         """How likely it makes the residuals of one channel, without a fit.
 
         Of each run the residuals, ``(n,)``, NaN where nothing was measured, and the ``times`` of
-        the samples [s]; ``law`` is that of what is new in each, and correlations are counted in
-        steps [s]. ``None`` where it does not say: the advice on noise leaves it out.
+        the samples [s]; ``law`` is that of what is new in each residual. Correlations are those
+        over one ``step`` [s]. ``None`` where it does not say: the advice on noise leaves it out.
         """
         return None
 
@@ -213,12 +213,13 @@ class AR1(NoiseModel):
     ) -> Sequence[Any]:
         """What the sample before does not tell."""
         scales, links = self.levels(channels, numbers, values), log.links
-        new = []
+        whitened = []
         for i, (name, residual) in enumerate(zip(channels, rests, strict=True)):
-            measured, kept = ~jnp.isnan(log.measured[i]), values[_name(name)]
-            parts = (measured, links.past[i], links.gap[i], kept, scales[i])
-            new.append(_whitened(residual, *parts))
-        return new
+            finite = ~jnp.isnan(log.measured[i])
+            past, gap = links.past[i], links.gap[i]
+            lag_one = values[_name(name)]
+            whitened.append(_whitened(residual, finite, past, gap, lag_one, scales[i]))
+        return whitened
 
     def levels(
         self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, Any]
@@ -285,10 +286,10 @@ def _name(channel: str) -> str:
 
 
 def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float) -> Links:
-    """For each sample the one measured before it, and how long before, in steps [s].
+    """For each sample the one measured before it, and how long before, counted in ``step`` [s].
 
-    Of ``(B, C, T)`` at times ``(B, T)`` [s]; NaN where nothing was measured. Where a simulation
-    begins ``anew``, ``(B, T)``, the noise does so, too.
+    Of ``measured``, ``(B, C, T)``, at times ``(B, T)`` [s]; NaN where nothing was measured. Where a
+    simulation begins ``anew``, ``(B, T)``, the noise does so, too.
     """
     finite = np.isfinite(measured)
     place = np.arange(time.shape[1])

@@ -57,7 +57,7 @@ class Observer:
 
     One that is ``still`` corrects nothing, and no random force acts: what is left is a simulation
     whose sensors have errors that last ("ar1" noise). Where ``within`` is given, measured states
-    follow their readings within so many seconds, by gains that are fixed.
+    follow their readings within so many seconds, by gains that are fixed and not estimated.
     """
 
     channels: tuple[str, ...]  # all that are measured

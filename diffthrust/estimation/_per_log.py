@@ -263,8 +263,13 @@ def per_log_of(
             slope = value if transform == "log" else float(kind.scale)
             variance = covariance[np.ix_(together, together)].sum() * slope**2
             error = float(np.sqrt(variance)) if variance > 0 else None
-            own = {"value": value, "std_error": error, "at_bound": bool(held[places[k, i]])}
-            values[label] = replace(means[name], fixed=False, **own)
+            values[label] = replace(
+                means[name],
+                value=value,
+                std_error=error,
+                fixed=False,
+                at_bound=bool(held[places[k, i]]),
+            )
         low, high = _width_range(spread, widths, i)
         out[name] = PerLog(
             mean=means[name],

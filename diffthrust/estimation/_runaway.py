@@ -55,7 +55,11 @@ once the wind was added; three times as much, along a straight valley, leaves th
 
 
 def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
-    """The fit with notes on parameters that ran away, and doubts on values far beyond the guess."""
+    """The fit with notes on parameters that ran away from its ``guess``, where it began.
+
+    The ``runs`` are those of its model over the training logs. With ``doubts`` values far beyond
+    the guess are doubted; else they have their notes only.
+    """
     fit = replace(fit, notes=(*runaway_notes(fit, runs), *fit.notes))
     far = [name for name, value in _suspects(fit, VERY_FAR)] if doubts else []
     if not far:

@@ -104,8 +104,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> _State:
-        channels, scores = aux_struct.sigma.shape[0], aux_struct.scores.shape
-        return jax.tree.map(jnp.asarray, _begin(y, channels, scores))
+        channels = aux_struct.sigma.shape[0]
+        return jax.tree.map(jnp.asarray, _begin(y, channels, aux_struct.scores.shape))
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any

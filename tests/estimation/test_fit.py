@@ -77,7 +77,8 @@ def test_finer_steps_follow_the_optimum_unless_they_lead_to_another(monkeypatch,
 @pytest.mark.parametrize(("first", "steps"), [(1, 2), (2, 2), (3, 3)])
 def test_a_refit_goes_on_to_the_finer_steps_that_its_optimum_needs(begun, first, steps):
     # a diagnosis searched with the steps of its first fit, again with one, and then followed that
-    log, model = log_of(record(step=0.3, duration=60.0)), dft.Thruster()
+    log = log_of(record(step=0.3, duration=60.0))
+    model = dft.Thruster()
     refit = Refit(bind(model, [log]), (), {"seed": 0}, Clock(), first_substeps=first)
     fit = refit(model, starts=3).fit
     assert [substeps for _, _, substeps, _ in begun] == [first]
@@ -165,6 +166,7 @@ def test_what_finer_steps_uphold_is_looked_at_again_where_it_ends(monkeypatch, s
     )
     upheld = search.upheld("finer")
     assert (upheld and [solved.z for solved, _ in upheld.optima]) == left
+    assert upheld is None or upheld.problem == "coarse"  # these are its optima
 
 
 @pytest.mark.thorough

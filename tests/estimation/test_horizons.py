@@ -77,7 +77,7 @@ def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizo
         assert chosen < 1.03 * better, seed
 
 
-def search_of(cost, z, sigma, horizon=None):
+def search_of(cost, z, sigma, horizon=2.0):
     quadratic = SimpleNamespace(cost=cost, sigma=np.array([sigma]))
     best = Solved(np.array([z]), quadratic, done=True, steps=1, kinked=np.zeros(1, bool))
     problem = SimpleNamespace(horizon=horizon)
@@ -93,10 +93,15 @@ def valleys(monkeypatch):
 
         def search(problem, starts, rng, guesses, once):
             begun.append((problem, starts, guesses))
+            anew.problem.horizon = problem.horizon
             return anew
 
+        def follow(ended, horizon):
+            followed.problem.horizon = horizon
+            return followed
+
         monkeypatch.setattr(horizons_module, "search", search)
-        monkeypatch.setattr(horizons_module, "_followed", lambda ended, horizon: followed)
+        monkeypatch.setattr(horizons_module, "_followed", follow)
         return followed, begun
 
     return of

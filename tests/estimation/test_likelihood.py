@@ -228,7 +228,8 @@ def test_an_outlier_weighs_little_under_student_t():
     z = build(GUESS, [clean]).start()
 
     def gradients(loss):
-        out, likelihood = [], SimulationError(law=LOSSES[loss])
+        out = []
+        likelihood = SimulationError(law=LOSSES[loss])
         for measured in (clean.measured, spoilt):
             log = Log(clean.time, clean.inputs, measured, noise={"speed": 0.3, "thrust": 0.5})
             out.append(evaluated(build(GUESS, [log], likelihood=likelihood), z).gradient[:3])

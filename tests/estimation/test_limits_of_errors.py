@@ -25,15 +25,16 @@ class Posed:
     numbers: Numbers = Numbers()
 
 
-def posed(law):
-    return Posed(SimpleNamespace(likelihood=SimpleNamespace(law=law, corrects=True)))
+def posed(law, *, corrects=True):
+    return Posed(SimpleNamespace(likelihood=SimpleNamespace(law=law, corrects=corrects)))
 
 
 class Searched:
     """A search whose next costs are known; its noise doubles each time."""
 
     def __init__(self, problem, costs, sigma=0.5, asked=None):
-        self.problem, self.costs, self.asked = problem, costs, [] if asked is None else asked
+        self.problem = problem
+        self.costs, self.asked = costs, [] if asked is None else asked
         q = SimpleNamespace(sigma=np.array([sigma, 3.0 * sigma]))
         self.best, self.sigma = SimpleNamespace(quadratic=q, cost=costs[0]), sigma
 
@@ -42,8 +43,9 @@ class Searched:
         return Searched(problem, self.costs[1:], 2.0 * self.sigma, self.asked)
 
 
-def test_a_law_that_does_not_forgive_limits_nothing():
-    search = Searched(posed(Gaussian()), [1.0])
+@pytest.mark.parametrize(("law", "corrects"), [(Gaussian(), True), (StudentT(), False)])
+def test_without_a_law_that_forgives_or_a_correction_nothing_is_limited(law, corrects):
+    search = Searched(posed(law, corrects=corrects), [1.0])
     assert refine_module.refined(search) is search
     assert search.asked == []
 
