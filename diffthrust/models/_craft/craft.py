@@ -507,8 +507,10 @@ class Craft(Model):
             sensor = mounted.model
             place = map(number, self._place(name), (3, 3, 3)) if sensor.placed else ("", "", "")
             rows.append((name, sensor.name, *place, "", "", "", sensor.frame))
-        headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "Command",
-                    "Numbers", "Axes")  # fmt: skip
+        headings = (
+            *("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes"),
+            *("Command", "Numbers", "Axes"),
+        )
         shown = slice(None if self.sensors else -1)
         rows = [row[shown] for row in rows]
         title = f"Craft of the body '{self.body.name}'"
