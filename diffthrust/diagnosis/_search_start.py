@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress, subtask
 from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
@@ -142,9 +143,7 @@ def compiled_fitter(
     effect that is present may need more.
     """
     failed = fit.status is Status.SIMULATION_FAILED
-    if failed and (
-        _infinite_slope(fit, train) or not math.isfinite(_trial_of(fit, [], train).cost)
-    ):
+    if failed and not math.isfinite(_trial_of(fit, [], train).cost):
         raise _not_finite(fit, [], train)
     for substeps in dict.fromkeys(steps or (few_substeps(fit, train), fit.substeps)):
         programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
@@ -243,10 +242,13 @@ def _has_response(trial: TrialFit) -> bool:
 
 def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
     """The error if no trial has a finite cost; it names the user's effect that is the cause."""
-    if slope := _infinite_slope(fit, train):
-        return InputError(f"The '{fit.model}' cannot be diagnosed. {slope.problem}", slope.mend)
     own = _own(effects)
-    return _blamed(fit, own, train, lambda trial: math.isfinite(trial.cost)) or InputError(
+    if error := _blamed(fit, own, train, lambda trial: math.isfinite(trial.cost)):
+        return error
+    # no cost hangs on derivatives by inputs and ports
+    if slope := _infinite_slope(fit, train, places=False):
+        return InputError(f"The '{fit.model}' cannot be diagnosed. {slope.problem}", slope.mend)
+    return InputError(
         f"The '{fit.model}' cannot be simulated along these logs at the parameters of its fit "
         f"({fit.status.value}): expected finite one-step errors, found none."
         + (f" {fit.message}" if fit.status is Status.SIMULATION_FAILED else ""),
@@ -255,21 +257,27 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) ->
     )
 
 
-def _infinite_slope(fit: Fit, train: Sequence[Record]) -> InfiniteSlope | None:
+def _infinite_slope(fit: Fit, train: Sequence[Record], *, places: bool) -> InfiniteSlope | None:
     """Where a derivative of a fit's model along its logs is not finite, though its runs are."""
     begun = None if fit.status is Status.SIMULATION_FAILED else fit.initial
     runs = runs_over(fit.model, train, initial=begun, substeps=fit.substeps)
-    return None if failures(runs) else infinite_slopes(fit.model, runs, places=True)
+    return None if failures(runs) else infinite_slopes(fit.model, runs, places=places)
 
 
 def blind_notes(state: SearchState, train: Sequence[Record]) -> tuple[str, ...]:
-    """A note where nothing can be predicted beside the model as given, and why."""
-    if _has_response(state.current.trial):
+    """A note where nothing can be predicted beside the model, and why.
+
+    Only what a search has worked out is looked at: a note is worth no program of its own.
+    """
+    trial = state.current.trial
+    if "response" not in vars(trial) or _has_response(trial):
         return ()
-    slope = _infinite_slope(state.stages[0].fit, train)
+    slope = _infinite_slope(state.stages[0].fit, train, places=True)
+    # an effect that was added may be the cause: a root of a speed that is zero in some samples
+    added = "" if slope or not trial.effects else f" with {listing(trial.effects)}"
     return (
         "What the effects promise and what is missing at the ports cannot be predicted: along "
-        "these logs the model as given has derivatives that are not finite."
+        f"these logs the model as given{added} has derivatives that are not finite."
         + (f" {slope.problem} {slope.mend}" if slope else ""),
     )
 

@@ -115,6 +115,13 @@ BLUEBOAT = Layout(
 )  # fmt: skip
 
 _MSS = "Fossen, Marine Systems Simulator, VESSELS/otter.m"
+# Its mass matrix about the origin, without payload: m22 = 55 + 1.5 * 55 = 137.5 kg, of which the
+# hull alone, its centre 0.2 m ahead, makes m26 = 55 * 0.2 = 11 kg m: the added mass is diagonal. In
+# a `Planar` m26 = m22 * x_g, hence x_g = 11 / 137.5 = 0.08 m (with a payload of 25 kg at 0.05 m:
+# 12.25 / 162.5 = 0.075 m). m66 = i33 + m22 * x_g^2; the source moves the hull's inertia to the
+# origin twice, m66 = 2.7 * 55 * (0.5^2 + 0.2^2) + 55 * 0.2^2 = 45.3 kg m^2.
+_OTTER_M22, _OTTER_M26 = 55.0 * 2.5, 55.0 * 0.2
+_OTTER_M66 = 2.7 * 55.0 * (0.5**2 + 0.2**2) + 55.0 * 0.2**2
 
 OTTER = Layout(
     name="otter",
@@ -130,13 +137,14 @@ OTTER = Layout(
         Fact({"places": "0.8 m aft"}, "rule of thumb",
              "of its length; without influence while both push straight ahead"),
         Fact({"m11": 55.0 + 5.3}, "rule of thumb", f"{_MSS}: 55 kg, and a tenth of added mass"),
-        Fact({"m22": 55.0 * 2.5}, "rule of thumb", f"{_MSS}: 1.5 of the mass are added"),
-        Fact({"i33": 55.0 * 0.5**2 * 2.7}, "rule of thumb",
+        Fact({"m22": _OTTER_M22}, "rule of thumb", f"{_MSS}: 1.5 of the mass are added"),
+        Fact({"i33": _OTTER_M66 - _OTTER_M26**2 / _OTTER_M22}, "rule of thumb",
              f"{_MSS}: a radius of gyration of a quarter of the length, 1.7 of it added"),
-        Fact({"x_g": 0.2 * 55.0 / 137.5}, "rule of thumb",
+        Fact({"x_g": _OTTER_M26 / _OTTER_M22}, "rule of thumb",
              f"{_MSS}: 0.2 m of the hull's 55 kg; the mass added in sway is about the origin"),
         Fact({"d11": 24.4 * 9.81 / 3.086}, "rule of thumb", f"{_MSS}: by its speed of 6 knots"),
-        Fact({"d22": 137.5, "d33": 37.1}, "rule of thumb", f"{_MSS}: time constants of 1 s"),
+        Fact({"d22": _OTTER_M22, "d33": _OTTER_M66}, "rule of thumb",
+             f"{_MSS}: time constants of 1 s"),
         Fact({"gain": 0.02216 / 2, "reverse": 0.01289 / 0.02216}, "measured",
              f"{_MSS}: bollard pull by the speed of the propellers"),
     ),

@@ -301,7 +301,7 @@ def _rising(log: Log, exponent: float, d11: float) -> Approach:
     """The surge of a run from rest, and what it comes to."""
     n, u = log.values(*_SCREW), log.values(*_SURGE)
     begin = int(np.argmax(n > 0))
-    _check_measured(log, _SURGE, slice(begin, None), 2)
+    _check_measured(log, _SURGE, slice(begin, None))
     finite = np.isfinite(u[begin:])
     time = (log.time[begin:] - log.time[begin])[finite]
     return time, u[begin:][finite], float(np.median(n[begin:])) ** exponent / d11
@@ -322,22 +322,21 @@ def _turning(log: Log, angle: float, vessel: Vessel, first: float) -> Approach:
     stop = int(np.searchsorted(log.time, log.time[begin] + first + 1e-9))
     portion = slice(begin, stop)
     time = log.time[portion] - log.time[begin]
-    for channel, least in ((_SURGE, 3), (_SWAY, 3), (_YAW, 2)):  # unknowns of their courses
-        _check_measured(log, channel, portion, least)
+    for channel in (_SURGE, _SWAY, _YAW):
+        _check_measured(log, channel, portion)
     u, v = (_exponential(time, log.values(*c)[portion]) for c in (_SURGE, _SWAY))
     moment = (vessel.m11 - vessel.m22) * u * v
     moment -= vessel.lever_arm * n[portion] ** vessel.exponent * np.sin(angles[portion])
     return time, r[portion], moment / vessel.d33
 
 
-def _check_measured(log: Log, channel: tuple[str, str], portion: slice, least: int) -> None:
-    """Raise `InputError` where a portion of a run measures too little of a channel."""
-    count = int(np.isfinite(log.values(*channel)[portion]).sum())
-    if count < least:
+def _check_measured(log: Log, channel: tuple[str, str], portion: slice) -> None:
+    """Raise `InputError` where a portion of a run measures nothing of a channel."""
+    if not np.isfinite(log.values(*channel)[portion]).any():
         begin, end = log.time[portion][[0, -1]]
         raise InputError(
-            f"sequential, {log.name}: expected {least} or more measurements of {channel[0]} from "
-            f"{begin:.4g} to {end:.4g} s, after the step, found {count}.",
+            f"sequential, {log.name}: expected measurements of {channel[0]} from {begin:.4g} to "
+            f"{end:.4g} s, after the step, found none.",
             "Give runs that measure it while they change, or a longer transient.",
         )
 

@@ -102,7 +102,12 @@ _FINITE = (
 
 
 def infinite_slope(
-    model: Model, record: Record, path: Mapping[str, np.ndarray], *, places: bool
+    model: Model,
+    record: Record,
+    start: Mapping[str, float],
+    path: Mapping[str, np.ndarray],
+    *,
+    places: bool,
 ) -> InfiniteSlope | None:
     """The first derivative along a run that is not finite; ``None`` if all are.
 
@@ -112,6 +117,7 @@ def infinite_slope(
     Args:
         model: the model.
         record: the log.
+        start: its initial states, and values of parameters that differ by log.
         path: a finite simulation of it, ``(n,)`` each.
         places: derivatives by inputs and ports count, beside those by free parameters and states.
     """
@@ -119,6 +125,7 @@ def infinite_slope(
     inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
     states = {n: path[n] for n in model.all_states if n not in inputs}
     values = {n: p.value for n, p in model.parameters.items()}
+    values |= {n: start[n] for n in model.per_log if n in start}
     still = {n: np.zeros(time.size) for n in model.ports}
     given = {"parameter": values, "state": states, "port": still, "input": inputs}
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, short_repr
+from diffthrust._support.names import listing, nearest, short_repr
 from diffthrust._support.validation import check_known, finite
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -315,11 +315,17 @@ def _measured_start(
             if valid.size and valid[0] < max(_EARLY, np.median(np.diff(valid, prepend=-1))):
                 first[name] = float(values[valid[0]])
     measured = {name: value for name, value in first.items() if name in states}
-    return {**measured, **_following(model, first)}
+    return {**measured, **_following(model, first, log.inputs)}
 
 
-def _following(model: Model, first: Mapping[str, float]) -> dict[str, float]:
-    """The states that a model, or the body of a craft, tells by first measurements, checked."""
+def _following(
+    model: Model, first: Mapping[str, float], prescribed: Collection[str]
+) -> dict[str, float]:
+    """The states that a model, or the body of a craft, tells by first measurements, checked.
+
+    What is no state of it is passed over as long as it is not nearly the name of one: outputs that
+    were handed on, and states of an effect that this model does not have.
+    """
     where = f"{type(getattr(model, 'body', model)).__name__}.start_from"
     follow = model.start_from(first)
     if not isinstance(follow, Mapping):
@@ -328,10 +334,16 @@ def _following(model: Model, first: Mapping[str, float]) -> dict[str, float]:
             f"Write return {{'{next(iter(model.states), 'state')}': value}}.",
         )
     start = {}
+    apart = {*first, *model.outputs, *model.parameters, *prescribed}
     for name, value in follow.items():
-        check_known(name, model.all_states, f"{where}: '{model}' has no state")
-        expected = f"a finite number for the state '{name}'"
-        start[name] = finite(where, value, lambda _: True, expected, "Return one number for each.")
+        meant = name in apart or "." in str(name) or not nearest(str(name), model.all_states)
+        if not meant:
+            check_known(name, model.all_states, f"{where}: '{model}' has no state")
+        start[name] = value
+        if name in model.all_states and name not in prescribed:
+            expected = f"a finite number for the state '{name}'"
+            mend = "Return one number for each."
+            start[name] = finite(where, value, lambda _: True, expected, mend)
     return start
 
 

@@ -1,6 +1,8 @@
 """The diagnosis as a user meets it; how often it is right, the bench in ``hidden`` measures."""
 
 import json
+from functools import cached_property
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ from reference import inputs, noise, thruster
 from trajectories import fixed_step_module
 
 import diffthrust as dft
+from diffthrust.diagnosis._search_start import blind_notes  # private: of a trial without a screen
 
 TIME = np.arange(700) * 0.05
 FEW = ("command_deadband", "linear_damping", "thrust_sensor_offset")
@@ -262,3 +265,17 @@ def test_a_sound_effect_is_not_blamed_for_what_the_model_cannot_respond_to():
     (note,) = (note for note in found.notes if "cannot be predicted" in note)
     assert "the derivative of the rate of 'speed' by the input 'command' is not" in note
     assert "first at sample 1 (t = 0 s), where command = 0 V" in note
+
+
+def test_a_note_on_what_cannot_be_predicted_works_nothing_out():
+    """Of a trial that no screen looked at, no program is compiled for it."""
+
+    class Trial:
+        effects = ()
+
+        @cached_property
+        def response(self):
+            raise AssertionError("it was worked out")
+
+    state = SimpleNamespace(current=SimpleNamespace(trial=Trial()))
+    assert blind_notes(state, []) == ()

@@ -45,6 +45,27 @@ def test_crafts_of_layouts_move_where_their_thrusters_push(name, pushing, moved)
     assert out[moved][-1] > 0.01
 
 
+def test_an_otter_has_the_equations_of_its_source():
+    """Its centre of mass stood at that of the hull alone, as if the added mass were there, too."""
+    hull, ahead, (u, v, r) = 55.0, 0.2, (0.8, -0.3, 0.4)
+    about_origin = hull * (0.5**2 + ahead**2)
+    m11, m22, m26 = hull + 5.3, hull + 1.5 * hull, hull * ahead
+    m66 = about_origin + hull * ahead**2 + 1.7 * about_origin
+    mass = np.array([[m11, 0.0, 0.0], [0.0, m22, m26], [0.0, m26, m66]])
+    across = m22 * v + m26 * r
+    turning = np.array([-across * r, m11 * u * r, across * u - m11 * u * v])
+    damping = np.array([24.4 * 9.81 / 3.086 * u, m22 * v, m66 * r])
+    port, starboard = 0.01108 * 80.0**2, -0.006445 * 50.0**2
+    pushed = np.array([port + starboard, 0.0, 0.395 * (port - starboard)])
+    craft = layout_named("otter").craft()
+    motion = {"surge": u, "sway": v, "yaw_rate": r}
+    commands = {"port.command": 80.0, "starboard.command": -50.0}
+    s = dft.models.Signals({**dict.fromkeys(craft.states, 0.0), **motion, **commands, "time": 0.0})
+    rates, _ = craft.equations(s, dft.models.Ports((), s))
+    expected = np.linalg.solve(mass, pushed - turning - damping)
+    np.testing.assert_allclose([rates[name] for name in motion], expected, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "frame"), [("bluerov2", "vectored"), ("bluerov2_heavy", "vectored_6dof")]
 )

@@ -189,13 +189,13 @@ def test_a_step_that_no_sensor_saw_is_refused():
         values = np.where((log.time >= start) & (log.time < 10.05), np.nan, log.measured[channel])
         return log.replaced(measured={**log.measured, channel: values})
 
-    for channel, least in (("surge", 3), ("sway", 3), ("yaw_rate", 2)):
+    for channel in ("surge", "sway", "yaw_rate"):
         turning = [unseen(circles[0], channel, 5.0), *circles[1:]]
-        words = f"{least} or more measurements of {channel} from 5 to 10 s, after the step, found 0"
+        words = f"expected measurements of {channel} from 5 to 10 s, after the step, found none"
         with pytest.raises(InputError, match=words):
             siramdasu.sequential(straight, turning, settle=9.0, transient=5.0)
     blind = unseen(recorded(98.0, 0.0, 10.0), "surge", 0.0)
-    with pytest.raises(InputError, match="2 or more measurements of surge from 0 to 10 s"):
+    with pytest.raises(InputError, match="expected measurements of surge from 0 to 10 s"):
         siramdasu.sequential(straight, circles, settle=9.0, verify=[blind])
 
 

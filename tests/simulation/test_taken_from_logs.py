@@ -122,6 +122,23 @@ def test_a_body_of_ones_own_tells_starts_by_the_names_of_its_states(told, words,
     assert mend in caught.value.mend
 
 
+def test_what_a_body_tells_beside_the_states_of_its_model_is_passed_over():
+    """Outputs handed on, a state that the log prescribes, one of an effect that is absent."""
+
+    class Told(dft.bodies.Planar):
+        def start_from(self, first):
+            return {**first, "heading": np.nan, "actuator_lag.response": 0.5, "trim": 0.1}
+
+    model = dft.Craft(Told(), screw=dft.Thruster().at((-0.3, 0.0, 0.0)))
+    inputs = {"screw.command": np.ones(3), "heading": np.zeros(3)}
+    units = {"screw.command": "V", "heading": "rad"}
+    measured = {"screw.thrust": np.ones(3), "surge": np.ones(3)}
+    log = Log([0.0, 0.1, 0.2], inputs, measured, units=units)
+    (record,) = bind(model, [log])
+    assert record.start["surge"] == record.start["screw.thrust"] == 1.0
+    assert np.isfinite(dft.simulate(model, log)["surge"]).all()
+
+
 def test_a_state_that_the_log_prescribes_has_no_start():
     log = Log([0.0, 0.1, 0.2], {"speed": np.ones(3)}, {"thrust": np.ones(3)})
     (record,) = bind(dft.Thruster(), [log])
