@@ -27,7 +27,7 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
-from diffthrust.specs._scripts import own_class
+from diffthrust.specs._scripts import own_class, trusted_folders
 from diffthrust.specs._spec import Spec, load_spec
 
 Classes = type[Component] | str | Sequence[type[Component] | str]
@@ -35,7 +35,10 @@ _KINDS: dict[str, type] = {"fit": Fit, "diagnosis": Diagnosis}
 
 
 def load(
-    path: str | PathLike[str], *, classes: Classes = (), trust: Iterable[Path | str] = ()
+    path: str | PathLike[str],
+    *,
+    classes: Classes = (),
+    trust: Path | str | Iterable[Path | str] = (),
 ) -> Any:
     """Load a saved fit, diagnosis or posterior.
 
@@ -82,7 +85,7 @@ def load(
             "Load it with the version of diffthrust that wrote it.",
         )
     words = [classes] if isinstance(classes, str | type) else [*classes]
-    words += _trusted(document["result"], tuple(trust))
+    words += _trusted(document["result"], trusted_folders(trust))
     resolved = tuple(own_class(w, Path()) if isinstance(w, str) else w for w in words)
     decoder = Decoder(
         arrays=document["arrays"],
