@@ -283,6 +283,23 @@ def test_a_script_runs_only_when_named(tmp_path):
         dft.load(path, classes="OwnDrag")
 
 
+def test_one_folder_is_trusted_as_it_is_and_not_by_its_letters(tmp_path):
+    """As text it was taken letter by letter: of an absolute path the first is the root of all."""
+    path, home, other = tmp_path / "own.json", tmp_path / "home", tmp_path / "other"
+    home.mkdir()
+    other.mkdir()
+    marker, script = home / "it_ran", home / "my_effects.py"
+    script.write_text(SCRIPT + f"\nopen({str(marker)!r}, 'w').close()\n")
+    own_fit().save(path)
+    dft.load(path, classes=f"{script}:OwnDrag").save(path)
+    marker.unlink()
+    with pytest.raises(InputError, match="own_drag"):
+        dft.load(path, trust=str(other))
+    assert not marker.exists()
+    for trust in (str(home), home, [home]):
+        assert dft.load(path, trust=trust).parameters == own_fit().parameters
+
+
 def test_a_class_that_has_changed_is_told(tmp_path):
     path = tmp_path / "own.json"
     own_fit().save(path)

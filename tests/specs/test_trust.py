@@ -82,20 +82,6 @@ def test_a_script_from_elsewhere_is_run_where_its_folder_is_trusted(place, how):
         assert "own_drag.slope" in dft.load_spec(path, trust=trust).model.parameters
 
 
-def test_a_saved_fit_trusts_the_one_folder_that_is_named(place):
-    """Its word was taken letter by letter: "/scripts" trusted "/", and with it every script."""
-    shared = place / "shared"
-    (shared / "own.py").write_text(OWN, "utf-8")
-    loaded = dft.load_spec(spec(place, "../../shared/own.py"), trust=shared)
-    dft.fit(loaded.model, loaded.train_logs()).save(place / "fit.json")
-    (shared / "was_run").unlink()
-    with pytest.raises(dft.InputError, match="Drag"):
-        dft.load(place / "fit.json", trust=str(place / "fits"))
-    assert not (shared / "was_run").exists()
-    for trust in (shared, str(shared), [shared]):
-        assert "own_drag.slope" in dft.load(place / "fit.json", trust=trust).parameters
-
-
 @pytest.mark.thorough
 def test_all_that_work_on_specs_take_trust(place):
     (place / "shared/own.py").write_text(OWN, "utf-8")

@@ -67,8 +67,8 @@ def layout_report(body: str, parts: Sequence[LaidOut]) -> Report:
         pointing = ", ".join(f"{each:.3g}" for each in part.pointing or ())
         row = part.name, part.model, *place, pointing, part.command, part.numbers, part.axes
         rows.append(row)
-    headings = ("Part", "Model", "Ahead [m]", "Starboard [m]", "Down [m]", "Pushes", "Command",
-                "Numbers", "Axes")  # fmt: skip
+    places = ("Ahead [m]", "Starboard [m]", "Down [m]")
+    headings = ("Part", "Model", *places, "Pushes", "Command", "Numbers", "Axes")
     if all(part.pointing for part in parts):  # no sensor
         headings, rows = headings[:-1], [row[:-1] for row in rows]
     title = f"Craft of the body '{body}'"
