@@ -53,8 +53,11 @@ def doubts_about(
 
     ``runs`` are those over its training logs; none where they failed.
     """
-    wired = wiring_doubts(model, runs)
-    doubts = (*_turning(model, runs), *wired, *late_readings(runs), *doubts_of(logs, model))
+    wired = (*wiring_doubts(model, runs),)
+    # errors of exchanged commands go with the slopes as well: of eight thrusters with two of them
+    # exchanged the heading "came late by a varying time", too
+    late = () if wired else late_readings(runs)
+    doubts = (*_turning(model, runs), *wired, *late, *doubts_of(logs, model))
     return (*doubts, *silent_doubts(little, doubts, model, runs))
 
 

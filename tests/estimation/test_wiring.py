@@ -8,9 +8,10 @@ import pytest
 import diffthrust as dft
 from diffthrust.actuators import StaticThruster
 from diffthrust.bodies import FourDegrees, Planar
-from diffthrust.estimation._unexplained import wiring_doubts  # private: without a fit
+from diffthrust.estimation._unexplained import doubts_about, wiring_doubts  # private: without a fit
 from diffthrust.simulation._record import bind  # private: a run of the model as given
 from diffthrust.simulation._runs import runs_over  # private: a run of the model as given
+from diffthrust.soundness import Doubt
 
 C = math.sqrt(0.5)
 LAW = StaticThruster(gain=25.0, exponent=1.5)
@@ -46,11 +47,14 @@ def doubts(craft, wired=None, truth=None, seed=1):
     return [*wiring_doubts(craft, runs)], log, inputs
 
 
+def exchanged(first, second):
+    first, second = f"{first}.command", f"{second}.command"
+    return {first: (second, 1.0), second: (first, 1.0)}
+
+
 @pytest.mark.parametrize("pair", [("t1", "t2"), ("t2", "t3"), ("t1", "t5")])
 def test_two_exchanged(pair):
-    first, second = (f"{n}.command" for n in pair)
-    wired = {first: (second, 1.0), second: (first, 1.0)}
-    (doubt,), log, inputs = doubts(ROV, wired)
+    (doubt,), log, inputs = doubts(ROV, exchanged(*pair))
     assert doubt.kind == "exchanged"
     assert f"the commands of {pair[0]} and {pair[1]} exchanged" in doubt.evidence
     mended = doubt.readings[0].log(log)
@@ -68,8 +72,7 @@ def test_one_turned(name):
 
 
 def test_a_boat_with_its_sides_exchanged():
-    wired = {"port.command": ("starboard.command", 1.0), "starboard.command": ("port.command", 1.0)}
-    (doubt,), _, _ = doubts(BOAT, wired)
+    (doubt,), _, _ = doubts(BOAT, exchanged("port", "starboard"))
     assert "the commands of port and starboard exchanged" in doubt.evidence
 
 
@@ -87,6 +90,18 @@ def test_a_boat_with_its_sides_exchanged():
 @pytest.mark.parametrize("seed", [2, 3])
 def test_missing_physics_is_no_exchange(truth, seed):
     assert doubts(ROV, truth=truth, seed=seed)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("wired", "kinds"), [(exchanged("t3", "t4"), ["exchanged"]), ({}, ["lag"])]
+)
+def test_beside_an_exchange_nothing_is_said_to_come_late(wired, kinds, monkeypatch):
+    """What is taken for a late reading there is the error of the exchange."""
+    late = [Doubt("yaw_rate", "lag", "it comes late", "log when it was measured")]
+    monkeypatch.setattr("diffthrust.estimation._unexplained.late_readings", lambda runs: late)
+    _, log, _ = doubts(ROV, wired)
+    runs = runs_over(ROV, bind(ROV, [log]), substeps=4)
+    assert [doubt.kind for doubt in doubts_about({}, runs, ROV, [log])] == kinds
 
 
 def test_other_models_are_not_doubted():

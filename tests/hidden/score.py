@@ -191,7 +191,7 @@ def _wired(hidden: FurtherSet, diag: Any, said: str) -> Outcome:
     Beside a doubt that is right, effects are of the logs as they are, and are not judged.
     """
     doubts = [
-        (doubt.kind, *(name.partition(".")[0] for name in doubt.readings[0].sources))
+        (doubt.kind, *(name.partition(".")[0] for r in doubt.readings[:1] for name in r.sources))
         for doubt in diag.doubts
     ]
     said = f"{said}; held {sorted(diag.held)}; doubts {doubts}, asked {hidden.about}"
