@@ -54,7 +54,7 @@ def craft_of(body: str, thrusters: ThrustersPart) -> Craft:
     if not thrusters.each:
         raise InputError(
             "expected a frame or thrusters with their places in [thrusters], found none.",
-            'Write frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
+            'Write frame = "bluerov2" below [thrusters], or [thrusters.port] with at = [x, y, z].',
         )
     if body not in BODIES:
         raise InputError(
