@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust._support._running.batching import is_unbatched, padded_length
+from diffthrust._support._running.batching import is_unbatched, padded, padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.estimation._laws import at_rails
@@ -234,11 +234,6 @@ def _batch(
     follow: Sequence[str],
 ) -> Batch:
     length = padded_length(max(len(record) for record in records))
-
-    def padded(values: np.ndarray) -> np.ndarray:
-        # a padded step has no length: the state rests
-        return np.pad(values, (0, length - values.shape[0]), "edge")
-
     count = len(records)
     inputs = [record.inputs_for(model) for record in records]
     measured = np.full((count, len(channels), length), np.nan)
@@ -249,8 +244,9 @@ def _batch(
     first = [starting_states(model, record) for record in records]
     at_means = [0.0] * len(model.per_log)
     return Batch(
-        time=np.stack([padded(record.time) for record in records]),
-        inputs={n: np.stack([padded(g[n]) for g in inputs]) for n in inputs[0]},
+        # a padded step has no length: the state rests
+        time=np.stack([padded(record.time, length) for record in records]),
+        inputs={n: np.stack([padded(g[n], length) for g in inputs]) for n in inputs[0]},
         measured=measured,
         start=np.array([[*(f[n] for n in starts), *at_means] for f in first]).reshape(count, -1),
         held={n: np.array([f[n] for f in first]) for n in first[0] if n not in {*starts, *follow}},

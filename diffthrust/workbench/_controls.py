@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from html import escape
 from typing import Any
@@ -94,7 +94,8 @@ class Controls:
 
     def _show_effects(self) -> None:
         session, at = self.session, self.port.value
-        worth = self._worth()
+        worth, diagnosis = self._worth(), session.diagnosis
+        rivals = unmeasured_rivals(diagnosis) if diagnosis else {}
         added, effects = session.setup.effects, session.effects
         places = {name: effect.ports for name, effect in effects.items()}
         places |= dict.fromkeys(session.constants, (CONSTANTS,))
@@ -108,7 +109,9 @@ class Controls:
         self._listed = names
         self.boxes.labels = [humanize(name) + _worth_words(worth.get(name)) for name in names]
         self.boxes.active = [i for i, name in enumerate(names) if name in added]
-        lines = [f"<b>{escape(humanize(n))}</b>: {escape(self._about(n, worth))}" for n in names]
+        lines = [
+            f"<b>{escape(humanize(n))}</b>: {escape(self._about(n, worth, rivals))}" for n in names
+        ]
         hint = "No effect yet. Diagnose ranks them; or tap a box for what may be missing there."
         self.about.text = "".join(f'<p class="quiet">{line}</p>' for line in lines or [hint])
         self.path.mark(at, {p for name in added if name in effects for p in effects[name].ports})
@@ -120,8 +123,8 @@ class Controls:
         laws = {(of.form.formula if of.form else of.curve).name: of.worth for of in diagnosis.laws}
         return {**diagnosis.possible, **diagnosis.worth, **laws}
 
-    def _about(self, name: str, worth: dict[str, Worth]) -> str:
-        """The first sentence of what an effect or a constant is, and what it is worth."""
+    def _about(self, name: str, worth: Mapping[str, Worth], rivals: Mapping[str, str]) -> str:
+        """The first sentence of what an effect or a constant is, its worth, what may look alike."""
         session = self.session
         if name in session.constants:
             p = session.constants[name]
@@ -138,8 +141,8 @@ class Controls:
             share = sure_share(worth[name]) or SureShare(worth[name])
             of = f"squared {share.channel} error" if share.channel else "squared error"
             sentence += f". Removes {share.worth} of the {of} of whole runs"
-        if session.diagnosis and (rival := unmeasured_rivals(session.diagnosis).get(name)):
-            sentence += f". It could as well be the {rival}, which was not measured"
+        if name in rivals:
+            sentence += f". The {rivals[name]} was not measured: it could look like this"
         return sentence
 
     def _on_boxes(self, attr: str, old: list[int], new: list[int]) -> None:

@@ -405,7 +405,8 @@ class Page:
                 closer = button("Zoom in", zoom, width=70, margin=(0, 4, 0, 4))
                 sentence = shaded(regime.sentence, self.plots.colors[regime.channel])
                 lines.append(row(text(sentence, **STRETCHED), closer, **STRETCHED))
-        if self.regimes == ():
-            lines = [text(paragraphs("The error gathers nowhere in these logs.", "quiet"))]
+        if self.regimes == () and np.isfinite(self._error(self.comparison)):
+            words = "No place is known where the error gathers."
+            lines = [text(paragraphs(words, "quiet"))]
         self.plots.shade(failing)
         self.fails.children = lines

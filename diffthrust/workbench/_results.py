@@ -199,13 +199,13 @@ class Results:
             for k, t in enumerate(tried, 1)
         )
         heads = "<td></td><td>effect</td><td>evidence for it alone (fall of the BIC)</td>"
-        names = ", ".join(humanize(name) for name in diagnosis.added) or "nothing for sure"
+        names = ", ".join(humanize(name) for name in diagnosis.added)
         model = humanize(str(diagnosis.model))
         remaining = diagnosis.remaining
         place = f" What remains acts at '{remaining.port}'." if remaining else ""
         self.stretch.text = (
-            f"<p>Judged by {escape(where)} alone, {escape(model)} lacks <b>{escape(names)}</b>: "
-            f"with that, none of the others is needed.{escape(place)}</p>"
+            f"<p>Judged by {escape(where)} alone, {escape(model)} lacks "
+            f"<b>{escape(names or 'nothing for sure')}</b>.{escape(place)}</p>"
             f"<table><tr>{heads}</tr>{rows}</table>"
         )
         self.layout.active = 1

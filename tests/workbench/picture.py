@@ -58,7 +58,7 @@ def main() -> None:
             end.fill(f"{seconds:g}")
             end.press("Tab")
         page.get_by_role("button", name="What is wrong here?").click()
-        page.get_by_text("none of the others is needed").wait_for()
+        page.get_by_text("alone, speed loop thruster lacks").wait_for()
         take(page, "workbench_stretch")
     learned()
 

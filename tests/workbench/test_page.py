@@ -347,7 +347,7 @@ def test_an_effect_whose_share_may_be_nothing_says_so_and_what_it_may_be_instead
     controls, _ = controls_of(session)
     controls.show(awake=True)
     assert "command dead band: removes 10 %, perhaps none" in controls.boxes.labels
-    assert "It could as well be the inflow, which was not measured" in controls.about.text
+    assert "The inflow was not measured: it could look like this" in controls.about.text
 
 
 def test_each_channel_has_a_colour_of_its_own_where_it_fails(page):
@@ -359,6 +359,18 @@ def test_each_channel_has_a_colour_of_its_own_where_it_fails(page):
     colors = [page.plots.colors[name] for name in ("speed", "thrust")]
     assert len(set(colors)) == 2
     assert all(color in line for color, line in zip(colors, words, strict=True))
+
+
+def test_no_place_of_the_error_is_said_only_where_it_was_looked_for_and_there_is_an_error(page):
+    page._found_regimes(())
+    (line,) = page.fails.children
+    assert "No place is known where the error gathers" in line.text
+    page._error = lambda comparison: np.nan  # the simulation fails
+    page._found_regimes(())
+    assert not page.fails.children
+    page.regimes = None
+    page._show_regimes()
+    assert not page.fails.children
 
 
 def test_a_residual_says_how_large_it_is(page):

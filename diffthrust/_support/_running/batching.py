@@ -77,14 +77,14 @@ def padded_length(samples: int) -> int:
     return max(samples, math.ceil(2 ** (halves / 2) - 1e-9))
 
 
-def padded(values: np.ndarray) -> np.ndarray:
-    """A series with its last value repeated up to its `padded_length`.
+def padded(values: np.ndarray, length: int = 0) -> np.ndarray:
+    """A series with its last value repeated up to a length, by default its `padded_length`.
 
     For equations that are evaluated sample by sample without being compiled: JAX keeps the code of
     each operation for each length, twenty of them and 27 MB for a diagnosis of a thruster. A
     process that diagnosed ninety sets of logs held 5.5 GB.
     """
-    return np.pad(values, (0, padded_length(values.size) - values.size), "edge")
+    return np.pad(values, (0, (length or padded_length(values.size)) - values.size), "edge")
 
 
 def run_program(program: Programs, static: Hashable, numbers: Any, rows: int = 1) -> Any:
