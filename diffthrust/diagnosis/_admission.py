@@ -324,7 +324,7 @@ def _refitted(
     if not substeps:
         # the search goes by the steps that suffice for the last stage: those of the model as given
         # were 2 a sample for an NGS thruster, whose duct's water, once added, needs 16
-        few = few_substeps(last.fit, context.fitter.records)
+        few = few_substeps(last.fit, context.records)
         refit = replace(refit, first_substeps=few)
     fitted = FittedStage(names, *refit(model, [guess], starts=starts, substeps=substeps))
     if ended_worse(fitted, last) and {*last.effects} <= {*names}:

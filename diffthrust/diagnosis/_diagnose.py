@@ -34,6 +34,7 @@ from diffthrust.diagnosis._rival_models import other_models
 from diffthrust.diagnosis._search_start import blind_notes, start_search, with_finer_steps
 from diffthrust.diagnosis._search_state import SOUGHT, SearchContext, SearchState
 from diffthrust.diagnosis._stepwise import done, step
+from diffthrust.diagnosis._trial_windows import window_note
 from diffthrust.diagnosis._verdict import verdict_of
 from diffthrust.estimation._arguments import (
     FitOptions,
@@ -133,6 +134,7 @@ def diagnose(
         else _sought(context, state, candidates, mends, experiment, limits)
     )
     blind = () if wrong else blind_notes(state, records)
+    shortened = () if wrong else window_note(context.fitter.records, context.records)
     unused = unused_channels(context.given, (*records, *unseen_records))
     say("done", 1.0)
     origin, notes = provenance(fit, first.fit, train, unseen)
@@ -143,7 +145,7 @@ def diagnose(
         seconds=context.clock.seconds,
         mends=mends,
         unused=unused,
-        notes=(*notes, *blind, *unused_notes(context.given, unused)),
+        notes=(*notes, *shortened, *blind, *unused_notes(context.given, unused)),
         origin=origin,
     )
 

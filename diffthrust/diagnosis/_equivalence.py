@@ -343,7 +343,7 @@ def proposal(
         words = " and ".join(filter(None, group))
         context.say(f"looking for a test that separates {words}", 0.95)
         rivals = [last.fit]
-        logs = [record.log for record in fitter.records]
+        logs = [record.log for record in context.records]
         log = max(logs, key=lambda log: log.duration)
         try:
             for name in group[1:3]:

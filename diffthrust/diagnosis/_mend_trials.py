@@ -78,7 +78,7 @@ def _fitted_to_mended(
     context.say(f"with {doubt.readings[k].words}", 0.1)
     train, unseen = (
         bind(context.given, doubt.mended([record.log for record in records], k))
-        for records in (context.fitter.records, context.unseen)
+        for records in (context.records, context.unseen)
     )
     records = (train, unseen)
     return context.refit(first.fit.model, guesses, starts=_STARTS, records=records, segments=True)

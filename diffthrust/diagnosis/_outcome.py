@@ -120,7 +120,7 @@ def upheld(
     accused = {log.log for log in odd if log.accused}
     if not accused:
         return odd, None
-    records, unseen = context.fitter.records, context.unseen
+    records, unseen = context.records, context.unseen
     kept, kept_unseen = (
         [record for record in logs if record.name not in accused] for logs in (records, unseen)
     )
@@ -180,7 +180,7 @@ def _set_aside(
     odd = {log.log for log in assessment.odd_logs if log.accused}
     if not odd:
         return assessment
-    records, unseen = context.fitter.records, context.unseen
+    records, unseen = context.records, context.unseen
     trained, judged = (
         tuple(run for run in runs if run.name not in odd)
         for runs in (last.trained.runs, last.judged.runs if unseen else ())
@@ -190,8 +190,9 @@ def _set_aside(
         return assessment
     if others is None:
         return replace(assessment, apart=(last.trained, comparison_of(last.fit, judged)))
-    kept = [run.record for run in trained], [run.record for run in judged]
-    fitter, trial = compiled_fitter(others.fit, (), (), *kept)
+    kept, kept_unseen = ([run.record for run in runs] for runs in (trained, judged))
+    windows = [window for window in context.fitter.records if window.name not in odd]
+    fitter, trial = compiled_fitter(others.fit, (), (), kept, kept_unseen, windows)
     return replace(
         assessment,
         remaining=remaining_structure(fitter, trial),
@@ -297,7 +298,7 @@ def _agrees_with_law(
     if not odd or assessment.trained is None:
         return not odd
     baseline = _all_runs(context, assessment.trained[1], assessment.after)
-    updated = runs_over(fit.model, context.fitter.records, initial=fit.initial)
+    updated = runs_over(fit.model, context.records, initial=fit.initial)
     if context.unseen:
         updated += runs_over(fit.model, context.unseen, noise=fit.noise_of_runs)
     return no_longer_odd(odd, baseline, updated)

@@ -312,7 +312,7 @@ def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> Fi
     """
     current = CurrentModel(context.fitter, trial)
     tried = replace(state, current=current)
-    few = few_substeps(state.stages[-1].fit, context.fitter.records)
+    few = few_substeps(state.stages[-1].fit, context.records)
     stage = refitted_stage(context, tried, starts=1, substeps=few)
     if math.isfinite(stage.train.nrmse):
         return stage

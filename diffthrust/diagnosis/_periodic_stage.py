@@ -73,7 +73,7 @@ def add_periodic_force(
 
 def unexplained_line(context: SearchContext, state: SearchState) -> SpectralLine | None:
     """The clearest line in the one-step errors that neither a signal nor a shaft has as clearly."""
-    fitter, last = context.fitter, state.stages[-1]
+    fitter, runs = context.fitter, state.stages[-1].runs
     passed = state.current.trial.passed
     lines: list[tuple[SpectralLine, list[Series]]] = []
     for c, channel in enumerate(fitter.channels):
@@ -83,37 +83,45 @@ def unexplained_line(context: SearchContext, state: SearchState) -> SpectralLine
     clear = [pair for pair in lines if pair[0].p_value * len(lines) < SETTINGS.line.level]
     for line, logs in sorted(clear, key=lambda pair: -pair[0].height):
         least = SETTINGS.line.signal_share * line.height
-        if any(height_at(s, line.frequency) >= least for s in _signals(last)):
+        if any(height_at(s, line.frequency) >= least for s in _signals(runs, fitter.records)):
             continue
-        over_turns = (height_over_turns(logs, r, line.frequency) for r in _shafts(last))
+        turning = (_at_times_of(logs, shaft) for shaft in _shafts(runs))
+        over_turns = (height_over_turns(logs, rates, line.frequency) for rates in turning)
         if all(height < line.height for height in over_turns):
             return line
     return None
 
 
-def _signals(stage: FittedStage) -> list[list[Series]]:
+def _signals(runs: Sequence[Run], records: Sequence[Record]) -> list[list[Series]]:
     """What missing physics may depend on: inputs, states and outputs as simulated, and their like.
 
     The square of a sine has a line at twice its frequency, the slope of a staircase one at the
-    beat of its steps.
+    beat of its steps. Of the records' times alone: a line stands the higher the longer a log is.
     """
-    runs = stage.runs
+    ends = [(record.time[0], record.time[-1]) for record in records]
+    passed = [(low <= r.time) & (r.time <= high) for r, (low, high) in zip(runs, ends, strict=True)]
     names = [n for n in runs[0].signals if n != "time" and all(n in run.signals for run in runs)]
     like = (lambda x: x, np.abs, lambda x: x * np.abs(x), lambda x: np.abs(np.gradient(x)))
     return [
-        [(run.time, form(run.signals[name])) for run in runs] for name in names for form in like
+        [(r.time[at], form(r.signals[name])[at]) for r, at in zip(runs, passed, strict=True)]
+        for name in names
+        for form in like
     ]
 
 
-def _shafts(stage: FittedStage) -> list[list[np.ndarray]]:
+def _shafts(runs: Sequence[Run]) -> list[list[Series]]:
     """The angular velocities of the model at the samples of each log [rad/s], as measured.
 
     Over a run the simulated speed adds up to turns that never were: it serves where none is
     measured.
     """
-    runs = stage.runs
     names = [n for n, unit in runs[0].units.items() if unit in _TURNING and n in runs[0].signals]
-    return [[_turning(run, name) for run in runs] for name in names]
+    return [[(run.time, _turning(run, name)) for run in runs] for name in names]
+
+
+def _at_times_of(logs: Sequence[Series], shaft: Sequence[Series]) -> list[np.ndarray]:
+    """A shaft's velocity where errors are passed: in a window of a log, and where it has a gap."""
+    return [np.interp(time, *run) for (time, _), run in zip(logs, shaft, strict=True)]
 
 
 def _turning(run: Run, name: str) -> np.ndarray:
@@ -152,7 +160,7 @@ def _first_guess(
 
 def _sized(force: PeriodicForce, stage: FittedStage) -> PeriodicForce | None:
     """The force in units of its root mean square over the training logs; ``None`` without any."""
-    starts = _training_starts(force, stage)
+    starts = _training_starts(force, stage, [run.record for run in stage.runs])
     swings = [np.hypot(s[f"{force.name}.sine"], s[f"{force.name}.cosine"]) for s in starts]
     factor = float(np.sqrt(np.mean(np.square(swings))))
     if not np.isfinite(factor) or factor == 0:
@@ -162,12 +170,16 @@ def _sized(force: PeriodicForce, stage: FittedStage) -> PeriodicForce | None:
     )
 
 
-def _training_starts(force: PeriodicForce, stage: FittedStage) -> list[dict[str, float]]:
-    """Where a force begins in each training log, beside a stage or as part of it."""
-    return [
-        _start_in(force, stage.fit, run, run.record, {**run.start, **initial})
-        for run, initial in zip(stage.runs, stage.fit.initial, strict=True)
-    ]
+def _training_starts(
+    force: PeriodicForce, stage: FittedStage, records: Sequence[Record]
+) -> list[dict[str, float]]:
+    """Where a force begins in each training log or window of it, beside a stage or part of it."""
+    starts = []
+    for run, initial, record in zip(stage.runs, stage.fit.initial, records, strict=True):
+        whole = len(record) == len(run.record)
+        start = {**run.start, **initial} if whole else record.start
+        starts.append(_start_in(force, stage.fit, run, record, start))
+    return starts
 
 
 def _unseen_starts(force: PeriodicForce, stage: FittedStage) -> list[dict[str, float]]:
@@ -201,8 +213,12 @@ def _with_candidate(
     """The search with a force among its candidates, which begins as it does at the last stage."""
     fitter, last = context.fitter, state.stages[-1]
     with context.clock("compile"):
-        starts, unseen_starts = _training_starts(force, last), _unseen_starts(force, last)
-        train, unseen = _begun(fitter.records, starts), _begun(context.unseen, unseen_starts)
+        starts = _training_starts(force, last, context.records)
+        train = _begun(context.records, starts)
+        windows = train
+        if any(map(_is_shorter, fitter.records, context.records)):
+            windows = _begun(fitter.records, _training_starts(force, last, fitter.records))
+        unseen = _begun(context.unseen, _unseen_starts(force, last))
         candidates = {**fitter.candidates, force.name: force}
         wider, trial = compiled_fitter(
             state.stages[0].fit,
@@ -210,12 +226,17 @@ def _with_candidate(
             fitter.constants,
             train,
             unseen,
+            windows,
             state.current.trial,
             (fitter.programs.substeps, last.fit.substeps),
         )
-    refit = replace(context.refit, train=_begun(context.refit.train, starts))
+    refit = replace(context.refit, train=train)
     context = replace(context, fitter=wider, unseen=unseen, refit=refit)
     return context, replace(state, current=CurrentModel(wider, trial))
+
+
+def _is_shorter(window: Record, record: Record) -> bool:
+    return len(window) < len(record)
 
 
 def _begun(records: Sequence[Record], starts: Sequence[Mapping[str, float]]) -> tuple[Record, ...]:

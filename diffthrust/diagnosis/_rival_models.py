@@ -89,7 +89,7 @@ def _rivals_of(context: SearchContext) -> list[Model]:
 
     Where the logs do not say in which unit the command is, it is in that of the diagnosed model.
     """
-    given, records = context.given, (*context.fitter.records, *context.unseen)
+    given, records = context.given, (*context.records, *context.unseen)
     prescribed = {name for record in records for name in record.inputs}
     models = models_fed_by([record.log for record in records])
     models = [m.commanded_in(given.command) if given.command in m.commands else m for m in models]
@@ -127,7 +127,7 @@ def _as_it_is(context: SearchContext, model: Model) -> _Rival:
     context.say(f"{model.name} in place of {given.name}", 0.95)
     train, unseen = (
         bind(model, [record.log for record in records])
-        for records in (context.fitter.records, context.unseen)
+        for records in (context.records, context.unseen)
     )
     refit = replace(context.refit, train=train, unseen=unseen, first_substeps=None, horizon=None)
     return _Rival(train, unseen, FittedStage((), *refit(model, starts=_STARTS)))
@@ -204,5 +204,5 @@ def _runs_of(context: SearchContext, last: FittedStage, law: LearnedLaw | None) 
     fit = law.reported
     if context.unseen:
         return runs_over(fit.model, context.unseen, substeps=fit.substeps, noise=fit.noise_of_runs)
-    records = context.fitter.records
+    records = context.records
     return runs_over(fit.model, records, initial=fit.initial, substeps=fit.substeps)

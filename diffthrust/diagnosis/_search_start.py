@@ -25,6 +25,7 @@ from diffthrust.diagnosis._search_state import (
 )
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._trial_programs import Programs
+from diffthrust.diagnosis._trial_windows import trial_windows
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._fit import FitRuns
 from diffthrust.estimation._horizons import schedule, to_whole_runs
@@ -89,7 +90,8 @@ def start_search(
     say("compiling the trials", FITTED)
     with clock("compile"):
         constants = constants_of(first.model, wanted)
-        fitter, trial = compiled_fitter(first, effects, constants, train, unseen)
+        windows = trial_windows(first.model, fitted.runs)
+        fitter, trial = compiled_fitter(first, effects, constants, train, unseen, windows)
     mend_first = any(doubt.contrary for doubt in first.doubts)
     context = SearchContext(
         first.model, fitter, tuple(unseen), refit, guess, say, clock, mend_first
@@ -133,10 +135,13 @@ def compiled_fitter(
     constants: Sequence[str],
     train: Sequence[Record],
     unseen: Sequence[Record],
+    windows: Sequence[Record],
     present: TrialFit | None = None,
     steps: Sequence[int] = (),
 ) -> tuple[CandidateFitter, TrialFit]:
     """The fitter, and its first trial: the model as it is, or with the effects of ``present``.
+
+    Of the training logs only the ``windows`` are passed (see `trial_windows`).
 
     A model whose fit has failed is tried alone first, before all its candidates are compiled. The
     ``steps``, of integration a sample, are tried in turn: those of the fit, if not given, but an
@@ -146,7 +151,8 @@ def compiled_fitter(
     if failed and not math.isfinite(_trial_of(fit, [], train).cost):
         raise _not_finite(fit, [], train)
     for substeps in dict.fromkeys(steps or (few_substeps(fit, train), fit.substeps)):
-        programs = Programs(fit.model, effects, train, unseen, substeps, fit.noise_model, constants)
+        logs = (windows, unseen)
+        programs = Programs(fit.model, effects, *logs, substeps, fit.noise_model, constants)
         fitter = CandidateFitter(programs)
         first = fitter.base(present.effects, present.values) if present else fitter.base()
         if math.isfinite(first.cost):
@@ -165,7 +171,7 @@ def with_finer_steps(
     which the training runs surely err less.
     """
     fitter, fit = context.fitter, state.stages[-1].fit
-    present, records = fitter.programs.substeps, fitter.records
+    present, records = fitter.programs.substeps, context.records
     if fit.substeps <= present:
         return context, state
     coarse = pooled_errors(runs_over(fit.model, records, initial=fit.initial, substeps=present))
@@ -181,6 +187,7 @@ def with_finer_steps(
                 fitter.constants,
                 records,
                 context.unseen,
+                fitter.records,
                 replace(trial, values={**trial.values, **fitted}),
                 (few_substeps(fit, records), fit.substeps),
             )

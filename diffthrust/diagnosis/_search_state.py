@@ -144,6 +144,11 @@ class SearchContext:
     clock: Clock
     mend_first: bool = False
 
+    @property
+    def records(self) -> Sequence[Record]:
+        """The training logs; those of the ``fitter`` may be windows of them."""
+        return self.refit.train
+
 
 @dataclass(frozen=True, eq=False)
 class CurrentModel:

@@ -65,7 +65,7 @@ def runs_lead(context: SearchContext) -> bool:
     place of an effect from one sample to the next: of boats with measured positions and no measured
     speeds one-step errors wanted a coupling and a wind, where a current and a weak thruster act.
     """
-    records = context.fitter.records
+    records = context.records
     if schedule(context.given, records, "auto")[-1] is None:
         return False
     model = context.given

@@ -37,12 +37,12 @@ _SIZES: dict[str, tuple[float, float, str, str]] = {
     "speed": (0.0, 1.5e3, "", "rpm"),
     "propeller_speed": (0.0, 200.0, "", "rpm"),
     "rudder_angle": (0.028, 1.7, "rad, not deg", "deg"),
-    "yaw_rate": (0.0, 4.0, "", "deg/s"),
+    "yaw_rate": (0.0, 7.0, "", "deg/s"),
     "surge": (0.0, 40.0, "", "mm/s"),
 }
 """No motor's controller takes below 20 mV or above a kilovolt; a shaft of 1500 rad/s turns at
-14 300 rpm; a rudder beyond 97 deg, or one that never leaves 1.6 deg, steers nothing; a vessel that
-turns at 4 rad/s goes round in 1.6 s."""
+14 300 rpm; a rudder beyond 97 deg, or one that never leaves 1.6 deg, steers nothing; a vehicle that
+turns at 7 rad/s goes round in 0.9 s, and one of eight thrusters reached 4.2."""
 _NAMES = {
     **{unit: unit for unit in ("rpm", "kgf", "lbf", "deg", "rad")},
     **{"rps": "rev/s", "hz": "rev/s", "mv": "mV", "kmh": "km/h"},

@@ -457,7 +457,8 @@ def test_a_place_for_both_signs_is_positive_and_a_ripple_is_more_than_a_flank():
 def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
-    trials, trial = compiled_fitter(fit, [], [], bind(fit.model, hidden.train), [])
+    records = bind(fit.model, hidden.train)
+    trials, trial = compiled_fitter(fit, [], [], records, [], records)
     seen = regressors_of(trials, trial)
     laws = [
         term_along(seen, port, signal, "", {})
@@ -488,7 +489,8 @@ def low_battery(loss):
     }
     log = dft.Log(t, inputs, measured)
     fit = dft.fit(dft.Thruster(), log, starts=1)
-    trials, trial = compiled_fitter(fit, [], [], bind(fit.model, [log]), [])
+    records = bind(fit.model, [log])
+    trials, trial = compiled_fitter(fit, [], [], records, [], records)
     seen = regressors_of(trials, trial)
     term = term_along(seen, "propeller", "supply_voltage", "speed", {})
     (curve,) = evidence.likely_curves(trials, trial, [term])
@@ -518,7 +520,8 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     """A share of the drive, which the held command makes, is beta: exactly, between samples too."""
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
-    trials, trial = compiled_fitter(fit, [], [], bind(fit.model, hidden.train), [])
+    records = bind(fit.model, hidden.train)
+    trials, trial = compiled_fitter(fit, [], [], records, [], records)
     law = term_along(regressors_of(trials, trial), "drive", "speed", "value", {})
     level = law.basis(Curve("drive", "speed", -1e4, 1e4))
     level = PortSeries(*([rows[:1] for rows in part] for part in level))

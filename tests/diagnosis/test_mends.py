@@ -46,7 +46,7 @@ def measured(monkeypatch):
             monkeypatch.setattr(mend_trials_module, name, work)
         given = SimpleNamespace(inputs=("command",), optional_inputs=())
         context = SimpleNamespace(
-            given=given, fitter=SimpleNamespace(records=()), unseen=(), guess={"ct": 1.0},
+            given=given, records=(), unseen=(), guess={"ct": 1.0},
             refit=refit, say=lambda *_: None,
         )  # fmt: skip
         return mend_trials_module.measured_mends(context, FittedStage((), *first)), asked

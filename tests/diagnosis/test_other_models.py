@@ -66,8 +66,8 @@ def test_rivals_of_a_thruster_have_its_command(unit, rivals):
     """
     logs = [log(**({"command": unit} if unit else {}))]
     given = adopted(dft.Thruster(), logs)
-    fitter = SimpleNamespace(records=bind(given, logs), channels=("speed",))
-    context = SimpleNamespace(given=given, fitter=fitter, unseen=())
+    fitter = SimpleNamespace(channels=("speed",))
+    context = SimpleNamespace(given=given, fitter=fitter, records=bind(given, logs), unseen=())
     models = rival_models_module._rivals_of(context)
     assert {model.name: model.inputs["command"] for model in models} == rivals
 

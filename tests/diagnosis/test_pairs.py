@@ -53,8 +53,6 @@ class Trial:
 class Fitter:
     """Fits that end where they begin."""
 
-    records = ()
-
     def settled(self, effects, values, initial, clip):
         return Trial(effects, values)
 
@@ -76,6 +74,7 @@ class Context:
     unseen: tuple[str, ...]
     mend_first: bool = False
     fitter: Fitter = field(default_factory=Fitter)
+    records: tuple[str, ...] = ()
     clock: Clock = field(default_factory=Clock)
     ended: list[float] = field(default_factory=list)
 

@@ -98,7 +98,8 @@ def search(errors, signals, rates=None):
         current=SimpleNamespace(trial=SimpleNamespace(passed=passed)),
         stages=(SimpleNamespace(runs=(run,)),),
     )
-    return SimpleNamespace(fitter=SimpleNamespace(channels=("speed",))), state
+    fitter = SimpleNamespace(channels=("speed",), records=(SimpleNamespace(time=TIME),))
+    return SimpleNamespace(fitter=fitter), state
 
 
 def test_a_line_that_a_signal_has_as_well_is_no_force_of_its_own():

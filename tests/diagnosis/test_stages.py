@@ -275,8 +275,9 @@ def test_whole_runs_are_asked_first_where_errors_accumulate_in_states_that_are_n
     time = np.linspace(0.0, seconds, 51)
     inputs = {name: np.sin(time) for name in model.inputs}
     log = dft.Log(time, inputs, {name: np.cos(time) for name in measured}, units={**model.inputs})
-    fitter = SimpleNamespace(records=bind(model, [log]), channels=measured)
-    assert runs_lead(SimpleNamespace(given=model, fitter=fitter)) is lead
+    fitter = SimpleNamespace(channels=measured)
+    context = SimpleNamespace(given=model, fitter=fitter, records=bind(model, [log]))
+    assert runs_lead(context) is lead
 
 
 RNG = np.random.default_rng(0)

@@ -61,7 +61,7 @@ def context_of(model, train, unseen):
         return SimpleNamespace(fit=dft.fit(changed, train, holdout=unseen, starts=starts))
 
     guess = {name: p.value for name, p in model.parameters.items()}
-    return SimpleNamespace(fitter=fitter, unseen=others, guess=guess, refit=refit)
+    return SimpleNamespace(fitter=fitter, records=records, unseen=others, guess=guess, refit=refit)
 
 
 @pytest.mark.thorough

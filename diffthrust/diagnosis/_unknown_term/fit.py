@@ -60,7 +60,7 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
         model: the model.
         segments: whether it is fitted to segments first.
     """
-    substeps = few_substeps(baseline, context.fitter.records)
+    substeps = few_substeps(baseline, context.records)
     horizons = _horizons(context) if segments and model.horizon is None else None
     refit = partial(context.refit, model, starts=1, segments=segments, horizons=horizons)
     fit = refit(substeps=substeps).fit
@@ -71,7 +71,7 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
 
 def _horizons(context: SearchContext) -> tuple[float | None, ...]:
     """Segments through which a model without a horizon of its own comes to whole runs."""
-    longest = max(record.duration for record in context.fitter.records)
+    longest = max(record.duration for record in context.records)
     return (*(longest / parts for parts in _SEGMENTS), None)
 
 
@@ -95,7 +95,7 @@ def surely_better(context: SearchContext, fit: Fit, rival: Fit) -> bool:
 def _runs_of(context: SearchContext, fit: Fit, trained: bool) -> tuple[Run, ...]:
     """The whole runs of a fit over the training logs, or over the unseen ones, if any."""
     if trained:
-        records, initial = context.fitter.records, fit.initial
+        records, initial = context.records, fit.initial
     else:
         records, initial = context.unseen, None
     if not records:
@@ -206,7 +206,7 @@ def _with_pieces(context: SearchContext, baseline: Fit, law: LearnedLaw) -> Lear
 
 def _with_steps(context: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
     """A law fitted again if the model that is reported needs more integrator steps."""
-    fit, records = law.reported, context.fitter.records
+    fit, records = law.reported, context.records
     k = max(range(len(records)), key=lambda k: (records[k].log.step, len(records[k].log)))
     needed = fewest_steps(fit.model, records[k], fit.initial[k]).substeps
     if needed <= fit.substeps:

@@ -299,13 +299,13 @@ def _start_elimination(
     # a constant that effects freed keeps its given value, to which eliminating it goes back
     free = {n for n, p in model.parameters.items() if not p.fixed}
     model = with_values(model, {n: value for n, value in values.items() if n in free})
-    start = replace(fit, model=model, substeps=few_substeps(fit, fitter.records))
+    start = replace(fit, model=model, substeps=few_substeps(fit, context.records))
     effects = [fitter.candidates[n] for n in names if n in fitter.candidates]
     constants = [n for n in names if n in fitter.constants]
     trial = replace(trial, values={**trial.values, **values})
     try:
         beside, fitted = compiled_fitter(
-            start, effects, constants, fitter.records, context.unseen, trial
+            start, effects, constants, context.records, context.unseen, fitter.records, trial
         )
     except InputError:  # the law simulates only without the effects
         return None

@@ -126,7 +126,7 @@ def state_terms(context: SearchContext, baseline: Fit) -> tuple[LearnedLaw, ...]
 
 def _moving_states(context: SearchContext) -> list[str]:
     """The states of the model's equations that no log prescribes."""
-    given = context.fitter.records[0].inputs
+    given = context.records[0].inputs
     return [name for name in context.fitter.model.states if name not in given]
 
 
@@ -170,7 +170,7 @@ def _fitted_from(
     context: SearchContext, baseline: Fit, model: Model, states: Sequence[str]
 ) -> tuple[_Search, Fitted] | None:
     """All terms beside a model, fitted from its values; ``None`` where that cannot be done."""
-    records = context.fitter.records
+    records = context.records
     ranges = _ranges(model, records, states)
     if ranges is None:
         return None
@@ -212,7 +212,7 @@ def library(
 ) -> tuple[list[Formula], tuple[StateTerm, ...]]:
     """One formula for each driving port with all its terms, at their null, and the terms."""
     places = [place for place in context.fitter.places if place.state]
-    path = {n: np.asarray(x) for n, x in _first_path(model, context.fitter.records[0]).items()}
+    path = {n: np.asarray(x) for n, x in _first_path(model, context.records[0]).items()}
     readings = port_readings(model, path)
     effects, terms = [], []
     for k, place in enumerate(places):
