@@ -12,7 +12,7 @@ import scipy.sparse
 from scipy.io import savemat
 from text_readers import in_blocks
 
-from diffthrust import Column, InputError, read_log
+from diffthrust import Column, InputError, look, read_log
 from tests.shared_data import data_folder
 
 NAN = float("nan")
@@ -492,8 +492,26 @@ def test_what_a_file_is_its_content_says_and_not_its_ending(tmp_path):
 
 def test_a_header_that_is_not_the_line_above_the_numbers_is_found_by_its_names(tmp_path):
     content = GOOD.replace("rpm\n", "rpm\nseconds since start,volts at the drive,of the shaft\n")
-    with pytest.raises(InputError, match="line 2, column 't': expected a number, found 'seconds"):
-        read(write(tmp_path, content))
+    log = read(write(tmp_path, content))
+    check_good(log)
+    cells = "seconds since start, volts at the dri..."
+    assert log.notes == (f"line 2 was skipped: it holds more names ({cells}).",)
+    with_units = content.replace("shaft\n", "shaft\ns,V,rpm\n")
+    log = read(write(tmp_path, with_units))
+    check_good(log)
+    assert log.notes[1] == "line 3 was skipped: it holds units (s, V, rpm)."
+    missing = GOOD.replace("0,0,0", "0,unknown,unknown")  # a sample, and not names
+    with pytest.raises(InputError, match="line 2, column 'u': expected a number, found 'unknown'"):
+        read(write(tmp_path, missing))
+    with pytest.raises(InputError, match="line 2, column 't': expected a number, found 'none'"):
+        read(write(tmp_path, GOOD.replace("0,0,0", "none,none,none")))
+
+
+def test_a_log_whose_long_names_repeat_below_the_short_ones_is_looked_at_by_these(tmp_path):
+    """The four azimuths of a SWAMP are all "azimuth_angle" there."""
+    rows = "".join(f"{k / 10},{k},{-k}\n" for k in range(30))
+    path = write(tmp_path, "t,left_deg,right_deg\ntime,azimuth,azimuth\n" + rows)
+    assert [column.name for column in look(path).columns] == ["t", "left_deg", "right_deg"]
 
 
 def test_a_clock_that_is_coarser_than_the_samples_and_its_mend(tmp_path):

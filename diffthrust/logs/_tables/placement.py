@@ -1,5 +1,6 @@
-"""Locate a table among rows of cells: its header, and a row of units below it."""
+"""Locate a table among rows of cells: its header, and a row of units or of more names below it."""
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -8,14 +9,17 @@ from diffthrust.logs._units import unit_in
 
 SEARCHED = 200
 """Rows at the top of a file in which the header is searched."""
+_WORD = re.compile(r"[^\W\d_]{3}")
+"""Three letters in a row: a mark for what is missing ("n/a", "-") has fewer."""
 
 
 @dataclass(frozen=True)
 class Placement:
     """Position of a table.
 
-    ``header``, ``first`` and ``unit_row`` are indices of rows: of the header, of the first samples,
-    and of the units where a row has them; ``preamble`` is the number of rows above the header.
+    ``header``, ``first``, ``unit_row`` and ``name_row`` are indices of rows: of the header, of the
+    first samples, of the units where a row has them, and of long names where they stand below the
+    header; ``preamble`` is the number of rows above the header.
     ``units``, by column, are from the header or from a row of units below it. ``measure`` is how
     plausible it is, to compare ways of splitting the same text into cells: number of wanted names
     in the header, whether it is as wide as the rows of numbers, the number of those rows, their
@@ -27,6 +31,7 @@ class Placement:
     first: int
     units: dict[str, str]
     unit_row: int | None
+    name_row: int | None
     preamble: int
     measure: tuple[int, bool, int, float, int]
 
@@ -68,20 +73,31 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
         # The row right above the numbers may hold units, with the names above it.
         if len(above) > 1 and len(_trimmed(rows[above[-2]])) in widths and _units(rows[above[-1]]):
             above.pop()
+        # Or it holds long names, which say of several columns the same.
+        if len(above) > 1 and _are_names(rows[above[-1]], rows[above[-2]]):
+            short, long = (len(set(rows[k])) for k in above[-2:])
+            if short > long:
+                above.pop()
         header = above[-1] if above else min(numbers)
     names = _trimmed(rows[header])
     units = {name: unit for name in names if (unit := unit_in(name))}
-    below = [k for k in filled if k > header][:2]
+    below = [k for k in filled if k > header][:3]
+    name_row = unit_row = None
     # With one row below the header it is the only sample, whatever it looks like.
-    unit_names = _units(rows[below[0]]) if len(below) == 2 else None
+    if len(below) > 1 and _are_names(rows[below[0]], rows[header]):
+        name_row = below.pop(0)
+    unit_names = _units(rows[below[0]]) if len(below) > 1 else None
     if unit_names:
+        unit_row = below[0]
         units |= {name: unit for name, unit in zip(names, unit_names, strict=False) if unit}
+    above_samples = [k for k in (header, name_row, unit_row) if k is not None]
     return Placement(
         names,
         header,
-        below[0] + 1 if unit_names else header + 1,
+        max(above_samples) + 1,
         units,
-        below[0] if unit_names else None,
+        unit_row,
+        name_row,
         preamble=filled.index(header),
         measure=(
             matched[header],
@@ -97,15 +113,20 @@ def skipped_notes(
     placement: Placement, rows: Sequence[Sequence[str]], number: Sequence[int], word: str
 ) -> list[str]:
     """Notes on skipped rows; ``number`` gives the row numbers in the file."""
-    notes = []
+    notes: list[str] = []
+
+    def skipped(at: int, what: str) -> None:
+        cells = quoted(", ".join(rows[at]))[1:-1]
+        notes.append(f"{word} {number[at]} was skipped: it holds {what} ({cells}).")
+
     if placement.preamble:
         many = placement.preamble > 1
         which = f"{placement.preamble} {word}s were" if many else f"a {word} was"
         notes.append(f"{which} skipped: the header is {word} {number[placement.header]}.")
+    if placement.name_row is not None:
+        skipped(placement.name_row, "more names")
     if placement.unit_row is not None:
-        cells = quoted(", ".join(rows[placement.unit_row]))[1:-1]
-        row = number[placement.unit_row]
-        notes.append(f"{word} {row} was skipped: it holds units ({cells}).")
+        skipped(placement.unit_row, "units")
     return notes
 
 
@@ -121,6 +142,20 @@ def _numeric_share(row: Sequence[str]) -> float:
     """The share of numbers and dates among non-empty cells."""
     full = [cell for cell in row if cell]
     return sum(is_number(c) or is_date(c) or bool(formats_of([c])) for c in full) / len(full)
+
+
+def _are_names(row: Sequence[str], header: Sequence[str]) -> bool:
+    """Whether a row holds more names: as many cells as the header, in words, mostly different.
+
+    A file of the SWAMP has its long names below the short ones. A sample of nothing but words is
+    one of marks for what is missing, which repeat.
+    """
+    cells = _trimmed(row)
+    if len(cells) < 2 or len(cells) != len(_trimmed(header)) or not all(cells):
+        return False
+    if _numeric_share(cells) > 0 or _units(cells):
+        return False
+    return all(map(_WORD.search, cells)) and 2 * len(set(cells)) > len(cells)
 
 
 def _units(row: Sequence[str]) -> list[str] | None:
