@@ -12,8 +12,13 @@ from diffthrust.models._base.model import Model
 
 
 def command_kind(model: Model, unit: str) -> str:
-    """The unit of the model's command that measures the same as ``unit``; its own if none does."""
-    same = (kind for kind in model.commands if unit and same_quantity(unit, kind))
+    """The unit of the model's command that measures the same as ``unit``; its own if none does.
+
+    Its own comes first: a thruster whose numbers are for revolutions a second was taken for one in
+    rad/s, by which logs keep them, and thrust 39 times as much.
+    """
+    kinds = (model.command, *model.commands)
+    same = (kind for kind in kinds if unit and kind and same_quantity(unit, kind))
     return next(same, model.command)
 
 

@@ -240,6 +240,12 @@ def test_the_unit_of_a_command_is_the_one_that_measures_the_same():
     assert command_kind(model, "rpm") == "rad/s"
     assert command_kind(model, "") == "V"
     assert command_kind(model, "kg") == "V"
+    turning = dft.actuators.StaticThruster(command="rev/s", gain=0.0147).fix("gain")
+    assert command_kind(turning, "rad/s") == command_kind(turning, "rpm") == "rev/s"
+    craft = dft.Craft(dft.bodies.Planar(), stern=turning.at((-1, 0, 0)))
+    log = Log([0.0, 0.1], {"stern.command": [10.0, 10.0]}, units={"stern.command": "rps"})
+    assert adopted(craft, [log]) is craft  # "gain is held, in N/(rev/s)", of a log in "rad/s"
+    assert command_kind(turning, "V") == "V"
 
 
 def commanded(unit, count=4):
