@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from diffthrust.models._base.actuator import Actuator
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
-from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.power_law import power_law
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
@@ -21,7 +21,8 @@ class StaticThruster(Actuator):
 
     For thrusters that follow far faster than the craft moves. The command is an effort, a measured
     thrust ("N", whose gain is held at 1), a speed ("rad/s", "rev/s", whose exponent is held at 2),
-    or a voltage. ``reverse`` is held at 1: free it for a propeller that is weaker astern.
+    or a voltage; what is given stays as given. ``reverse`` is held at 1: free it for a propeller
+    that is weaker astern.
     Source: Fossen 2021, section 9.2 (thrust by the square of the propeller's speed).
 
     Example:
@@ -43,6 +44,11 @@ class StaticThruster(Actuator):
     gain: float = parameter(40.0, "N/{command}", bounds=(0, None), doc="thrust at a command of 1")
     exponent: float = parameter(1.0, bounds=(0.05, 4.0), transform="log", doc="of the curve")
     reverse: float = parameter(1.0, bounds=(0, None), fixed=True, size=0.5, doc="astern to ahead")
+
+    def __init__(self, *, command: str = "", **parameters: float | Parameter) -> None:
+        super().__init__(command=command, **parameters)
+        # what a unit implies is for numbers that nobody gives: a curve that was measured was freed
+        self._set(**vars(self.replace(parameters)))
 
     def commanded_in(self, unit: str) -> Self:
         """The curve of a command in another unit; see `Model.commanded_in`."""

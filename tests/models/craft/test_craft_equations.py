@@ -265,6 +265,22 @@ def test_a_hinged_propeller_is_that_of_the_vessel():
         np.testing.assert_allclose(out[name], series, rtol=1e-12, atol=1e-13, err_msg=name)
 
 
+def test_numbers_of_a_curve_stay_as_given_in_any_unit_of_the_command():
+    """A gain held in revolutions a second was free, and an exponent of 1.8 was 2."""
+    for command in ("effort", "rev/s", "rad/s", "V"):
+        held = {"value": 0.0147, "fixed": True}
+        law = StaticThruster(command=command, gain=held, exponent={"value": 1.8, "fixed": False})
+        gain, exponent = law.parameters["gain"], law.parameters["exponent"]
+        assert (gain.value, gain.fixed) == (0.0147, True)
+        assert gain.unit.startswith("N")
+        assert (exponent.value, exponent.fixed) == (1.8, False)
+        turned = dft.Craft(Planar(), bow=dft.actuators.Azimuth(law).at((1, 0, 0))).parameters
+        assert (turned["bow.gain"].value, turned["bow.gain"].fixed) == (0.0147, True)
+    plain = StaticThruster(command="rev/s", gain=0.02).parameters
+    assert (plain["gain"].value, plain["gain"].fixed) == (0.02, False)
+    assert (plain["exponent"].value, plain["exponent"].fixed) == (2.0, True)
+
+
 @pytest.mark.parametrize("effects", [["water_current"], ["quadratic_surge_drag", "wind"],
                                      ["sway_yaw_coupling"]])  # fmt: skip
 def test_effects_of_a_vessel_act_on_a_craft(effects):
