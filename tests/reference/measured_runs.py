@@ -42,7 +42,7 @@ import csv
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -172,15 +172,22 @@ def kingfisher(numbers: Sequence[int], every: int = 5) -> list[wr.Run]:
     return runs
 
 
-def otter(every: int = 5) -> tuple[list[wr.Run], list[wr.Run]]:
-    """Three runs of the Otter, and two unseen: forces by Fossen's map of the revolutions."""
+def otter(
+    every: int = 5, turning: Mapping[str, str] | None = None
+) -> tuple[list[wr.Run], list[wr.Run]]:
+    """Three runs of the Otter, and two unseen: forces by Fossen's map of the revolutions.
+
+    Or the revolutions themselves [rad/s] as inputs of the names that ``turning`` gives columns to.
+    """
     runs = []
     for path in sorted((folder() / "otter").glob("2024*.csv")):
         t = {name: column[10:] for name, column in table(path, ";").items()}
         keep = np.isfinite(t["n1"]) & np.isfinite(t["tau_N"]) & (t["current_speed"] < 5.0)
         t = {name: column[keep] for name, column in t.items()}
-        turning = {side: t[n] * 2.0 * np.pi / 60.0 for side, n in (("left", "n1"), ("right", "n2"))}
-        inputs = {f"{side}_force": 0.01108 * n * np.abs(n) for side, n in turning.items()}
+        sides = turning or {"left_force": "n1", "right_force": "n2"}
+        inputs = {name: t[n] * 2.0 * np.pi / 60.0 for name, n in sides.items()}
+        if not turning:
+            inputs = {name: 0.01108 * n * np.abs(n) for name, n in inputs.items()}
         measured = {
             "surge": t["current_speed"],
             "yaw_rate": np.radians(t["current_rotational_velocities_3"]),

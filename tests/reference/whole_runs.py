@@ -133,7 +133,7 @@ def simulate(system: System, runs: Sequence[Run], values: Mapping[str, Any]) -> 
     x = {s: np.zeros((count, sets)) for s in system.states}
     for j, run in enumerate(runs):
         for s in system.states:
-            x[s][j] = beginning(run, s)
+            x[s][j] = values.get(start_of(run, s), beginning(run, s))
     kept: list[Signals] = []
     with np.errstate(all="ignore"):
         for k in range(longest):
@@ -181,6 +181,33 @@ def beginning(run: Run, state: str) -> float:
     if series is None or not np.isfinite(series).any():
         return 0.0
     return float(series[np.isfinite(series)][0])
+
+
+def start_of(run: Run, state: str) -> str:
+    """The name of the parameter that says where a state of one run starts, if there is one."""
+    return f"{run.name}: {state}"
+
+
+def begun_freely(system: System, runs: Sequence[Run], *states: str, most: float = 2.0) -> System:
+    """The system with the starts of some states of each run as parameters, for a fit."""
+    names = {start_of(run, s): beginning(run, s) for run in runs for s in states}
+    return system.ranged(**{name: (value, -most, most) for name, value in names.items()})
+
+
+def begun_best(
+    system: System, runs: Sequence[Run], values: Mapping[str, float], *states: str
+) -> list[Run]:
+    """Runs with states that nothing measures begun where each of them errs least.
+
+    As a fitted model is held against an unseen run: its own start is no number of the model.
+    """
+    held = system.fixed(**{n: values[n] for n in system.parameters})
+    begun = []
+    for run in runs:
+        found = fit(begun_freely(held, [run], *states), [run], starts=1).values
+        start = {s: found[start_of(run, s)] for s in states}
+        begun.append(replace(run, initial={**run.initial, **start}))
+    return begun
 
 
 def _delayed(time: Array, series: Array, delay: Any, sets: int) -> Array:
