@@ -222,8 +222,25 @@ def _trace(model: Model, record: Record, name: str, modelled: np.ndarray) -> Tra
     if name in model.angles:  # a heading that passes north is no error of a full turn
         residual = wrapped(residual)
         measured = unwrapped(measured)
-        modelled = measured - residual
+        modelled = _beside(measured, residual, modelled)
     return Trace(measured, modelled, residual, model.outputs[name])
+
+
+def _beside(measured: np.ndarray, residual: np.ndarray, modelled: np.ndarray) -> np.ndarray:
+    """A modelled angle in whole turns from the measured one, also between its readings.
+
+    NaN there ended the doubts of an Otter, whose heading stands still for a while and was left out,
+    in "SVD did not converge".
+    """
+    read = np.flatnonzero(np.isfinite(residual))
+    if not read.size:
+        return modelled
+    modelled = unwrapped(modelled)
+    away = (modelled - measured + residual)[read] / (2.0 * np.pi)
+    turns = np.round(np.interp(np.arange(modelled.size), read, np.round(away)))
+    modelled = modelled - 2.0 * np.pi * turns
+    modelled[read] = (measured - residual)[read]
+    return modelled
 
 
 def overflow(model: Model, record: Record, modelled: Mapping[str, np.ndarray]) -> str:

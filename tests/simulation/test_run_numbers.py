@@ -281,6 +281,28 @@ def test_runs_and_their_errors():
             runs_over(model, bind(model, logs), initial=wrong)
 
 
+def test_an_angle_is_modelled_between_its_readings_too():
+    """It was NaN there, and doubts of a heading that was left out for a while ended in NumPy."""
+    model, time = dft.Vessel(drive="twin"), 0.1 * np.arange(300)
+    inputs = {"left_force": 3.0 + np.sin(time), "right_force": np.ones(300)}
+    moved = dft.simulate(model, Log(time, inputs, units=dict(model.inputs)), substeps=2)
+    heading = (moved["heading"] + np.pi) % (2.0 * np.pi) - np.pi + 0.01 * np.sin(40.0 * time)
+    assert np.ptp(moved["heading"]) > 3.0 * np.pi
+    heading[100:160] = np.nan  # nearly a turn
+    heading[201::2] = np.nan
+    measured = {"surge": moved["surge"], "heading": heading}
+    log = Log(time, inputs, measured, units={**model.inputs, "surge": "m/s", "heading": "rad"})
+    (run,) = runs_over(model, bind(model, [log]), substeps=2)
+    trace, read = run.channels["heading"], np.isfinite(heading)
+    assert np.abs(trace.residual[read]).max() < 0.02
+    np.testing.assert_array_equal(
+        trace.modelled[read], (trace.measured - trace.residual)[read], strict=True
+    )
+    turns = (trace.modelled - moved["heading"]) / (2.0 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-4)
+    assert np.isfinite(turns).all()
+
+
 def test_what_no_log_measures_cannot_be_run():
     log = Log(np.arange(5.0), {"depth": np.ones(5)})
     with pytest.raises(InputError, match="No log measures an output"):
