@@ -262,6 +262,7 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
         little = little_explained(train)
         corrects = problem.layout.likelihood.corrects
         hint = hint_at(little) + unstable_advice(status, model, runs, corrects)
+        hint += optimum.caution * status.ok
     # later: most fits are asked for their numbers alone, and doubts take longer than a small fit
     doubts = Later(lambda: doubts_about(little, () if failed else runs, model, doubted))
     vanished = vanished_notes(problem, best.z)

@@ -96,6 +96,16 @@ class Optimum:
         return f" Not estimated, but held as given: {names}; these logs do not tell." * bool(names)
 
     @property
+    def caution(self) -> str:
+        """A sentence beside a status that says nothing of the steps; empty where they do."""
+        if not self.coarse:
+            return ""
+        return (
+            f" But it is an optimum of too coarse a simulation, with {self.substeps} of "
+            f"{self.needed} integrator steps per sample: look at the notes first."
+        )
+
+    @property
     def coarse(self) -> tuple[str, ...]:
         """A note on steps that are too long."""
         if self.needed <= self.substeps:

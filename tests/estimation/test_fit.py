@@ -12,6 +12,7 @@ from short_logs import TwiceTheSame
 from steps import Clock, Refit, bind
 
 import diffthrust as dft
+from diffthrust.simulation import CoarseStepWarning
 
 TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
 ERROR_KEYS = {"rmse", "nrmse", "fit_percent", "samples", "unit", "written"}
@@ -85,6 +86,17 @@ def test_a_refit_goes_on_to_the_finer_steps_that_its_optimum_needs(begun, first,
     assert fit.substeps == steps
     given = dft.fit(dft.Thruster(), log, starts=3, substeps=fit.substeps)
     assert fit.log_likelihood == pytest.approx(given.log_likelihood, abs=1e-4)
+
+
+def test_a_status_that_is_well_says_where_the_steps_are_too_coarse():
+    """Of a BlueBoat "converged" was all that it said, with 8 steps a sample for 16."""
+    log = log_of(record(step=0.3, duration=60.0))
+    with pytest.warns(CoarseStepWarning):
+        fit = dft.fit(dft.Thruster(), log, starts=2, substeps=1)
+    assert fit.status.ok
+    assert fit.coarse
+    assert "too coarse a simulation, with 1 of " in fit.message
+    assert "too coarse" not in dft.fit(dft.Thruster(), log, starts=2).message
 
 
 class Follower(dft.Model):
