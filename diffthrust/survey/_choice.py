@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust.layouts._recorded import RecordedLayout
 from diffthrust.logs._columns import Column
 from diffthrust.logs._contents import Contents, Field
+from diffthrust.logs._tables.text import times_of_day
 from diffthrust.logs._units import convert
 from diffthrust.survey._guess import LIKELY, PERHAPS, SURE, Meaning
 from diffthrust.survey._values import numbers_of, varies
@@ -112,7 +113,9 @@ class Choice:
         clock = self.time.field
         if self.step is not None:
             return self.step * np.arange(clock.values.size)
-        return convert(clock.values, self.time.meaning.unit or "s", "s", where=clock.name)
+        unit = self.time.meaning.unit or "s"
+        of_day = times_of_day(clock.values) if unit == "s" else None
+        return convert(clock.values, unit, "s", where=clock.name) if of_day is None else of_day
 
 
 class Pool:

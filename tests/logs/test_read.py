@@ -527,6 +527,26 @@ def test_a_clock_that_is_coarser_than_the_samples_and_its_mend(tmp_path):
             read(path, time=wrong)
 
 
+def test_times_of_day_without_colons_are_seconds(tmp_path):
+    """The clock of a SWAMP, 134059.75 before 134100, stands still between the fixes besides."""
+    since = 0.25 * np.arange(600)
+    stamps = [f"1340{s:05.2f}" if s < 60 else f"13{41 + int(s) // 60 - 1}{s % 60:05.2f}"
+              for s in since]  # fmt: skip
+    path = write(tmp_path, "t,u,rpm\n" + "".join(f"{t},1,{k}\n" for k, t in enumerate(stamps)))
+    log = read(path)
+    np.testing.assert_allclose(log.time - log.time[0], since, atol=1e-9)
+    assert "the time stamps were read as times of day, hhmmss." in log.notes
+    rows = "".join(f"{t},{k % 3},{k}\n{t},1,{k + 0.5}\n" for k, t in enumerate(stamps))
+    path = write(tmp_path, "t,u,rpm\n" + rows)
+    with pytest.raises(InputError, match="the clock is coarser than the samples") as caught:
+        read(path)
+    assert "time = 0.125;" in caught.value.mend  # not 0.18, with 40 s more for each minute
+    assert "149.9 s at 8.00 Hz" in str(look(path).report())
+    for plain in (np.arange(0.0, 300.0, 0.5), np.arange(0.0, 5000.0, 50.0), 100.0 * np.arange(50)):
+        path = write(tmp_path, "t,u,rpm\n" + "".join(f"{t},1,2\n" for t in plain))
+        np.testing.assert_allclose(read(path).time, plain)
+
+
 def test_gaps_are_told_with_moment_and_length(tmp_path):
     def told(time):
         rows = "".join(f"{t:.6f},1,2\n" for t in time)

@@ -15,7 +15,7 @@ from diffthrust._support.validation import finite
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
 from diffthrust.logs._tables.table import Dates, OpenTable, Other
-from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers
+from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers, times_of_day
 from diffthrust.logs._units import convert, same_unit
 from diffthrust.logs._validate import PlaceOf, check_stamps, window
 
@@ -262,6 +262,9 @@ class TableRequest:
             unit = self.clock.unit or "s"
             with np.errstate(all="ignore"):
                 stamps = stamps * float(self.clock.scale) + float(self.clock.offset)
+            if unit == "s" and (seconds := times_of_day(stamps)) is not None:
+                stamps = seconds
+                samples.notes.append("the time stamps were read as times of day, hhmmss.")
         stamps = convert(stamps, unit, "s", where=at("time", None))
         check_stamps(stamps, at)
         return stamps

@@ -173,6 +173,29 @@ def _fits(texts: Sequence[str], form: str) -> bool:
     return True
 
 
+def times_of_day(stamps: np.ndarray) -> np.ndarray | None:
+    """Seconds from numbers that are times of day, hhmmss.f, ``(n,)``; None of any other numbers.
+
+    None of these ends in 60 to 99, in the seconds or in the minutes, and at least once a minute
+    goes by. Read as seconds, the clock of a SWAMP leaps by 40 s there.
+    """
+    known = stamps[np.isfinite(stamps)]
+    if known.size < 2 or known.min() < 0 or known.max() >= 240_000 or np.ptp(known) < 100:
+        return None
+    hours, minutes, seconds = stamps // 10_000, stamps // 100 % 100, stamps % 100
+    if np.nanmax(minutes) >= 60 or np.nanmax(seconds) >= 60 or not _passes_minutes(known):
+        return None
+    return 3600.0 * hours + 60.0 * minutes + seconds
+
+
+def _passes_minutes(stamps: np.ndarray) -> bool:
+    """Whether most steps from one minute to the next are longer by 40 than others are at most."""
+    steps, minute = np.diff(stamps), np.diff(stamps // 100) != 0
+    if minute.all() or not minute.any():
+        return False
+    return bool(np.median(steps[minute]) >= 40.0 > np.median(steps[~minute]))
+
+
 def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str = "") -> np.ndarray:
     """Read dates as seconds after the first, ``(n,)``; NaN for empty cells and ``missing`` words.
 
