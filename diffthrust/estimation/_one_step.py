@@ -103,6 +103,7 @@ def with_own_values(problem: Problem) -> Problem:
     return problem.focus(problem.free, problem.values(z), z[problem.shared :])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of values at which the model runs away
 def _settled(problem: Problem, names: Collection[str]) -> Problem:
     """The problem with these of its logs' own coordinates where they fit it best."""
     first, states = problem.shared, problem.each
@@ -157,6 +158,7 @@ def cost_of_errors(layout: Layout, numbers: ProblemNumbers, errors: Any) -> Any:
     return layout.cost(numbers, errors)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # infinite where the model runs away
 def nrmse(problem: Problem) -> float:
     """Root mean over the channels of squared errors over variance of the measurement."""
     logs = passes(problem)

@@ -67,7 +67,7 @@ class Errors(Brief):
         return {"nrmse": self.nrmse, "channels": channels}
 
 
-@np.errstate(invalid="ignore")  # of a failed simulation infinity less infinity: NaN, which is told
+@np.errstate(invalid="ignore")  # of a model that runs away there is no angle
 def wrapped(difference: Any) -> Any:
     """A difference of angles without whole turns; of NumPy or of JAX."""
     return difference - 2 * np.pi * (difference / (2 * np.pi)).round()

@@ -19,6 +19,7 @@ from observers import (
     observer_of,
     uncorrected,
 )
+from problems import nrmse
 
 import diffthrust as dft
 from diffthrust import Log
@@ -276,3 +277,10 @@ def test_a_reading_is_that_of_its_channel_whatever_its_name(name):
         observer, Chain(), values, TIME, readings, np.zeros(1, bool), Limits(np.full(1, 9.0), 1.0)
     )
     np.testing.assert_array_equal(run.rows[name], readings[0])
+
+
+def test_one_step_errors_of_a_model_that_runs_away_are_infinite_in_silence(monkeypatch):
+    """A diagnosis of a Kingfisher printed NumPy's warnings of an overflow."""
+    far = SimpleNamespace(errors=np.full((1, 4), 1e200), measured=np.arange(4.0)[None])
+    monkeypatch.setattr(f"{nrmse.__module__}.passes", lambda problem: [far])
+    assert nrmse(SimpleNamespace(layout=SimpleNamespace(channels=("surge",)))) == np.inf

@@ -77,6 +77,7 @@ def test_angles():
     np.testing.assert_allclose(np.delete(unwrapped(seen) - turning, 7), 0.0, atol=1e-12)
     assert np.isnan(unwrapped(seen)[7])
     assert np.isnan(seen[7])
+    assert np.isnan(wrapped(np.array([np.inf]))).all()  # in silence: a diagnosis printed warnings
 
 
 @pytest.mark.parametrize("count", [3, 4, 12, 51])
