@@ -2,7 +2,24 @@
 
     python -m reference.measured_crafts kingfisher blueboat [starts]
 
-TABLE
+NRMSE over whole unseen runs of the equations as given (linear damping, static curves), means over
+half a second but for the SWAMP. "Same" are the package's numbers simulated here; SciPy begins once,
+at the numbers below, but for the SWAMP, where it begins at the package's.
+
+| craft | package | same | SciPy | before | by channel (package) |
+| --- | --- | --- | --- | --- | --- |
+| kingfisher | 0.432 | 0.431 | 0.520 | 0.900 | surge 0.512, heading 0.333 |
+| blueboat | 0.807 | 0.807 | - | 0.716 to 0.85 | surge 0.698, sway 1.011, yaw rate 0.668 |
+| esso_osaka | 0.555 | 0.555 | 0.555 | 0.552 | surge 0.281, sway 0.791, yaw rate 0.470 |
+| swamp | 0.758 | 0.757 | 0.901 | - | north 0.766, east 0.697, yaw rate 0.985, heading 0.507 |
+| otter | 1.076 | - | - | 1.56 | surge 1.008, yaw rate 0.740, heading 1.383 |
+
+"Before" is a `Vessel` from forces worked out outside, or SciPy with these (Otter). With quadratic
+drags SciPy reaches 0.493 of the Kingfisher. In training it ends at 0.578 there and the package at
+0.239, with masses of 990 kg for a boat of 28 kg: the logs, of a closed loop, do not tell them. The
+SWAMP has one circle, of which the first two thirds train: its north drifts, which nothing here
+explains. The Otter's receiver stood still in its second run for 13 s, which are left out here; the
+package's figure is from before that.
 
 Equations: those of `reference.craft` in surge, sway and yaw (Fossen 2021, sections 6.5 and 9.2 to
 9.5), written out for many parameter sets side by side. Parameters have the names that the package
@@ -75,6 +92,7 @@ def craft(
     *,
     effects: Mapping[str, wr.Range] | None = None,
     measures: Sequence[str] = ("surge", "sway", "yaw_rate"),
+    finer: float = 1.0,
 ) -> wr.System:
     """A body in surge, sway and yaw with actuators on it.
 
@@ -86,35 +104,46 @@ def craft(
             and ``.turning`` of a measured wind, ``command_deadband.half_width``,
             ``command_delay.delay``.
         measures: the channels.
+        finer: times as many steps: thrust curves have a kink at rest, through which commands that
+            are means over some samples run between these.
     """
     extra = dict(effects or {})
     parameters = {"x_g": wr.Range(0.0, 0.0, 0.0), **ranges, **extra}
     commands = [f"{name}.command" for name in mounts]
+    drags = [axis for axis in ("surge", "sway", "yaw") if f"quadratic_{axis}_drag.drag" in extra]
+    flowing, blowing = "water_current.to_north" in extra, "wind.along" in extra
+    banded = "command_deadband.half_width" in extra
 
     def rates(x: wr.Signals, u: wr.Signals, p: wr.Signals) -> wr.Signals:
-        u = {**u, **{c: _banded(u[c], p) for c in commands}}
+        if banded:
+            u = {**u, **{c: _beyond(u[c], p["command_deadband.half_width"]) for c in commands}}
         heading, r = u.get("heading", x["heading"]), x["yaw_rate"]
         cos, sin = np.cos(heading), np.sin(heading)
-        north, east = (p.get(f"water_current.to_{w}", 0.0) for w in ("north", "east"))
-        along, aside = north * cos + east * sin, east * cos - north * sin  # the water's own way
-        ahead, across = x["surge"] - along, x["sway"] - aside
+        ahead, across, along, aside = x["surge"], x["sway"], 0.0, 0.0
+        if flowing:  # the water's own way, along and across the craft
+            north, east = p["water_current.to_north"], p["water_current.to_east"]
+            along, aside = north * cos + east * sin, east * cos - north * sin
+            ahead, across = ahead - along, across - aside
         fx = fy = moment = 0.0
         for name, (law, at_x, at_y, owner) in mounts.items():
             thrust, side = law(name, owner, u, p, ahead - at_y * r)
-            strength = p.get(f"{name}.strength", 1.0)
-            thrust, side = strength * thrust, strength * side
+            if f"{name}.strength" in p:
+                thrust, side = p[f"{name}.strength"] * thrust, p[f"{name}.strength"] * side
             fx, fy = fx + thrust, fy + side
             moment = moment + at_x * side - at_y * thrust
         centre = across + p["x_g"] * r  # the sway where the mass is
         drag = p["d22"] * across
-        about = moment - p["x_g"] * fy + p["x_g"] * drag - p["d33"] * r
+        about = moment - p["x_g"] * (fy - drag) - p["d33"] * r
         fx = fx + p["m22"] * centre * r - p["d11"] * ahead
         fy = fy - p["m11"] * ahead * r - drag
         about = about - (p["m22"] - p["m11"]) * ahead * centre
-        fx = fx - p.get("quadratic_surge_drag.drag", 0.0) * ahead * np.abs(ahead)
-        fy = fy - p.get("quadratic_sway_drag.drag", 0.0) * across * np.abs(across)
-        about = about - p.get("quadratic_yaw_drag.drag", 0.0) * r * np.abs(r)
-        if "wind.along" in extra:
+        if drags:
+            by_axis = {"surge": ahead, "sway": across, "yaw": r}
+            fx, fy, about = (
+                force - p[f"quadratic_{axis}_drag.drag"] * v * np.abs(v) if axis in drags else force
+                for force, (axis, v) in zip((fx, fy, about), by_axis.items(), strict=True)
+            )
+        if blowing:
             blown = _blown(x, u, cos, sin)
             fx, fy = fx + p["wind.along"] * blown[0], fy + p["wind.across"] * blown[1]
             about = about + p["wind.turning"] * blown[1]
@@ -133,8 +162,7 @@ def craft(
         sway = p["d22"] + 2.0 * p.get("quadratic_sway_drag.drag", 0.0)
         yaw = p["d33"] + 2.0 * p.get("quadratic_yaw_drag.drag", 0.0)
         damped = [surge / p["m11"], sway / p["m22"], yaw / p["i33"]]
-        # curves have kinks at rest, through which commands run between samples: four times as fine
-        return 4.0 * (1.0 + np.maximum(np.maximum(damped[0], damped[1]), damped[2]))
+        return finer * (1.0 + np.maximum(np.maximum(damped[0], damped[1]), damped[2]))
 
     late = {c: "command_delay.delay" for c in commands} if "command_delay.delay" in extra else {}
     return wr.System(
@@ -148,11 +176,9 @@ def craft(
     )
 
 
-def _banded(command: Any, p: wr.Signals) -> Any:
+def _beyond(command: Any, half_width: Any) -> Any:
     """A command of which the band about zero does nothing."""
-    if "command_deadband.half_width" not in p:
-        return command
-    return np.sign(command) * np.maximum(np.abs(command) - p["command_deadband.half_width"], 0.0)
+    return np.sign(command) * np.maximum(np.abs(command) - half_width, 0.0)
 
 
 def _blown(x: wr.Signals, u: wr.Signals, cos: Any, sin: Any) -> tuple[Any, Any]:
@@ -178,8 +204,9 @@ class Case(NamedTuple):
 
 def _body(m11: float, m22: float, i33: float, d11: float, d22: float, d33: float) -> dict:
     values = {"m11": m11, "m22": m22, "i33": i33, "d11": d11, "d22": d22, "d33": d33}
-    low = {n: 1e-3 if n[0] != "d" else 0.0 for n in values}
-    return {n: wr.Range(v, low[n], 1e3 * v) for n, v in values.items()}
+    # masses and dampings of a body of that size: where logs leave one free, steps would get endless
+    ends = {n: (0.0, 10.0) if n[0] == "d" else (0.3, 50.0) for n in values}
+    return {n: wr.Range(v, ends[n][0] * v, ends[n][1] * v) for n, v in values.items()}
 
 
 def _held(value: float) -> wr.Range:
@@ -214,7 +241,8 @@ def kingfisher(every: int = 5) -> Case:
             "port.reverse": wr.Range(0.3, 0.0, 5.0),
         }
         mounts = _pair(-0.5, 0.375)
-        return craft(mounts, numbers, effects=effects, measures=("surge", "heading"))
+        measures = ("surge", "heading")
+        return craft(mounts, numbers, effects=effects, measures=measures, finer=2.0)
 
     train, unseen = ([one(k) for k in each] for each in (KINGFISHER_TRAIN, KINGFISHER_UNSEEN))
     return Case(system, train, unseen, ("sway", "yaw_rate"))
@@ -246,7 +274,7 @@ def blueboat(every: int = 5) -> Case:
             "port.exponent": wr.Range(1.7, 0.05, 4.0),
             "port.reverse": wr.Range(0.8, 0.0, 5.0),
         }
-        return craft(_pair(-0.35, 0.285), numbers, effects=effects)
+        return craft(_pair(-0.35, 0.285), numbers, effects=effects, finer=2.0)
 
     train = [one(number) for number in mr.BLUEBOAT_TRAIN]
     return Case(system, train, [one(number) for number in mr.BLUEBOAT_UNSEEN])
@@ -368,7 +396,7 @@ def fitted(case: Case, system: wr.System, starts: int = 1) -> tuple[wr.Found, di
     States that nothing measures begin where each run says, the unseen ones too.
     """
     free = wr.begun_freely(system, case.train, *case.hidden)
-    found = wr.fit(free, case.train, starts=starts)
+    found = wr.fit(free, case.train, starts=starts, most=40, ftol=1e-7)
     return found, errors_of(case, system, found.values)
 
 

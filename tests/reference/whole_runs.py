@@ -204,7 +204,7 @@ def begun_best(
     held = system.fixed(**{n: values[n] for n in system.parameters})
     begun = []
     for run in runs:
-        found = fit(begun_freely(held, [run], *states), [run], starts=1).values
+        found = fit(begun_freely(held, [run], *states), [run], starts=1, most=20, ftol=1e-6).values
         start = {s: found[start_of(run, s)] for s in states}
         begun.append(replace(run, initial={**run.initial, **start}))
     return begun
