@@ -242,7 +242,7 @@ def kingfisher(every: int = 5) -> Case:
         }
         mounts = _pair(-0.5, 0.375)
         measures = ("surge", "heading")
-        return craft(mounts, numbers, effects=effects, measures=measures, finer=2.0)
+        return craft(mounts, numbers, effects=effects, measures=measures, finer=4.0)
 
     train, unseen = ([one(k) for k in each] for each in (KINGFISHER_TRAIN, KINGFISHER_UNSEEN))
     return Case(system, train, unseen, ("sway", "yaw_rate"))
@@ -274,7 +274,7 @@ def blueboat(every: int = 5) -> Case:
             "port.exponent": wr.Range(1.7, 0.05, 4.0),
             "port.reverse": wr.Range(0.8, 0.0, 5.0),
         }
-        return craft(_pair(-0.35, 0.285), numbers, effects=effects, finer=2.0)
+        return craft(_pair(-0.35, 0.285), numbers, effects=effects, finer=4.0)
 
     train = [one(number) for number in mr.BLUEBOAT_TRAIN]
     return Case(system, train, [one(number) for number in mr.BLUEBOAT_UNSEEN])
