@@ -4,7 +4,8 @@
 
 NRMSE over whole unseen runs of the equations as given (linear damping, static curves), means over
 half a second but for the SWAMP. "Same" are the package's numbers simulated here; SciPy begins once,
-at the numbers below, but for the SWAMP, where it begins at the package's.
+at the numbers below, but for the SWAMP, where it begins at the package's; those of the Kingfisher
+and the Esso Osaka were sought within wider bounds than stand here.
 
 | craft | package | same | SciPy | before | by channel (package) |
 | --- | --- | --- | --- | --- | --- |
