@@ -21,8 +21,8 @@ from diffthrust.simulation._record import Record, are_tables, bind
 from diffthrust.simulation._runs import Run
 
 _MOST = 20_000
-"""Numerics: measurements that are passed in trials, over all training logs. Lower: the bench's
-largest sets, of 18 000, are cut. Higher: of a vehicle with eight thrusters and
+"""Numerics: measurements that are passed in trials, over all training logs. Lower: boats of
+the bench, of 14 400, are cut. Higher: of a vehicle with eight thrusters and
 ten sensors, twice 300 s at 10 Hz, each step of a search takes a second."""
 _PARTS = 12
 """Numerics: parts of a signal's range, as many as a dead band or a knee need to show."""
