@@ -70,15 +70,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
             widths.add(size := len(_trimmed(rows[first])))
             numbers[first] = shares[size][first]
         widths |= {n for n, of_width in shares.items() for k in of_width if len(rows[k]) == cells}
-        # The row right above the numbers may hold units, with the names above it.
-        if len(above) > 1 and len(_trimmed(rows[above[-2]])) in widths and _units(rows[above[-1]]):
-            above.pop()
-        # Or it holds long names, which say of several columns the same.
-        if len(above) > 1 and _are_names(rows[above[-1]], rows[above[-2]]):
-            short, long = (len(set(rows[k])) for k in above[-2:])
-            if short > long:
-                above.pop()
-        header = above[-1] if above else min(numbers)
+        header = _header_of(rows, above, widths) if above else min(numbers)
     names = _trimmed(rows[header])
     units = {name: unit for name in names if (unit := unit_in(name))}
     below = [k for k in filled if k > header][:3]
@@ -107,6 +99,17 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
             width or len(names),
         ),
     )
+
+
+def _header_of(rows: Sequence[Sequence[str]], above: Sequence[int], widths: set[int]) -> int:
+    """The header among the rows above the numbers."""
+    *earlier, last = above
+    # The row right above the numbers may hold units, with the names above it.
+    if earlier and len(_trimmed(rows[earlier[-1]])) in widths and _units(rows[last]):
+        *earlier, last = earlier
+    # Or it holds long names, which say of several columns the same.
+    repeats = bool(earlier) and len(set(rows[last])) < len(set(rows[earlier[-1]]))
+    return earlier[-1] if repeats and _are_names(rows[last], rows[earlier[-1]]) else last
 
 
 def skipped_notes(
