@@ -26,7 +26,6 @@ from diffthrust.diagnosis._search_state import (
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._trial_programs import Programs
 from diffthrust.diagnosis._trial_windows import trial_windows
-from diffthrust.effects import EFFECTS
 from diffthrust.estimation._fit import FitRuns
 from diffthrust.estimation._horizons import schedule, to_whole_runs
 from diffthrust.estimation._result import Fit
@@ -234,7 +233,9 @@ def _refuse_blinding(
     A root of what is zero in some samples is finite, and its slope is not: beside it no effect
     promised anything, and dry friction that was there went unseen.
     """
-    own = _own(effects)  # a response is not worked out for the catalogue's effects
+    own = [
+        e for e in effects if e.of_user
+    ]  # a response is not worked out for the catalogue's effects
     if own and not _has_response(first) and (error := _blamed(fit, own, train, _has_response)):
         raise error
 
@@ -249,7 +250,7 @@ def _has_response(trial: TrialFit) -> bool:
 
 def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> InputError:
     """The error if no trial has a finite cost; it names the user's effect that is the cause."""
-    own = _own(effects)
+    own = [effect for effect in effects if effect.of_user]
     if error := _blamed(fit, own, train, lambda trial: math.isfinite(trial.cost)):
         return error
     # no cost hangs on derivatives by inputs and ports
@@ -307,11 +308,6 @@ def _blamed(
                 "of zero), or leave it out.",
             )
     return None
-
-
-def _own(effects: Sequence[Effect]) -> list[Effect]:
-    """Those of them that are a user's own."""
-    return [effect for effect in effects if type(effect) is not EFFECTS.get(effect.name)]
 
 
 def _trial_of(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> TrialFit:

@@ -27,7 +27,6 @@ from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, Sear
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import Runs, share_between, unclipped, values_of
 from diffthrust.diagnosis._verdict import far_above_noise
-from diffthrust.effects import EFFECTS
 from diffthrust.estimation._horizons import schedule
 from diffthrust.simulation._starts import felt, told_by
 
@@ -250,9 +249,7 @@ def _singles(
     near = runs.near(last.effects, values_of(fitter, last), unclipped(fitter))
     names = [n for n in fitter.candidates if n not in last.effects]
     started = screened(runs.fitter, names, near, levels_of(fitter, near))
-    users = [
-        n for n in names if n not in started and type(fitter.candidates[n]) is not EFFECTS.get(n)
-    ]
+    users = [n for n in names if n not in started and fitter.candidates[n].of_user]
     most = SETTINGS.whole_runs.most_user_effects
     started |= {name: _multistart_fit(context, state, runs, near, name) for name in users[:most]}
     base, *ended = side_by_side(runs.far, [near, *started.values()])

@@ -45,6 +45,10 @@ HOPELESS = 1e5
 thrusters of a Kingfisher move nothing, and what else was found stood in for them. Lower: of a
 tanker's 1569 kg m^2, begun at 1.25, nothing would be believed. Higher: nothing is caught."""
 
+MASSES = ("kg", "kg m^2")
+"""Units of what can be weighed: of ten runs of a Kingfisher under its autopilot, begun at 31 kg,
+991 kg are well told, and stand in for whatever else holds it back."""
+
 MOST_OF = 0.5
 """Power of a parameter with which another follows it that grew for the same reason. Of a tanker's
 model masses and dampings follow its inertia with 0.72 to 0.83, the exponent of the force with 0.25.
@@ -138,7 +142,7 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
     if not suspects or not np.isfinite(fit.train.nrmse):
         return ()
     error, samples = _error(fit, fit.model, runs), _independent(runs)
-    notes = []
+    notes, heavy = [], []
     for name, value in suspects:
         further = _error(fit, fit.model.replace({name: FURTHER * value}), runs)
         ratio = further / error
@@ -150,7 +154,21 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
                 f'what you know of it, model.replace({{"{name}": ...}}).fix("{name}"), give it an '
                 "upper bound, or fit logs that excite what it acts on."
             )
-    return tuple(notes)
+        elif fit.parameters[name].unit in MASSES and value < VERY_FAR * fit.guess[name]:
+            heavy.append(name)
+    return (*notes, *_heavy(fit, heavy))
+
+
+def _heavy(fit: Fit, names: Sequence[str]) -> Iterator[str]:
+    """A sentence on masses that the logs tell, and that are many times what they began with."""
+    if names:
+        times = [number(fit.parameters[name].value / fit.guess[name], 2) for name in names]
+        held = f'model.replace({{"{names[0]}": ...}}).fix("{names[0]}")'
+        yield (
+            f"{joined(names)} ended at {joined(times)} times where the fit began. Where you know "
+            f"what the vehicle weighs, hold it by {held}: these numbers may stand in for what is "
+            "missing, and dft.diagnose(fit, logs) may name that."
+        )
 
 
 def farthest_runaway(fit: Fit, guess: Mapping[str, float]) -> tuple[str, float] | None:

@@ -33,6 +33,23 @@ def test_an_effect_on_the_net_force_of_a_body_is_tried_on_no_thruster(craft, rec
     assert not any("buoyancy" in name for name in names)
 
 
+def test_placed_effects_of_the_catalogue_are_not_the_users_own(craft, record):
+    """Each of the user's own is fitted to whole runs from several starts, promising or not."""
+
+    class Fouling(dft.Effect):
+        name = "fouling"
+        port = "propeller"
+        loss: float = dft.parameter(0.1, bounds=(0, 1), null=0.0)
+
+        def __call__(self, value, s):
+            return (1.0 - self.loss) * value
+
+    tried, _ = candidates_of(craft, record)
+    assert len(tried) > 20
+    assert [effect.name for effect in tried if effect.of_user] == []
+    assert craft.placed(Fouling(), "t1").of_user
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("word", ["command_deadband", "actuator_lag"])
 def test_one_program_serves_an_effect_on_every_thruster(craft, record, word):

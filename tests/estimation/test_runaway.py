@@ -55,6 +55,34 @@ def test_a_parameter_that_the_logs_bound_is_not(guess):
     assert not any("runs away" in note for note in fit.notes)
 
 
+class Body(dft.Model):
+    """A mass that its input pushes against a drag; a user's own class."""
+
+    name = "body"
+    inputs = {"push": "N"}
+    states = {"speed": "m/s"}
+    outputs = {"speed": "m/s"}
+    weighed: float = dft.parameter(1.0, "kg", bounds=(0, None))
+    drag: float = dft.parameter(1.0, "N s/m", bounds=(0, None))
+
+    def equations(self, s, port):
+        return {"speed": (s.push - self.drag * s.speed) / self.weighed}, {"speed": s.speed}
+
+
+@pytest.mark.parametrize(("begun", "said"), [(31.0, True), (250.0, False)])
+def test_a_mass_far_beyond_what_was_given_is_pointed_out(begun, said):
+    rng = np.random.default_rng(3)
+    push = np.repeat(rng.uniform(-100, 100, 40), 10)
+    log = dft.Log(0.5 * np.arange(400), {"push": push})
+    speed = dft.simulate(Body(weighed=600.0, drag=30.0), log)["speed"]
+    log = log.replaced(measured={"speed": speed + 0.01 * rng.standard_normal(400)})
+    fit = dft.fit(Body(weighed=begun, drag=20.0), log, starts=1)
+    assert fit.parameters["weighed"].value == pytest.approx(600.0, rel=0.05)
+    notes = [note for note in fit.notes if note.startswith("weighed ended at 19 times where")]
+    assert bool(notes) == said
+    assert all('.fix("weighed")' in note for note in notes)
+
+
 def test_a_logarithm_that_ended_where_numbers_do_has_run_away():
     """The inertia of a BlueBoat ended at 2e15 kg m^2: no bound of its own, and yet "at bound"."""
     fit = dft.fit(Follower(rate=1.0), followed(rate=0.8), starts=1, doubts=False)

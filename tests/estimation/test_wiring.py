@@ -8,7 +8,8 @@ import pytest
 import diffthrust as dft
 from diffthrust.actuators import StaticThruster
 from diffthrust.bodies import FourDegrees, Planar
-from diffthrust.estimation._unexplained import doubts_about, wiring_doubts  # private: without a fit
+from diffthrust.estimation._unexplained import doubts_about  # private: without a fit
+from diffthrust.estimation._wiring import wiring_doubts  # private: without a fit
 from diffthrust.simulation._record import bind  # private: a run of the model as given
 from diffthrust.simulation._runs import runs_over  # private: a run of the model as given
 from diffthrust.soundness import Doubt
@@ -31,7 +32,7 @@ BOAT = dft.Craft(
 )  # fmt: skip
 
 
-def doubts(craft, wired=None, truth=None, seed=1):
+def doubts(craft, wired=None, truth=None, seed=1, missing=slice(0)):
     """The doubts on a log whose columns are wired otherwise, of another truth."""
     rng = np.random.default_rng(seed)
     time = 0.1 * np.arange(400)
@@ -41,6 +42,7 @@ def doubts(craft, wired=None, truth=None, seed=1):
     out = dft.simulate(truth or craft, dft.Log(time, inputs, units=units), substeps=6)
     names = [n for n in ("surge", "sway", "heave", "yaw_rate") if n in out]
     measured = {n: out[n] + rng.normal(0, 0.01, 400) for n in names}
+    measured["surge"][missing] = np.nan
     logged = {**inputs, **{n: s * inputs[other] for n, (other, s) in (wired or {}).items()}}
     log = dft.Log(time, logged, measured, units=units)
     runs = runs_over(craft, bind(craft, [log]), substeps=4)
@@ -74,6 +76,35 @@ def test_one_turned(name):
 def test_a_boat_with_its_sides_exchanged():
     (doubt,), _, _ = doubts(BOAT, exchanged("port", "starboard"))
     assert "the commands of port and starboard exchanged" in doubt.evidence
+
+
+SIDES = {"port.command": ("starboard.command", -1.0), "starboard.command": ("port.command", 1.0)}
+
+
+def test_exchanged_sides_one_of_them_turned():
+    """As a BlueBoat's log is, read by its columns' names."""
+    (doubt,), log, inputs = doubts(BOAT, SIDES)
+    assert doubt.kind == "exchanged"
+    assert "the commands of port and starboard exchanged and the command of" in doubt.evidence
+    assert "then give the command of" in doubt.mend
+    mended = doubt.readings[0].log(log)
+    for name, series in inputs.items():
+        np.testing.assert_array_equal(mended.inputs[name], series)
+
+
+@pytest.mark.parametrize("turned", [("t2", "t6"), ("t1", "t4")])
+def test_two_turned(turned):
+    wired = {f"{name}.command": (f"{name}.command", -1.0) for name in turned}
+    (doubt,), log, inputs = doubts(ROV, wired)
+    assert doubt.kind == "sign"
+    mended = doubt.readings[0].log(log)
+    for name, series in inputs.items():
+        np.testing.assert_array_equal(mended.inputs[name], series)
+
+
+def test_missing_readings_leave_the_others_counted():
+    (doubt,), _, _ = doubts(BOAT, SIDES, missing=slice(20, 30))
+    assert doubt.kind == "exchanged"
 
 
 @pytest.mark.parametrize(

@@ -514,6 +514,20 @@ def test_a_log_whose_long_names_repeat_below_the_short_ones_is_looked_at_by_thes
     assert [column.name for column in look(path).columns] == ["t", "left_deg", "right_deg"]
 
 
+def test_long_names_below_names_with_units_do_not_hide_these(tmp_path):
+    rows = "".join(f"{k / 10},{k},{-k}\n" for k in range(30))
+    names = "time_s,speed_rpm,thrust_kgf\ntime,propeller speed,measured thrust\n"
+    columns = look(write(tmp_path, names + rows)).columns
+    assert [(column.name, column.unit) for column in columns] == [
+        ("time_s", "s"), ("speed_rpm", "rpm"), ("thrust_kgf", "kgf")
+    ]  # fmt: skip
+    # a row of groups above the names tells no unit
+    columns = look(
+        write(tmp_path, "clock,motor,cell\ntime s,speed rpm,thrust kgf\n" + rows)
+    ).columns
+    assert [column.name for column in columns] == ["time s", "speed rpm", "thrust kgf"]
+
+
 def test_a_clock_that_is_coarser_than_the_samples_and_its_mend(tmp_path):
     rows = "".join(f"{k // 10},{k % 3},{60 + k}\n" for k in range(35))
     path = write(tmp_path, "t,u,rpm\n" + rows)

@@ -107,9 +107,14 @@ def _header_of(rows: Sequence[Sequence[str]], above: Sequence[int], widths: set[
     # The row right above the numbers may hold units, with the names above it.
     if earlier and len(_trimmed(rows[earlier[-1]])) in widths and _units(rows[last]):
         *earlier, last = earlier
-    # Or it holds long names, which say of several columns the same.
-    repeats = bool(earlier) and len(set(rows[last])) < len(set(rows[earlier[-1]]))
-    return earlier[-1] if repeats and _are_names(rows[last], rows[earlier[-1]]) else last
+    if earlier and _are_names(rows[last], rows[earlier[-1]]):
+        short, long = rows[earlier[-1]], rows[last]
+        # Or it holds long names: they say of several columns the same, or tell fewer units
+        # ("speed_rpm", and "propeller speed" below it).
+        units, fewer = (sum(bool(unit_in(name)) for name in row) for row in (short, long))
+        if len(set(long)) < len(set(short)) or fewer < units:
+            return earlier[-1]
+    return last
 
 
 def skipped_notes(

@@ -267,6 +267,16 @@ class Effect(Component):
         return self._copy(_parameters={**self._parameters, **described}, **nulls)
 
     @property
+    def of_user(self) -> bool:
+        """Whether the library has no effect of its name and class: one of the user's own.
+
+        Example:
+            >>> dft.effects.ActuatorLag().of_user
+            False
+        """
+        return type(self) is not EFFECTS.get(self.name)
+
+    @property
     def differs(self) -> bool:
         """Whether parameters of it differ from log to log.
 

@@ -134,6 +134,11 @@ class Placed(Effect):
         return False
 
     @property
+    def of_user(self) -> bool:
+        """Whether the effect is the user's own."""
+        return self.effect.of_user
+
+    @property
     def arguments(self) -> dict[str, Any]:
         """Where it is placed."""
         signals, told = self._lifting
