@@ -41,6 +41,8 @@ _LEFT = 0.7
 """A reading must leave no more than this share of what is left with a mistake less. Of a vehicle of
 six thrusters an exchange or a turned command leaves less; one thruster at 0.4 of its strength, its
 dead band, a delay or another body leave more (tests/estimation/test_wiring.py)."""
+_ROWS = 20_000
+"""Windows of a run at most: they overlap, and of eight thrusters each has 128 numbers."""
 _NEXT = 1.05
 """Readings that leave up to so many times what the best one leaves are as good."""
 _MOST = 3
@@ -206,21 +208,24 @@ def _rows(
     parts: Mapping[str, str],
     keys: Sequence[tuple[str, str, float]],
     axes: Sequence[str],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, ...]:
     """Changes of a run's velocities over `_SPAN`; means over it of these and of the thrusts."""
     span = max(1, round(_SPAN / float(np.median(np.diff(run.time)))))
+    every = max(1, run.time.size // _ROWS)
 
     def mean(values: np.ndarray) -> np.ndarray:
         there = np.isfinite(values)
         sums = np.stack([np.where(there, values, 0.0), there])
-        total = np.concatenate([np.zeros((2, 1, values.shape[1])), np.cumsum(sums, axis=1)], axis=1)
-        total, count = (total[:, span:] - total[:, :-span])[:, :-1]
+        total = np.cumsum(np.pad(sums, ((0, 0), (1, 0))), axis=1)
+        total, count = (total[:, span:] - total[:, :-span])[:, :-1:every]
         return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
-    velocities = np.stack([run.channels[axis].measured for axis in axes], axis=1)
+    velocities = [run.channels[axis].measured for axis in axes]
     commands = {n: np.asarray(run.signals[c], float) for n, c in parts.items()}
-    thrusts = [_steady(model, name, sign * commands[other]) for name, other, sign in keys]
-    return velocities[span:] - velocities[:-span], mean(velocities), mean(np.stack(thrusts, axis=1))
+    thrusts = (_steady(model, name, sign * commands[other]) for name, other, sign in keys)
+    changes = [(v[span:] - v[:-span])[::every] for v in velocities]
+    parts_of_rows = (changes, map(mean, velocities), map(mean, thrusts))
+    return tuple(np.stack([*part], axis=1) for part in parts_of_rows)
 
 
 def _steady(model: Craft, name: str, command: np.ndarray) -> np.ndarray:

@@ -21,6 +21,28 @@ _COMMON = (
     "degC", "percent", "dimensionless", "effort",
 )  # fmt: skip
 """Offered first for a misspelt unit, before one of pint's thousand exotic ones."""
+_FACTORS: dict[str, dict[str, float]] = {
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
+    "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3},
+    "m/s": {"m/s": 1.0, "km/h": 1 / 3.6, "knot": 1852 / 3600},
+    "m/s^2": {"m/s^2": 1.0},
+    "rad": {"rad": 1.0, "deg": math.pi / 180, "rev": 2 * math.pi},
+    "rad/s": {
+        "rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30, "rev/min": math.pi / 30,
+        "rev/s": 2 * math.pi,
+    },
+    "N": {"N": 1.0, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605},
+    "N*m": {"N*m": 1.0, "kN*m": 1e3},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "W": {"W": 1.0},
+    "Pa": {"Pa": 1.0, "kPa": 1e3, "bar": 1e5},
+    "kg": {"kg": 1.0, "g": 1e-3},
+    "effort": {"effort": 1.0},
+}  # fmt: skip
+"""By SI unit what one of each common unit is in it. Logs in these are read without pint, whose
+loading was a fifth of a small fit; tests hold the numbers to pint's."""
+_KNOWN = {unit: (si, factor) for si, units in _FACTORS.items() for unit, factor in units.items()}
 _NAMED_SI = (
     "s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "m/s^2", "N", "N*m", "V", "A", "W", "Pa", "K",
     "effort",
@@ -106,6 +128,7 @@ def _parsed(unit: str, where: Place | str) -> Any:
 
 
 _WRITTEN = re.compile(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$|\s/\s*([^\s/]+)$")
+_LETTER = re.compile(r"[^\W\d_]|[%°]")
 _SPELT = {
     "1/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/min": "rpm", "r/min": "rpm",
     "µs": "us", "μs": "us", "µsec": "us", "usec": "us", "msec": "ms", "°": "deg", "°/s": "deg/s",
@@ -119,14 +142,19 @@ def unit_in(header: str) -> str:
     if match is None:
         return ""
     text = match[1] or match[2]
-    # "thrust (filtered twice)", "motor (2)": a remark or a number.
-    if len(text) > 12 or text.isdigit():
+    # "thrust (filtered twice)", "motor (2)", "-0.051": a remark or a number.
+    if len(text) > 12 or not _LETTER.search(text):
         return ""
     for spelling in (_SPELT.get(text.lower(), text), text.lower()):
         with suppress(InputError):
             _parse(spelling)
             return spelling
     return ""
+
+
+def is_common(text: str) -> bool:
+    """Whether a word is one of the common units, in any case."""
+    return text in _KNOWN or text.lower() in _KNOWN
 
 
 def same_unit(first: str, second: str) -> bool:
@@ -184,8 +212,8 @@ def _dimension(unit: Any) -> str:
 
 def same_quantity(unit: str, target: str) -> bool:
     """Whether numbers in one unit can be converted to another."""
-    if unit == target and unit in _COMMON:  # without pint, as in `convert`
-        return True
+    if unit in _KNOWN and target in _KNOWN:  # without pint, as in `convert`
+        return _KNOWN[unit][0] == _KNOWN[target][0]
     try:
         _check_same(unit, target, "")
     except InputError:
@@ -196,12 +224,16 @@ def same_quantity(unit: str, target: str) -> bool:
 def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | str) -> np.ndarray:
     """Convert numbers of any shape to a new float64 array; ``where`` is for messages."""
     numbers = np.array(values, dtype=np.float64)
-    # A log in SI units is read without pint, whose import takes longer than the reading.
     if unit_from == unit_to and unit_from in _COMMON:
         return numbers
+    if unit_from in _KNOWN and unit_to in _KNOWN:
+        (source, factor), (target, divisor) = _KNOWN[unit_from], _KNOWN[unit_to]
+        if source == target:
+            with np.errstate(all="ignore"):  # an overflow gives inf, which the log refuses by name
+                return np.asarray(numbers * (factor / divisor))
     _check_same(unit_from, unit_to, where)
     try:
-        with np.errstate(all="ignore"):  # an overflow gives inf, which the log refuses by name
+        with np.errstate(all="ignore"):
             return np.asarray(
                 _registry().convert(numbers, _parse(unit_from), _parse(unit_to)), dtype=np.float64
             )
@@ -233,6 +265,9 @@ def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
     standard = CHANNELS[channel].unit if channel in CHANNELS else None
     if unit == standard:
         return unit
+    if unit in _KNOWN and (standard is None or standard in _KNOWN):
+        si = _KNOWN[unit][0]
+        return standard if standard is not None and _KNOWN[standard][0] == si else si
     parsed = _parsed(unit, where)
     if standard is not None and parsed.dimensionality == _parse(standard).dimensionality:
         _check_same(unit, standard, where)

@@ -75,7 +75,8 @@ def test_a_mass_far_beyond_what_was_given_is_pointed_out(begun, said):
     push = np.repeat(rng.uniform(-100, 100, 40), 10)
     log = dft.Log(0.5 * np.arange(400), {"push": push})
     speed = dft.simulate(Body(weighed=600.0, drag=30.0), log)["speed"]
-    log = log.replaced(measured={"speed": speed + 0.01 * rng.standard_normal(400)})
+    measured = {"speed": speed + 0.01 * rng.standard_normal(400)}
+    log = dft.Log(log.time, {"push": push}, measured)
     fit = dft.fit(Body(weighed=begun, drag=20.0), log, starts=1)
     assert fit.parameters["weighed"].value == pytest.approx(600.0, rel=0.05)
     notes = [note for note in fit.notes if note.startswith("weighed ended at 19 times where")]

@@ -518,9 +518,8 @@ def test_long_names_below_names_with_units_do_not_hide_these(tmp_path):
     rows = "".join(f"{k / 10},{k},{-k}\n" for k in range(30))
     names = "time_s,speed_rpm,thrust_kgf\ntime,propeller speed,measured thrust\n"
     columns = look(write(tmp_path, names + rows)).columns
-    assert [(column.name, column.unit) for column in columns] == [
-        ("time_s", "s"), ("speed_rpm", "rpm"), ("thrust_kgf", "kgf")
-    ]  # fmt: skip
+    assert [column.name for column in columns] == ["time_s", "speed_rpm", "thrust_kgf"]
+    assert [column.unit for column in columns] == ["s", "rpm", "kgf"]
     # a row of groups above the names tells no unit
     columns = look(
         write(tmp_path, "clock,motor,cell\ntime s,speed rpm,thrust kgf\n" + rows)

@@ -3,8 +3,15 @@ import pytest
 from presentation import listing, nearest
 
 from diffthrust import InputError
+from diffthrust.logs import _units  # private: what is read without pint
 from diffthrust.logs._channels import CHANNELS  # private: every channel's unit is known
-from diffthrust.logs._units import convert, convert_scale, si_unit  # private: units alone
+from diffthrust.logs._units import (  # private: units alone
+    convert,
+    convert_scale,
+    same_quantity,
+    si_unit,
+    unit_in,
+)
 
 # Written by hand, independently of pint.
 FACTORS = [
@@ -44,6 +51,28 @@ def test_factors(source, target, factor):
     )
     back = convert(values * factor, target, source, where="here")
     np.testing.assert_allclose(back, values, rtol=1e-12)
+
+
+def test_common_units_are_those_of_pint():
+    registry = _units._registry()
+    for si, units in _units._FACTORS.items():
+        for unit, factor in units.items():
+            assert registry.Quantity(1.0, unit).to(si).magnitude == pytest.approx(factor, rel=1e-15)
+
+
+def test_common_units_do_not_load_pint(monkeypatch):
+    monkeypatch.setattr(_units, "_registry", lambda: pytest.fail("pint was asked"))
+    for cached in (_units._parse, _units._base, _units._mend_unknown):
+        cached.cache_clear()
+    for si, units in _units._FACTORS.items():
+        for unit in units:
+            assert si_unit(unit) == si
+            assert same_quantity(unit, si)
+            assert not same_quantity(unit, "m" if si != "m" else "s")
+            assert convert(1.0, unit, si, where="here").shape == ()
+    assert si_unit("rpm", "propeller_speed") == "rev/s"
+    assert si_unit("rpm", "speed") == "rad/s"
+    assert [unit_in(f"[{text}]") for text in ("-0.051", "1376", "...")] == [""] * 3
 
 
 def test_offset_counts_for_values_and_not_for_widths():

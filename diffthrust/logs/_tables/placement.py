@@ -5,10 +5,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from diffthrust.logs._tables.text import formats_of, is_date, is_number, quoted
-from diffthrust.logs._units import unit_in
+from diffthrust.logs._units import is_common, unit_in
 
 SEARCHED = 200
 """Rows at the top of a file in which the header is searched."""
+_WORDS = re.compile(r"[^\W_]+")
 _WORD = re.compile(r"[^\W\d_]{3}")
 """Three letters in a row: a mark for what is missing ("n/a", "-") has fewer."""
 
@@ -111,10 +112,16 @@ def _header_of(rows: Sequence[Sequence[str]], above: Sequence[int], widths: set[
         short, long = rows[earlier[-1]], rows[last]
         # Or it holds long names: they say of several columns the same, or tell fewer units
         # ("speed_rpm", and "propeller speed" below it).
-        units, fewer = (sum(bool(unit_in(name)) for name in row) for row in (short, long))
+        units, fewer = (sum(map(_tells_unit, row)) for row in (short, long))
         if len(set(long)) < len(set(short)) or fewer < units:
             return earlier[-1]
     return last
+
+
+def _tells_unit(name: str) -> bool:
+    """Whether a name has its unit in brackets, or a common one for its last word."""
+    *others, last = _WORDS.findall(name) or [""]
+    return bool(unit_in(name) or (others and is_common(last)))
 
 
 def skipped_notes(
