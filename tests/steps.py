@@ -19,6 +19,7 @@ from diffthrust.diagnosis import _trial_programs as trial_programs_module
 from diffthrust.diagnosis._admission import worths_between  # private: of two stages
 from diffthrust.diagnosis._bounds import (  # private: of one stage
     idle_bounds,
+    is_whole,
     stopped_by_bound,
     vanished_parameters,
 )

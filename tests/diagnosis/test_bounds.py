@@ -12,6 +12,7 @@ from steps import (
     Refit,
     bind,
     idle_bounds,
+    is_whole,
     stopped_by_bound,
     vanished_parameters,
 )
@@ -80,3 +81,10 @@ def test_a_logarithm_that_ran_to_where_numbers_end_is_neither_at_a_bound_nor_gon
         ended = replace(fit, parameters={**fit.parameters, "beta": far})
         assert vanished_parameters(ended) == gone
         assert stopped_by_bound(ended) == ()
+
+
+@pytest.mark.parametrize("scope", ["", "port."])
+def test_a_full_share_is_whole_on_an_actuator_of_a_craft_as_well(scope):
+    assert is_whole(f"{scope}supply_voltage_sag", "share", 1.0)
+    assert not is_whole(f"{scope}supply_voltage_sag", "share", 0.8)
+    assert not is_whole(f"{scope}command_deadband", "half_width", 1.0)
