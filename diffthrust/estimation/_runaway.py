@@ -8,7 +8,7 @@ steps end, and the number says nothing but that.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,8 +46,8 @@ thrusters of a Kingfisher move nothing, and what else was found stood in for the
 tanker's 1569 kg m^2, begun at 1.25, nothing would be believed. Higher: nothing is caught."""
 
 MASSES = ("kg", "kg m^2")
-"""Units of what can be weighed: of ten runs of a Kingfisher under its autopilot, begun at 31 kg,
-991 kg are well told, and stand in for whatever else holds it back."""
+"""Units of what can be weighed or worked out: of ten runs of a Kingfisher under its autopilot,
+begun at 31 kg, 991 kg are well told, and stand in for whatever else holds it back."""
 
 MOST_OF = 0.5
 """Power of a parameter with which another follows it that grew for the same reason. Of a tanker's
@@ -64,8 +64,10 @@ def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
     The ``runs`` are those of its model over the training logs. With ``doubts`` values far beyond
     the guess are doubted; else they have their notes only.
     """
-    fit = replace(fit, notes=(*runaway_notes(fit, runs), *fit.notes))
+    unbounded = runaway_notes(fit, runs)
     far = [name for name, value in _suspects(fit, VERY_FAR)] if doubts else []
+    heavy = _heavy(fit, {*unbounded, *far})
+    fit = replace(fit, notes=(*unbounded.values(), *heavy, *fit.notes))
     if not far:
         return fit
     added, doubted, others = [], set(), fit.doubts
@@ -131,8 +133,8 @@ def _along(fit: Fit, name: str, times: float) -> dict[str, float]:
     return {n: min(max(value, ends[n][0]), ends[n][1]) for n, value in values.items()}
 
 
-def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
-    """A sentence with a mend for each parameter that ran away."""
+def runaway_notes(fit: Fit, runs: Sequence[Run]) -> dict[str, str]:
+    """A sentence with a mend for each parameter that ran away, by its name."""
     ends = {name: p.limits for name, p in fit.model.parameters.items()}
     suspects = [
         (name, value)
@@ -140,34 +142,34 @@ def runaway_notes(fit: Fit, runs: Sequence[Run]) -> tuple[str, ...]:
         if ends[name][0] <= FURTHER * value <= ends[name][1]
     ]
     if not suspects or not np.isfinite(fit.train.nrmse):
-        return ()
+        return {}
     error, samples = _error(fit, fit.model, runs), _independent(runs)
-    notes, heavy = [], []
+    notes = {}
     for name, value in suspects:
         further = _error(fit, fit.model.replace({name: FURTHER * value}), runs)
         ratio = further / error
         if ratio <= AS_LITTLE and samples * math.log(ratio) <= UNTOLD:
             unit = f" {fit.parameters[name].unit}".rstrip()
-            notes.append(
+            notes[name] = (
                 f"{name} runs away: from {number(fit.guess[name])} to {number(value)}{unit}, and "
                 f"{FURTHER:g} times as much errs as little. These logs do not bound it: hold it at "
                 f'what you know of it, model.replace({{"{name}": ...}}).fix("{name}"), give it an '
                 "upper bound, or fit logs that excite what it acts on."
             )
-        elif fit.parameters[name].unit in MASSES and value < VERY_FAR * fit.guess[name]:
-            heavy.append(name)
-    return (*notes, *_heavy(fit, heavy))
+    return notes
 
 
-def _heavy(fit: Fit, names: Sequence[str]) -> Iterator[str]:
-    """A sentence on masses that the logs tell, and that are many times what they began with."""
+def _heavy(fit: Fit, said: Collection[str]) -> Iterator[str]:
+    """A sentence on masses that are many times what they began with, but for those said already."""
+    grown = {n: fit.parameters[n].unit for n, _ in _suspects(fit, FAR) if n not in said}
+    names = [name for unit in MASSES for name in grown if grown[name] == unit]
     if names:
         times = [number(fit.parameters[name].value / fit.guess[name], 2) for name in names]
         held = f'model.replace({{"{names[0]}": ...}}).fix("{names[0]}")'
         yield (
-            f"{joined(names)} ended at {joined(times)} times where the fit began. Where you know "
-            f"what the vehicle weighs, hold it by {held}: these numbers may stand in for what is "
-            "missing, and dft.diagnose(fit, logs) may name that."
+            f"{joined(names)} ended at {joined(times)} times where the fit began, and may stand in "
+            "for what is missing, which dft.diagnose(fit, logs) may name. Hold what was weighed or "
+            f"worked out: {held}."
         )
 
 

@@ -38,11 +38,12 @@ _SPAN = 0.6
 """Time over which changes of velocities are taken [s]: longer than a thruster takes to follow,
 shorter than a craft takes to settle."""
 _LEFT = 0.7
-"""A reading must leave no more than this share of what is left with a mistake less. Of a vehicle of
-six thrusters an exchange or a turned command leaves less; one thruster at 0.4 of its strength, its
-dead band, a delay or another body leave more (tests/estimation/test_wiring.py)."""
-_ROWS = 20_000
-"""Windows of a run at most: they overlap, and of eight thrusters each has 128 numbers."""
+"""A reading must leave no more than this share of what the commands as logged leave unexplained,
+and two mistakes no more than this share of what the best single one leaves. Of a vehicle of six
+thrusters an exchange or a turned command leaves less; one thruster at 0.4 of its strength, its dead
+band, a delay or another body leave more (tests/estimation/test_wiring.py)."""
+_SEEN = 0.05
+"""Share of an axis' changes from which on a force that works backwards is seen in it."""
 _NEXT = 1.05
 """Readings that leave up to so many times what the best one leaves are as good."""
 _MOST = 3
@@ -65,35 +66,52 @@ def wiring_doubts(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
         return
     parts = {n: f"{n}.command" for n, m in model.actuators.items() if "command" in m.model.inputs}
     parts = {n: c for n, c in parts.items() if {*model.actuators[n].model.inputs} == {"command"}}
-    axes = [axis for axis in _AXES if all(axis in run.channels for run in runs)]
-    if len(parts) < 2 or not axes:
-        return
-    like = [[n for n in group if n in parts] for group in model.groups()]
-    balances = _balances(model, runs, parts, like, axes)
+    balances = _balances(model, runs, parts) if len(parts) > 1 else []
     if not balances:
         return
     own = {name: (name, 1.0) for name in parts}
     bar, likely = _misfit(balances, own), []
     # two mistakes are tried beside one: the sides of a BlueBoat are exchanged and one is turned
-    for wirings in _wirings(parts, like):
+    for wirings in _wirings(parts, [[n for n in group if n in parts] for group in model.groups()]):
         left = [_misfit(balances, own | wiring.sources) for wiring in wirings]
-        if min(left) < _LEFT * bar:
-            bar = min(left)
-            near = sorted((v, k) for k, v in enumerate(left) if v <= _NEXT * bar)
+        near = sorted((v, k) for k, v in enumerate(left) if v <= _NEXT * min(left))
+        if min(left) < _LEFT * bar and len(near) <= _MOST:
             likely = [wirings[k] for _, k in near]
-    if not 0 < len(likely) <= _MOST:
+        bar = min(bar, *left)
+    logged = _unexplained(balances, own)
+    then = _unexplained(balances, own | likely[0].sources) if likely else logged
+    if not then < _LEFT * logged:
         return
-    logged, then = (_unexplained(balances, own | sources) for sources in ({}, likely[0].sources))
-    readings = tuple(_reading(wiring, parts) for wiring in likely)
+    readings = [_reading(wiring, parts) for wiring in likely]
+    if rival := _turned_sensors(balances, own, then):
+        # one frame is likelier than two mistakes in the commands
+        readings.insert(0 if len(likely[0].mistakes) > 1 else len(readings), rival)
     words = joined((reading.words for reading in readings), "or")
-    crossed = any(source != name for name, (source, _) in likely[0].sources.items())
+    channel, (source, _) = next(iter(readings[0].sources.items()))
     yield Doubt(
-        parts[next(iter(likely[0].sources))],
-        "exchanged" if crossed else "sign",
-        f"the logs fit {words}: of the changes of {joined(axes)} the forces then leave "
-        f"{percent(then)} unexplained, {percent(logged)} as logged.",
+        channel,
+        "sign" if source == channel else "exchanged",
+        f"the logs fit {words}: of the changes of {joined(b.axis for b in balances)} the forces "
+        f"then leave {percent(then)} unexplained, {percent(logged)} as logged.",
         readings[0].line,
-        readings,
+        tuple(readings),
+    )
+
+
+def _turned_sensors(balances: Sequence[_Balance], own: _Sources, then: float) -> Reading | None:
+    """The sensors of the axes along which all works backwards, where that explains as much.
+
+    Of a boat with its sides exchanged the logs fit a turned yaw rate as well; of six thrusters two
+    exchanged pairs are a sway and a yaw rate that count the other way.
+    """
+    turned = [b.axis for b in balances if _explained(b, own) < -_SEEN]
+    either = float(np.mean([b.change - abs(_explained(b, own)) for b in balances]))
+    if not turned or either > _NEXT * then:
+        return None
+    return Reading(
+        f"{joined(turned)} of the other sign",
+        f"give {joined(turned)} the other sign: scale = -1, or the frame of the sensor.",
+        {axis: (axis, -1.0) for axis in turned},
     )
 
 
@@ -106,13 +124,13 @@ def _wirings(names: Iterable[str], like: Sequence[Sequence[str]]) -> Iterator[li
     mistakes += [{name: (name, -1.0)} for name in names]
     singles = [_Wiring((mistake,), mistake) for mistake in mistakes]
     yield singles
-    seen = [wiring.sources for wiring in singles]
+    seen = {frozenset(mistake.items()) for mistake in mistakes}
     doubles = []
     for first, second in combinations(mistakes, 2):
         after = {n: (first.get(o, (o, 1.0)), sign) for n, (o, sign) in second.items()}
         sources = {**first, **{n: (o, s * sign) for n, ((o, s), sign) in after.items()}}
-        if sources not in seen:
-            seen.append(sources)
+        if (key := frozenset(sources.items())) not in seen:
+            seen.add(key)
             doubles.append(_Wiring((first, second), sources))
     yield doubles
 
@@ -120,72 +138,70 @@ def _wirings(names: Iterable[str], like: Sequence[Sequence[str]]) -> Iterator[li
 def _reading(wiring: _Wiring, parts: Mapping[str, str]) -> Reading:
     words, lines = [], []
     for mistake in wiring.mistakes:
-        first, *rest = mistake
-        if rest:
-            words.append(f"the commands of {first} and {rest[0]} exchanged")
-            lines.append(f"exchange the columns of '{parts[first]}' and '{parts[rest[0]]}'")
+        first, *second = mistake
+        if second:
+            words.append(f"the commands of {first} and {second[0]} exchanged")
+            lines.append(f"exchange the columns of '{parts[first]}' and '{parts[second[0]]}'")
         else:
             words.append(f"the command of {first} turned")
             lines.append(
                 f"give the command of {first} its other sign: scale = -1 for '{parts[first]}'"
             )
     sources = {parts[n]: (parts[other], sign) for n, (other, sign) in wiring.sources.items()}
-    return Reading(" and ".join(words), f"{'; then '.join(lines)}.", sources)
+    return Reading(", then ".join(words), f"{'; then '.join(lines)}.", sources)
 
 
 class _Balance(NamedTuple):
-    """Least squares of an axis: its changes against the force of each actuator by each command.
+    """Least squares of an axis: its changes against the thrusts by each command, either way round.
 
-    What else the velocities do is taken out of all of them. ``force`` has the products with the
-    change, ``pairs`` those with each other, by place in ``places``.
+    What else the velocities do is taken out of all of them, and all are shares of the changes'
+    squares: ``change`` what is left of these, ``along`` the products of the thrusts with them,
+    ``pairs`` those with each other. ``arms`` are the force or moment of each actuator per thrust,
+    ``places`` the place of each command and sign.
     """
 
-    places: Mapping[tuple[str, str, float], int]
+    axis: str
+    arms: Mapping[str, float]
+    places: Mapping[tuple[str, float], int]
     change: float
-    total: float
-    force: np.ndarray
+    along: np.ndarray
     pairs: np.ndarray
 
 
-def _balances(
-    model: Craft,
-    runs: Sequence[Run],
-    parts: Mapping[str, str],
-    like: Sequence[Sequence[str]],
-    axes: Sequence[str],
-) -> list[_Balance]:
-    """Of each axis along which a thruster pushes."""
-    fellows = {name: next(group for group in like if name in group) for name in parts}
-    keys = [(n, other, sign) for n in parts for other in fellows[n] for sign in (1.0, -1.0)]
-    arms = {name: _arm(model, name) for name in parts}
+def _balances(model: Craft, runs: Sequence[Run], parts: Mapping[str, str]) -> list[_Balance]:
+    """Of each axis that all runs measure, and along which a thruster pushes."""
+    axes = [axis for axis in _AXES if all(axis in run.channels for run in runs)]
+    if not axes:
+        return []
+    keys = [(name, sign) for name in parts for sign in (1.0, -1.0)]
     rows = [_rows(model, run, parts, keys, axes) for run in runs]
     changes, velocities, thrusts = (np.concatenate(part) for part in zip(*rows, strict=True))
     products = [a * b for a, b in combinations(velocities.T, 2)]
     balances = []
     for k, axis in enumerate(axes):
-        push = np.array([getattr(arms[name], _AXES[axis]) for name, *_ in keys])
-        if not push.any():
-            continue
+        arms = {name: _arm(model, name, _AXES[axis]) for name in parts}
         along, change = velocities[:, k], changes[:, k]
         other = [np.ones_like(along), *velocities.T, along * np.abs(along), *products]
-        columns = np.stack([*other, change, *(push * thrusts).T], axis=1)
+        columns = np.stack([*other, change, *thrusts.T], axis=1)
         columns = columns[np.isfinite(columns).all(axis=1)]
-        if len(columns) < 2 * len(other) or not columns[:, len(other)].any():
+        base, moved = columns[:, : len(other)], columns[:, len(other) :]
+        total = float(np.sum(moved[:, 0] ** 2))
+        if not any(arms.values()) or len(moved) < 2 * len(other) or not total:
             continue
-        base, rest = columns[:, : len(other)], columns[:, len(other) :]
-        rest = rest - base @ np.linalg.lstsq(base, rest, rcond=None)[0]
-        gram = rest.T @ rest
-        total = float(np.sum(columns[:, len(other)] ** 2))
+        moved = moved - base @ np.linalg.lstsq(base, moved, rcond=None)[0]
+        gram = moved.T @ moved / total
         places = {key: place for place, key in enumerate(keys)}
-        balances.append(_Balance(places, float(gram[0, 0]), total, gram[0, 1:], gram[1:, 1:]))
+        balances.append(_Balance(axis, arms, places, gram[0, 0], gram[0, 1:], gram[1:, 1:]))
     return balances
 
 
 def _explained(balance: _Balance, sources: _Sources) -> float:
     """The share of an axis' changes that its force explains; negative where it works backwards."""
-    at = [balance.places[(name, *source)] for name, source in sources.items()]
-    force, size = float(balance.force[at].sum()), float(balance.pairs[np.ix_(at, at)].sum())
-    return force * abs(force) / size / balance.total if size > 0 else 0.0
+    weights = np.zeros(len(balance.places))
+    for name, source in sources.items():
+        weights[balance.places[source]] += balance.arms[name]
+    force, size = float(weights @ balance.along), float(weights @ balance.pairs @ weights)
+    return force * abs(force) / size if size > 0 else 0.0
 
 
 def _misfit(balances: Sequence[_Balance], sources: _Sources) -> float:
@@ -194,36 +210,36 @@ def _misfit(balances: Sequence[_Balance], sources: _Sources) -> float:
     With one side of a BlueBoat turned its forces explain the surge as well as with both mistakes
     undone, and 26 % of the turning, backwards: that speaks against it as much as 26 % would for it.
     """
-    return float(np.mean([b.change / b.total - _explained(b, sources) for b in balances]))
+    return float(np.mean([b.change - _explained(b, sources) for b in balances]))
 
 
 def _unexplained(balances: Sequence[_Balance], sources: _Sources) -> float:
     """What a reading leaves of the changes, a mean over the axes."""
-    return float(np.mean([b.change / b.total - max(_explained(b, sources), 0.0) for b in balances]))
+    return float(np.mean([b.change - max(_explained(b, sources), 0.0) for b in balances]))
 
 
 def _rows(
     model: Craft,
     run: Run,
     parts: Mapping[str, str],
-    keys: Sequence[tuple[str, str, float]],
+    keys: Sequence[tuple[str, float]],
     axes: Sequence[str],
 ) -> tuple[np.ndarray, ...]:
     """Changes of a run's velocities over `_SPAN`; means over it of these and of the thrusts."""
     span = max(1, round(_SPAN / float(np.median(np.diff(run.time)))))
-    every = max(1, run.time.size // _ROWS)
 
     def mean(values: np.ndarray) -> np.ndarray:
         there = np.isfinite(values)
         sums = np.stack([np.where(there, values, 0.0), there])
         total = np.cumsum(np.pad(sums, ((0, 0), (1, 0))), axis=1)
-        total, count = (total[:, span:] - total[:, :-span])[:, :-1:every]
+        total, count = (total[:, span:] - total[:, :-span])[:, :-1]
         return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
     velocities = [run.channels[axis].measured for axis in axes]
     commands = {n: np.asarray(run.signals[c], float) for n, c in parts.items()}
-    thrusts = (_steady(model, name, sign * commands[other]) for name, other, sign in keys)
-    changes = [(v[span:] - v[:-span])[::every] for v in velocities]
+    # members of a group have one law, so that of the command's own thruster will do
+    thrusts = (_steady(model, name, sign * commands[name]) for name, sign in keys)
+    changes = [v[span:] - v[:-span] for v in velocities]
     parts_of_rows = (changes, map(mean, velocities), map(mean, thrusts))
     return tuple(np.stack([*part], axis=1) for part in parts_of_rows)
 
@@ -237,10 +253,11 @@ def _steady(model: Craft, name: str, command: np.ndarray) -> np.ndarray:
     return np.asarray(outputs["thrust"])
 
 
-def _arm(model: Craft, name: str) -> Six:
-    """Force and moment of an actuator per thrust."""
+def _arm(model: Craft, name: str, axis: str) -> float:
+    """Force or moment of an actuator along an axis per thrust."""
     mounted = model.actuators[name]
     place = tuple(getattr(model, f"{name}.{axis}") for axis in "xyz")
     reaction = scaled(mounted.reaction or 0.0, mounted.pointing)
     moment = [a + b for a, b in zip(cross(place, mounted.pointing), reaction, strict=True)]
-    return Six(*mounted.pointing, *moment)
+    strength = getattr(model, f"{name}.strength", 1.0)
+    return float(strength * getattr(Six(*mounted.pointing, *moment), axis))

@@ -14,13 +14,6 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import nearest
 from diffthrust.logs._channels import CHANNELS
 
-_COMMON = (
-    "s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "W", "N", "kN", "kgf", "lbf", "N*m",
-    "kN*m", "m", "mm", "cm", "km", "m/s", "m/s^2", "km/h", "knot", "rad", "deg", "rad/s", "deg/s",
-    "rpm", "rps", "rev", "rev/s", "rev/min", "kg", "g", "kg*m^2", "Pa", "kPa", "bar", "K",
-    "degC", "percent", "dimensionless", "effort",
-)  # fmt: skip
-"""Offered first for a misspelt unit, before one of pint's thousand exotic ones."""
 _FACTORS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
     "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3},
@@ -32,7 +25,7 @@ _FACTORS: dict[str, dict[str, float]] = {
         "rev/s": 2 * math.pi,
     },
     "N": {"N": 1.0, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605},
-    "N*m": {"N*m": 1.0, "kN*m": 1e3},
+    "N*m": {"N*m": 1.0, "N m": 1.0, "kN*m": 1e3},
     "V": {"V": 1.0, "mV": 1e-3},
     "A": {"A": 1.0, "mA": 1e-3},
     "W": {"W": 1.0},
@@ -42,7 +35,9 @@ _FACTORS: dict[str, dict[str, float]] = {
 }  # fmt: skip
 """By SI unit what one of each common unit is in it. Logs in these are read without pint, whose
 loading was a fifth of a small fit; tests hold the numbers to pint's."""
-_KNOWN = {unit: (si, factor) for si, units in _FACTORS.items() for unit, factor in units.items()}
+_IN_SI = {unit: (si, factor) for si, units in _FACTORS.items() for unit, factor in units.items()}
+_COMMON = (*_IN_SI, "rps", "kg*m^2", "K", "degC", "percent", "dimensionless")
+"""Offered first for a misspelt unit, before one of pint's thousand exotic ones."""
 _NAMED_SI = (
     "s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "m/s^2", "N", "N*m", "V", "A", "W", "Pa", "K",
     "effort",
@@ -153,8 +148,13 @@ def unit_in(header: str) -> str:
 
 
 def is_common(text: str) -> bool:
-    """Whether a word is one of the common units, in any case."""
-    return text in _KNOWN or text.lower() in _KNOWN
+    """Whether a word is one of the common units, as written or in small letters."""
+    return text in _IN_SI or text.lower() in _IN_SI
+
+
+def _in_si(unit: Any) -> tuple[str, float] | None:
+    """The SI unit of a common unit, and what one is in it; of no text, none."""
+    return _IN_SI.get(unit) if isinstance(unit, str) else None
 
 
 def same_unit(first: str, second: str) -> bool:
@@ -212,8 +212,10 @@ def _dimension(unit: Any) -> str:
 
 def same_quantity(unit: str, target: str) -> bool:
     """Whether numbers in one unit can be converted to another."""
-    if unit in _KNOWN and target in _KNOWN:  # without pint, as in `convert`
-        return _KNOWN[unit][0] == _KNOWN[target][0]
+    if unit == target and unit in _COMMON:  # without pint, as in `convert`
+        return True
+    if (source := _in_si(unit)) and (other := _in_si(target)):
+        return source[0] == other[0]
     try:
         _check_same(unit, target, "")
     except InputError:
@@ -226,11 +228,9 @@ def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | s
     numbers = np.array(values, dtype=np.float64)
     if unit_from == unit_to and unit_from in _COMMON:
         return numbers
-    if unit_from in _KNOWN and unit_to in _KNOWN:
-        (source, factor), (target, divisor) = _KNOWN[unit_from], _KNOWN[unit_to]
-        if source == target:
-            with np.errstate(all="ignore"):  # an overflow gives inf, which the log refuses by name
-                return np.asarray(numbers * (factor / divisor))
+    if (source := _in_si(unit_from)) and (target := _in_si(unit_to)) and source[0] == target[0]:
+        with np.errstate(all="ignore"):  # an overflow gives inf, which the log refuses by name
+            return np.asarray(numbers * (source[1] / target[1]))
     _check_same(unit_from, unit_to, where)
     try:
         with np.errstate(all="ignore"):
@@ -265,9 +265,9 @@ def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
     standard = CHANNELS[channel].unit if channel in CHANNELS else None
     if unit == standard:
         return unit
-    if unit in _KNOWN and (standard is None or standard in _KNOWN):
-        si = _KNOWN[unit][0]
-        return standard if standard is not None and _KNOWN[standard][0] == si else si
+    if (common := _in_si(unit)) and (standard is None or standard in _IN_SI):
+        si = common[0]
+        return standard if standard is not None and _IN_SI[standard][0] == si else si
     parsed = _parsed(unit, where)
     if standard is not None and parsed.dimensionality == _parse(standard).dimensionality:
         _check_same(unit, standard, where)

@@ -32,7 +32,7 @@ BOAT = dft.Craft(
 )  # fmt: skip
 
 
-def doubts(craft, wired=None, truth=None, seed=1, missing=slice(0)):
+def doubts(craft, wired=None, truth=None, seed=1, missing=slice(0), turned=()):
     """The doubts on a log whose columns are wired otherwise, of another truth."""
     rng = np.random.default_rng(seed)
     time = 0.1 * np.arange(400)
@@ -43,6 +43,7 @@ def doubts(craft, wired=None, truth=None, seed=1, missing=slice(0)):
     names = [n for n in ("surge", "sway", "heave", "yaw_rate") if n in out]
     measured = {n: out[n] + rng.normal(0, 0.01, 400) for n in names}
     measured["surge"][missing] = np.nan
+    measured |= {name: -measured[name] for name in turned}
     logged = {**inputs, **{n: s * inputs[other] for n, (other, s) in (wired or {}).items()}}
     log = dft.Log(time, logged, measured, units=units)
     runs = runs_over(craft, bind(craft, [log]), substeps=4)
@@ -85,7 +86,7 @@ def test_exchanged_sides_one_of_them_turned():
     """As a BlueBoat's log is, read by its columns' names."""
     (doubt,), log, inputs = doubts(BOAT, SIDES)
     assert doubt.kind == "exchanged"
-    assert "the commands of port and starboard exchanged and the command of" in doubt.evidence
+    assert "the commands of port and starboard exchanged, then the command of" in doubt.evidence
     assert "then give the command of" in doubt.mend
     mended = doubt.readings[0].log(log)
     for name, series in inputs.items():
@@ -100,6 +101,39 @@ def test_two_turned(turned):
     mended = doubt.readings[0].log(log)
     for name, series in inputs.items():
         np.testing.assert_array_equal(mended.inputs[name], series)
+
+
+@pytest.mark.parametrize(
+    "axes", [("sway", "yaw_rate"), ("yaw_rate",), ("sway",)], ids=lambda axes: "+".join(axes)
+)
+def test_sensors_of_the_other_sign_stand_before_two_exchanged_pairs(axes):
+    """Or nothing is said: the logs fit both, and a frame is one mistake."""
+    found, log, _ = doubts(ROV, turned=axes)
+    for doubt in found:
+        assert (doubt.channel, doubt.kind) == (axes[0], "sign")
+        mended = doubt.readings[0].log(log)
+        for name in log.measured:
+            sign = -1.0 if name in axes else 1.0
+            np.testing.assert_array_equal(mended.measured[name], sign * log.measured[name])
+
+
+def test_exchanged_sides_may_be_a_turned_yaw_rate():
+    (doubt,), _, _ = doubts(BOAT, exchanged("port", "starboard"))
+    assert "exchanged or yaw_rate of the other sign" in doubt.evidence
+    assert dict(doubt.readings[1].sources) == {"yaw_rate": ("yaw_rate", -1.0)}
+
+
+def test_a_boat_that_waves_turn_against_its_autopilot_has_no_mistake():
+    """Commands that follow the turning late work backwards by the look of it."""
+    rng = np.random.default_rng(4)
+    time = 0.1 * np.arange(1500)
+    waves = 0.3 * np.sin(0.8 * time + 0.5 * np.cumsum(rng.normal(0, 0.1, 1500)))
+    turning = np.concatenate([[0.0, 0.0], waves[:-2]]) + rng.normal(0, 0.01, 1500)
+    commands = {"port.command": 0.3 + 0.8 * turning, "starboard.command": 0.3 - 0.8 * turning}
+    surge = 0.5 + rng.normal(0, 0.02, 1500)
+    log = dft.Log(time, commands, {"surge": surge, "yaw_rate": waves}, units=dict(BOAT.inputs))
+    runs = runs_over(BOAT, bind(BOAT, [log]), substeps=4)
+    assert [*wiring_doubts(BOAT, runs)] == []
 
 
 def test_missing_readings_leave_the_others_counted():

@@ -520,11 +520,19 @@ def test_long_names_below_names_with_units_do_not_hide_these(tmp_path):
     columns = look(write(tmp_path, names + rows)).columns
     assert [column.name for column in columns] == ["time_s", "speed_rpm", "thrust_kgf"]
     assert [column.unit for column in columns] == ["s", "rpm", "kgf"]
-    # a row of groups above the names tells no unit
-    columns = look(
-        write(tmp_path, "clock,motor,cell\ntime s,speed rpm,thrust kgf\n" + rows)
-    ).columns
-    assert [column.name for column in columns] == ["time s", "speed rpm", "thrust kgf"]
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        "clock,motor,cell", "Supply voltage,16 V,", "Motor A,Motor A,Motor A", "(s),(rpm),(N)",
+        "Test,Phase A,Phase B", "Run,Motor A,Motor A",
+    ],
+)  # fmt: skip
+def test_groups_values_and_units_above_the_names_are_not_the_header(tmp_path, above):
+    rows = "".join(f"{k / 10},{k},{-k}\n" for k in range(30))
+    columns = look(write(tmp_path, f"{above}\ntime,speed,thrust\n" + rows)).columns
+    assert [column.name for column in columns] == ["time", "speed", "thrust"]
 
 
 def test_a_clock_that_is_coarser_than_the_samples_and_its_mend(tmp_path):

@@ -75,6 +75,11 @@ def test_common_units_do_not_load_pint(monkeypatch):
     assert [unit_in(f"[{text}]") for text in ("-0.051", "1376", "...")] == [""] * 3
 
 
+def test_a_unit_that_is_no_text_is_refused_in_words():
+    with pytest.raises(InputError, match="expected a unit as text, found"):
+        si_unit(["rpm"], "speed")
+
+
 def test_offset_counts_for_values_and_not_for_widths():
     assert convert([20.0], "degC", "K", where="here")[0] == pytest.approx(293.15)
     assert convert_scale(2.0, "degC", "K", where="here") == pytest.approx(2.0)

@@ -110,18 +110,21 @@ def _header_of(rows: Sequence[Sequence[str]], above: Sequence[int], widths: set[
         *earlier, last = earlier
     if earlier and _are_names(rows[last], rows[earlier[-1]]):
         short, long = rows[earlier[-1]], rows[last]
-        # Or it holds long names: they say of several columns the same, or tell fewer units
-        # ("speed_rpm", and "propeller speed" below it).
+        # Or it holds long names: they say of several columns the same, or leave out the units that
+        # most of the short ones tell ("speed_rpm", and "propeller speed" below it). Not below a row
+        # of values or groups ("Mass", "3 kg"; "Motor A" four times), nor below one of units.
         units, fewer = (sum(map(_tells_unit, row)) for row in (short, long))
-        if len(set(long)) < len(set(short)) or fewer < units:
+        spelt = len(set(short)) == len(short) < 2 * units and fewer < units and not _units(short)
+        if len(set(long)) < len(set(short)) or spelt:
             return earlier[-1]
     return last
 
 
 def _tells_unit(name: str) -> bool:
-    """Whether a name has its unit in brackets, or a common one for its last word."""
+    """Whether a name has its unit in brackets, or a common one for its last word ("t_s")."""
     *others, last = _WORDS.findall(name) or [""]
-    return bool(unit_in(name) or (others and is_common(last)))
+    named = any(not is_number(word) for word in others)
+    return bool(unit_in(name) or (named and (len(last) > 1 or last == "s") and is_common(last)))
 
 
 def skipped_notes(
