@@ -123,13 +123,13 @@ def test_exchanged_sides_may_be_a_turned_yaw_rate():
     assert dict(doubt.readings[1].sources) == {"yaw_rate": ("yaw_rate", -1.0)}
 
 
-def test_a_boat_that_waves_turn_against_its_autopilot_has_no_mistake():
-    """Commands that follow the turning late work backwards by the look of it."""
+def test_a_boat_that_waves_turn_against_its_damping_autopilot_has_no_mistake():
+    """Its thrusters do next to nothing, and its commands follow the turning."""
     rng = np.random.default_rng(4)
     time = 0.1 * np.arange(1500)
     waves = 0.3 * np.sin(0.8 * time + 0.5 * np.cumsum(rng.normal(0, 0.1, 1500)))
     turning = np.concatenate([[0.0, 0.0], waves[:-2]]) + rng.normal(0, 0.01, 1500)
-    commands = {"port.command": 0.3 + 0.8 * turning, "starboard.command": 0.3 - 0.8 * turning}
+    commands = {"port.command": 0.3 - 0.8 * turning, "starboard.command": 0.3 + 0.8 * turning}
     surge = 0.5 + rng.normal(0, 0.02, 1500)
     log = dft.Log(time, commands, {"surge": surge, "yaw_rate": waves}, units=dict(BOAT.inputs))
     runs = runs_over(BOAT, bind(BOAT, [log]), substeps=4)
