@@ -73,13 +73,13 @@ def wiring_doubts(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
     bar, likely = _misfit(balances, own), []
     # two mistakes are tried beside one: the sides of a BlueBoat are exchanged and one is turned
     for wirings in _wirings(parts, [[n for n in group if n in parts] for group in model.groups()]):
-        left = [_misfit(balances, own | wiring.sources) for wiring in wirings]
+        left = [_misfit(balances, {**own, **wiring.sources}) for wiring in wirings]
         near = sorted((v, k) for k, v in enumerate(left) if v <= _NEXT * min(left))
         if min(left) < _LEFT * bar and len(near) <= _MOST:
             likely = [wirings[k] for _, k in near]
         bar = min(bar, *left)
     logged = _unexplained(balances, own)
-    then = _unexplained(balances, own | likely[0].sources) if likely else logged
+    then = _unexplained(balances, {**own, **likely[0].sources}) if likely else logged
     if not then < _LEFT * logged:
         return
     readings = [_reading(wiring, parts) for wiring in likely]
