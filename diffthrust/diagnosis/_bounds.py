@@ -106,7 +106,7 @@ def _is_high(fit: Fit, name: str) -> bool:
 
 def is_whole(effect: str, name: str, value: float) -> bool:
     """Whether a number of a known effect is a share at its natural end: a full sag, a swap."""
-    known = EFFECTS.get(effect.rpartition(".")[2])  # on a craft behind the actuator's name
-    declared = known.declared.get(name) if known else None
+    described = EFFECTS.get(effect.rpartition(".")[2])  # on a craft behind the actuator's name
+    declared = described.declared.get(name) if described else None
     ends = declared.bounds if declared and not declared.unit else ()
     return value in ends and value in (-1.0, 0.0, 1.0)

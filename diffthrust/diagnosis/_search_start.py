@@ -233,9 +233,8 @@ def _refuse_blinding(
     A root of what is zero in some samples is finite, and its slope is not: beside it no effect
     promised anything, and dry friction that was there went unseen.
     """
-    own = [
-        e for e in effects if e.of_user
-    ]  # a response is not worked out for the catalogue's effects
+    # a response is not worked out for the catalogue's effects
+    own = [effect for effect in effects if effect.of_user]
     if own and not _has_response(first) and (error := _blamed(fit, own, train, _has_response)):
         raise error
 

@@ -34,7 +34,7 @@ _FACTORS: dict[str, dict[str, float]] = {
     "effort": {"effort": 1.0},
 }  # fmt: skip
 """By SI unit what one of each common unit is in it. Logs in these are read without pint, whose
-loading was a fifth of a small fit; tests hold the numbers to pint's."""
+loading took an eighth of a small fit; tests hold the numbers to pint's."""
 _IN_SI = {unit: (si, factor) for si, units in _FACTORS.items() for unit, factor in units.items()}
 _COMMON = (*_IN_SI, "rps", "kg*m^2", "K", "degC", "percent", "dimensionless")
 """Offered first for a misspelt unit, before one of pint's thousand exotic ones."""

@@ -107,14 +107,14 @@ def test_two_turned(turned):
     "axes", [("sway", "yaw_rate"), ("yaw_rate",), ("sway",)], ids=lambda axes: "+".join(axes)
 )
 def test_sensors_of_the_other_sign_stand_before_two_exchanged_pairs(axes):
-    """Or nothing is said: the logs fit both, and a frame is one mistake."""
-    found, log, _ = doubts(ROV, turned=axes)
-    for doubt in found:
-        assert (doubt.channel, doubt.kind) == (axes[0], "sign")
-        mended = doubt.readings[0].log(log)
-        for name in log.measured:
-            sign = -1.0 if name in axes else 1.0
-            np.testing.assert_array_equal(mended.measured[name], sign * log.measured[name])
+    """The logs fit both, and a frame is one mistake."""
+    (doubt,), log, _ = doubts(ROV, turned=axes)
+    assert (doubt.channel, doubt.kind) == (axes[0], "sign")
+    assert "of the other sign or the commands of" in doubt.evidence
+    mended = doubt.readings[0].log(log)
+    for name in log.measured:
+        sign = -1.0 if name in axes else 1.0
+        np.testing.assert_array_equal(mended.measured[name], sign * log.measured[name])
 
 
 def test_exchanged_sides_may_be_a_turned_yaw_rate():
