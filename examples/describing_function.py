@@ -37,10 +37,10 @@ figure.savefig(folder / "figure_6.png", dpi=100)
 
 volts, pace = np.geomspace(0.05, 4, 32), np.geomspace(0.1, 10, 32)
 for method in ("paper", "consistent", "simulation"):
-    found = dft.describing_function(jason, volts, pace, method=method)
-    fastest = np.nanmax(found.break_frequency)
+    result = dft.describing_function(jason, volts, pace, method=method)
+    fastest = np.nanmax(result.break_frequency)
     print(f"{method}: break frequency up to {fastest:.2f} rad/s at commands up to 4 V")
-    found.plot_break().savefig(folder / f"figure_12_{method}.png", dpi=100)
+    result.plot_break().savefig(folder / f"figure_12_{method}.png", dpi=100)
 
 dead = dft.describing_function(jason + effects.CommandDeadband(half_width=0.3), volts, pace)
 print(dead.report())

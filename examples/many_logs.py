@@ -40,11 +40,11 @@ logs[17] = dft.Log(
     wrong.time, {"current": wrong.inputs["command"]}, wrong.measured, name=wrong.name
 )
 
-found = dft.many.fit(dft.Thruster(alpha=0.02, beta=30.0, ct=0.01), logs)
-table = found.table()
+fits = dft.many.fit(dft.Thruster(alpha=0.02, beta=30.0, ct=0.01), logs)
+table = fits.table()
 print(table[["name", "fit_status", "alpha", "alpha_std_error", "train_nrmse"]].head(5))
-print(f"{len(found)} members in {found.wall:.1f} s, {len(found.failed)} without a result:")
-for name, error in found.failed.items():
+print(f"{len(fits)} members in {fits.wall:.1f} s, {len(fits.failed)} without a result:")
+for name, error in fits.failed.items():
     print(f"- {name}: {error}")
 
 away = (table["alpha"] - truth) / table["alpha_std_error"]

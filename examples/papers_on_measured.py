@@ -58,11 +58,11 @@ def step_by_step(vessel: dft.Model, parts: dft.papers.Manoeuvres) -> dft.Model:
         return dft.fit(held, logs, initial="measured", starts=4).model.free(*free)
 
     along = tuple(name for name in ("m11", "d11", "exponent") if name in free)
-    found = step(vessel, along, [straight_on(log) for log in parts.steady + parts.accelerating])
-    m11, d11 = (found.parameters[name].value for name in ("m11", "d11"))
-    found = found.replace(m22=m11, d22=5.0 * d11)
-    found = step(found, LATERAL[0], [only(log, "yaw_rate") for log in parts.turning])
-    return step(found, LATERAL[1], list(parts.turning))
+    fitted = step(vessel, along, [straight_on(log) for log in parts.steady + parts.accelerating])
+    m11, d11 = (fitted.parameters[name].value for name in ("m11", "d11"))
+    fitted = fitted.replace(m22=m11, d22=5.0 * d11)
+    fitted = step(fitted, LATERAL[0], [only(log, "yaw_rate") for log in parts.turning])
+    return step(fitted, LATERAL[1], list(parts.turning))
 
 
 def told(name: str, vessel: dft.Vessel, train: list, unseen: list, **how: float) -> None:

@@ -36,8 +36,8 @@ PLANS = {
 
 
 def answered(run: dft.Log, model: dft.Model) -> dft.Log:
-    found = dft.simulate(model, run)
-    return dft.Log(run.time, run.inputs, dict(found), {**run.units, **model.outputs})
+    result = dft.simulate(model, run)
+    return dft.Log(run.time, run.inputs, dict(result), {**run.units, **model.outputs})
 
 
 def main() -> None:

@@ -41,8 +41,8 @@ def run(n: float, angle: np.ndarray, rng: np.random.Generator, gusty: bool = Tru
     wind = {"wind_speed": gusty * np.abs(1.5 + 0.75 * slow),
             "wind_direction": np.full(time.size, rng.uniform(-np.pi, np.pi))}  # fmt: skip
     units = {**UNITS, "wind_speed": "m/s", "wind_direction": "rad"}
-    found = dft.simulate(GUSTY if gusty else BOAT, dft.Log(time, {**inputs, **wind}, units=units))
-    measured = {c: found[c] + s * rng.standard_normal(time.size) for c, s in NOISE.items()}
+    result = dft.simulate(GUSTY if gusty else BOAT, dft.Log(time, {**inputs, **wind}, units=units))
+    measured = {c: result[c] + s * rng.standard_normal(time.size) for c, s in NOISE.items()}
     units = {**UNITS, "surge": "m/s", "sway": "m/s", "yaw_rate": "rad/s"}
     return dft.Log(time, inputs, measured, units)
 
@@ -63,22 +63,22 @@ def main() -> None:
     for seed in track(range(days), "days", console=console, disable=not console.is_terminal):
         straight, circles = day(np.random.default_rng(1 + seed))
         try:
-            found = siramdasu.sequential(straight, circles)
+            result = siramdasu.sequential(straight, circles)
         except dft.InputError:  # a gust has turned a line round
             continue
         fit = dft.fit(BOAT, [*straight, *circles])
-        for way, vessel in (("sequence", found.vessel), ("fit", fit.model)):
+        for way, vessel in (("sequence", result.vessel), ("fit", fit.model)):
             errors[way].append(dft.compare(vessel, zigzag).errors.nrmse)
             values[way].append([vessel.parameters[name].value for name in names])
         if seed == 0:
-            found.plot().savefig(folder / "siramdasu_sequence.png", dpi=120)
+            result.plot().savefig(folder / "siramdasu_sequence.png", dpi=120)
 
     table = Table("", "median NRMSE", "worst", *(f"{name} (%)" for name in names),
                   title="On an unseen zigzag; spread of the parameters over the days")  # fmt: skip
     truth = np.array([BOAT.parameters[name].value for name in names])
-    for way, found in errors.items():
+    for way, nrmse in errors.items():
         spread = 100.0 * np.std(np.array(values[way]) / truth, axis=0)
-        table.add_row(way, f"{np.median(found):.4f}", f"{np.max(found):.4f}",
+        table.add_row(way, f"{np.median(nrmse):.4f}", f"{np.max(nrmse):.4f}",
                       *(f"{x:.1f}" for x in spread))  # fmt: skip
     console.print(table)
     print(f"The sequence gave an answer on {len(errors['sequence'])} of {days} days.")

@@ -56,7 +56,7 @@ def _check(progress: object) -> None:
     """Raise `InputError` for what cannot receive progress, before hours of work and not after."""
     if isinstance(progress, bool | None):
         return
-    found = short_repr(progress)
+    given = short_repr(progress)
     if callable(progress):
         try:
             signature(progress).bind("message", 0.0)
@@ -64,9 +64,9 @@ def _check(progress: object) -> None:
         except ValueError:  # a built-in function that does not say what it takes
             return
         except TypeError:
-            found = "a function that does not take two arguments"
+            given = "a function that does not take two arguments"
     raise InputError(
-        f"progress: expected True, or a function of a message and the share done, found {found}.",
+        f"progress: expected True, or a function of a message and the share done, found {given}.",
         "Write progress=True, or progress=lambda message, share: print(message, share).",
     )
 

@@ -167,8 +167,8 @@ def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> 
         except Exception as error:  # a defect, too, must not hide the outcome of other fits
             if os.environ.get("DIFFTHRUST_DEBUG") and not isinstance(error, InputError):
                 raise
-            told = as_input_error(error, f"diffthrust fit {file}")
-            run = not_run(fit, file, told.problem, told.mend)
+            failure = as_input_error(error, f"diffthrust fit {file}")
+            run = not_run(fit, file, failure.problem, failure.mend)
     coarse = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
     return replace(run, seconds=time.perf_counter() - begin, warnings=coarse)
 

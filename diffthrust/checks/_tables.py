@@ -18,10 +18,10 @@ def moved_rows(rows: Iterable[CheckRow], *, by_fit: bool) -> Rows:
     """A row for each quantity; one block for each fit if ``by_fit``."""
     blocks: dict[str, list[tuple[str, ...]]] = {}
     for row in rows:
-        found = "see below" if _wordy(row) else _cell(row.found, row)
+        value = "see below" if _wordy(row) else _cell(row.found, row)
         tolerance = "" if row.tolerance is None else f"{row.tolerance:.2g}"
         verdict = Styled(row.verdict, "good" if row.ok else "bad")
-        numbers = (_cell(row.expected, row), found, row.unit, by_how_much(row), tolerance)
+        numbers = (_cell(row.expected, row), value, row.unit, by_how_much(row), tolerance)
         block = blocks.setdefault(row.fit if by_fit else "", [])
         block.append((row.fit, row.quantity, *numbers, verdict))
     headings = ("Fit", "Quantity", "Expected", "Found", "Unit", "Moved by", "Tolerance", "")
@@ -60,9 +60,9 @@ def sentence(row: CheckRow) -> str:
     if row.expected is None:
         return row.quantity if row.found is None else f"{row.quantity}: {row.found}"
     by = f" ({by_how_much(row)})" if row.change is not None else ""
-    found = "none" if row.found is None else _cell(row.found, row)
-    found += f" {row.unit}" if row.unit else ""
-    return f"{row.quantity}: expected {_cell(row.expected, row)}, found {found}{by}"
+    value = "none" if row.found is None else _cell(row.found, row)
+    value += f" {row.unit}" if row.unit else ""
+    return f"{row.quantity}: expected {_cell(row.expected, row)}, found {value}{by}"
 
 
 def remarks(rows: Iterable[CheckRow]) -> list[str]:

@@ -105,8 +105,8 @@ class Allocation(Result):
             own = self._own(axis)
             moves = own is not None and abs(own) > 0.1 * could[AXES.index(axis)]
             scales.append(own if moves else could[like].max())
-        found = np.array(scales, float)
-        return np.where(found != 0, found, 1.0)
+        sizes = np.array(scales, float)
+        return np.where(sizes != 0, sizes, 1.0)
 
     def _own(self, axis: str) -> float | None:
         """The force along an axis by its own command; None where nothing commands it."""
@@ -157,7 +157,7 @@ class Allocation(Result):
             yield f"{capitalised(joined(idle))} {'are' if len(idle) > 1 else 'is'} sent nothing."
 
     def _unwanted(self) -> list[str]:
-        found = []
+        sentences = []
         shares, errors = self.coupling(), self.std_errors
         for row, axis in enumerate(self.axes):
             for column, command in enumerate(self.mixer.commands):
@@ -173,11 +173,11 @@ class Allocation(Result):
                     words = (
                         f"{value} {_unit(axis)} of {axis} at {self.level:g}, which has no command"
                     )
-                found.append((abs(share), f"A {command} command of 1 gives {words}."))
+                sentences.append((abs(share), f"A {command} command of 1 gives {words}."))
         # rounding is no order
-        found.sort(key=lambda pair: -round(pair[0], 6))
-        more = len(found) - _MOST
-        return [text for _, text in found[:_MOST]] + [f"And {more} more."] * (more > 0)
+        sentences.sort(key=lambda pair: -round(pair[0], 6))
+        more = len(sentences) - _MOST
+        return [text for _, text in sentences[:_MOST]] + [f"And {more} more."] * (more > 0)
 
     def _remarks(self) -> Iterator[str]:
         """What no mixer removes, and of what the numbers are."""

@@ -82,10 +82,10 @@ def limit_cycles(
     Source: Gelb & Vander Velde 1968, chapter 3; Yoerger, Cooke & Slotine 1990, section IV.
 
     Example:
-        >>> found = dft.cycles.limit_cycles(
+        >>> result = dft.cycles.limit_cycles(
         ...     ([6.0], [1, 3, 2, 0]), dft.cycles.Relay(1.0), verify=False
         ... )
-        >>> round(found.cycles[0].amplitude, 2)
+        >>> round(result.cycles[0].amplitude, 2)
         1.27
     """
     element = _element(nonlinearity)

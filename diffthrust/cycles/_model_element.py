@@ -381,7 +381,7 @@ def _marched(
             rates[f"linear.{i}"] = row
         return rates, command, y
 
-    def one(start: Float[Array, " states"]) -> tuple[Array, Array]:
+    def simulated(start: Float[Array, " states"]) -> tuple[Array, Array]:
         begin = {f"linear.{i}": start[i] for i in range(order)}
         begin |= {name: start[order + i] for i, name in enumerate(names)}
         ends = {"time": (clock[:-1], clock[1:])}
@@ -389,7 +389,7 @@ def _marched(
         _, command, y = loop(path, clock)
         return command, jnp.broadcast_to(y, clock.shape)
 
-    return jax.vmap(one)(starts)
+    return jax.vmap(simulated)(starts)
 
 
 def checked_model(model: Any) -> Model:

@@ -136,10 +136,10 @@ class LimitCycle(Brief):
         harmonics: Fourier coefficients of the refined cycle.
 
     Example:
-        >>> found = dft.cycles.limit_cycles(
+        >>> result = dft.cycles.limit_cycles(
         ...     ([6.0], [1, 3, 2, 0]), dft.cycles.Relay(1.0), verify=False
         ... )
-        >>> cycle = found.cycles[0]
+        >>> cycle = result.cycles[0]
         >>> round(cycle.amplitude, 2), round(cycle.frequency, 3), cycle.stable
         (1.27, 1.414, True)
         >>> cycle.verdict, round(cycle.best.frequency, 3), round(cycle.described.frequency, 3)

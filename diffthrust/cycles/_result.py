@@ -37,14 +37,14 @@ class LimitCycles(Result):
         verified: refinement and simulation were asked for.
 
     Example:
-        >>> found = dft.cycles.limit_cycles(
+        >>> result = dft.cycles.limit_cycles(
         ...     ([6.0], [1, 3, 2, 0]), dft.cycles.Relay(1.0), verify=False
         ... )
-        >>> len(found.cycles), found.unit, found.notes
+        >>> len(result.cycles), result.unit, result.notes
         (1, '', [])
-        >>> "stable" in found.sentence
+        >>> "stable" in result.sentence
         True
-        >>> figure = found.plot()
+        >>> figure = result.plot()
     """
 
     transfer: Transfer

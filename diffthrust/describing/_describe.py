@@ -94,8 +94,8 @@ def describing_function(
     Describing Functions, chapter 2.
 
     Example:
-        >>> found = dft.describing_function(fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance")
-        >>> found.gain.shape, bool(found.gain[1, 0] > found.gain[1, 1])
+        >>> result = dft.describing_function(fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance")
+        >>> result.gain.shape, bool(result.gain[1, 0] > result.gain[1, 1])
         ((2, 2), True)
     """
     asked = request(

@@ -24,12 +24,12 @@ class DescribingMap(Result, DescribingValues):
     """Gain and phase over amplitude and frequency, as numbers, words, figures and plain data.
 
     Example:
-        >>> found = dft.describing_function(fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance")
-        >>> found.complex.shape, found.output_unit
+        >>> result = dft.describing_function(fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance")
+        >>> result.complex.shape, result.output_unit
         ((2, 2), 'N')
-        >>> abs(found.at(1.0, 1.0)).shape, list(found.to_json())[:3]
+        >>> abs(result.at(1.0, 1.0)).shape, list(result.to_json())[:3]
         ((), ['schema', 'model', 'effects'])
-        >>> figure = found.plot()
+        >>> figure = result.plot()
     """
 
     def at(self, amplitude: ArrayLike, frequency: ArrayLike) -> Any:
@@ -136,10 +136,10 @@ class DescribingMap(Result, DescribingValues):
         """The break frequency over amplitude and frequency, as in figure 12 of Yoerger et al.
 
         Example:
-            >>> found = dft.describing_function(
+            >>> result = dft.describing_function(
             ...     fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance"
             ... )
-            >>> figure = found.plot_break()
+            >>> figure = result.plot_break()
         """
         from diffthrust.describing._figures import break_figure
 

@@ -217,7 +217,7 @@ def _best(rows: Sequence[_Slopes], places: Sequence[int], signals: Sequence[str]
     columns, sizes, _ = np.linalg.svd((slopes[length > 0] / length[length > 0, None]).T, False)
     basis = columns[:, sizes > _INDEPENDENT].T
     errors = errors - (basis @ errors) @ basis
-    found: list[tuple[float, _Change]] = []
+    changes: list[tuple[float, _Change]] = []
     for signal, values in series.items():
         order = np.argsort(values[seen], kind="stable")
         ordered, least = values[seen][order], int(_EXTREMES * order.size)
@@ -234,10 +234,10 @@ def _best(rows: Sequence[_Slopes], places: Sequence[int], signals: Sequence[str]
             removed = np.where(apart, sums[0] ** 2 / np.where(apart, own, 1.0), 0.0)
             k = splits[np.argmax(removed)]
             level = 0.5 * float(ordered[k] + ordered[k + 1])
-            found.append((float(removed.max()), _Change(place, signal, level)))
-    most = max((removed for removed, _ in found), default=0.0)
-    as_well = [pair for pair in found if pair[1].signal == TIME and pair[0] >= _AS_WELL * most]
-    return max(as_well or found, key=lambda pair: pair[0])[1] if most > 0 else None
+            changes.append((float(removed.max()), _Change(place, signal, level)))
+    most = max((removed for removed, _ in changes), default=0.0)
+    as_well = [pair for pair in changes if pair[1].signal == TIME and pair[0] >= _AS_WELL * most]
+    return max(as_well or changes, key=lambda pair: pair[0])[1] if most > 0 else None
 
 
 def _worth(rows: Sequence[_Slopes], change: _Change, step: np.ndarray) -> Worth:

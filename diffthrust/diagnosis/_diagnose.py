@@ -106,10 +106,10 @@ def diagnose(
     Example:
         >>> train, held_out = lacking
         >>> few = ["command_deadband", "thrust_sensor_offset"]
-        >>> found = dft.diagnose(
+        >>> result = dft.diagnose(
         ...     dft.Thruster(), train, holdout=held_out, candidates=few, experiment=False
         ... )
-        >>> found.verdict, found.added
+        >>> result.verdict, result.added
         ('effects_found', ('command_deadband',))
     """
     train, unseen = training_and_unseen(logs, holdout)
@@ -128,7 +128,7 @@ def diagnose(
     failing = failing or farthest_runaway(first.fit, first.fit.guess) is not None
     # who names effects wants these tried
     wrong = asks_for_all(candidates) and mends_lead(first.fit.doubts, mends, failing)
-    found = (
+    findings = (
         as_given(context, state)
         if wrong
         else _sought(context, state, candidates, mends, experiment, limits)
@@ -139,7 +139,7 @@ def diagnose(
     say("done", 1.0)
     origin, notes = provenance(fit, first.fit, train, unseen)
     return Diagnosis(
-        **found,
+        **findings,
         model=context.given,
         sought=not wrong,
         seconds=context.clock.seconds,

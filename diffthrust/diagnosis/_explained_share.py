@@ -246,7 +246,7 @@ def order_matters(worth: Worth) -> bool:
 def _is_little(worth: Worth) -> bool:
     least = SETTINGS.whole_runs.one_channel_share
     shares = filter(None, (worth, worth.everywhere))
-    return all(one.share <= least for each in shares for one in (each, *each.channels.values()))
+    return all(part.share <= least for each in shares for part in (each, *each.channels.values()))
 
 
 def surely_less(everywhere: Worth) -> bool:

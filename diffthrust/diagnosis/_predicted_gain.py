@@ -184,8 +184,8 @@ def _seen(place: str, effect: Effect, slopes: StepSlopes) -> tuple[Any, ...]:
     passings = slopes.at_samples, slopes.at_next
     values, visible = zip(*(passing.places[place] for passing in passings), strict=True)
     acting = [
-        effect.acting(place, Signals({**passing.series, **told}))
-        for passing, told in zip(passings, visible, strict=True)
+        effect.acting(place, Signals({**passing.series, **seen}))
+        for passing, seen in zip(passings, visible, strict=True)
     ]
     ends = [(value, dict(a.signals)) for value, a in zip(values, acting, strict=True)]
     return acting[0].port, acting[0].effect, *ends

@@ -153,8 +153,8 @@ class _Spectrum(NamedTuple):
             window = np.hanning(e.values.size)
             line = np.polynomial.polynomial.polyfit(e.time - e.time[0], e.values, 1)
             flat = e.values - np.polynomial.polynomial.polyval(e.time - e.time[0], line)
-            one = np.abs(np.fft.rfft(window * flat, size)) ** 2
-            power += one / np.sum(one)
+            spectrum = np.abs(np.fft.rfft(window * flat, size)) ** 2
+            power += spectrum / np.sum(spectrum)
         per_cycle = size * step / shortest  # points of the grid for one cycle a log
         heights, background = _over_neighbours(power, per_cycle)
         low = SETTINGS.line.least_cycles / shortest
@@ -243,8 +243,8 @@ def height_over_turns(
         finite = np.isfinite(error)
         at, values = turns[finite], error[finite] - np.mean(error[finite])
         weighed = np.hanning(values.size) * values
-        one = _power_at(orders, at, weighed)
-        power += one / max(float(np.sum(one)), 1e-300)
+        spectrum = _power_at(orders, at, weighed)
+        power += spectrum / max(float(np.sum(spectrum)), 1e-300)
     heights, _ = _over_neighbours(power, float(_FINER))
     return float(np.max(heights, initial=0.0))
 

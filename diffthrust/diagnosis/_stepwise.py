@@ -68,8 +68,10 @@ def runs_lead(context: SearchContext) -> bool:
     if schedule(context.given, records, "auto")[-1] is None:
         return False
     model = context.given
-    told, follow = told_by(model, context.fitter.channels)  # three angles tell four of a quaternion
-    read = {*told, *follow, *(name for record in records for name in record.measured_states)}
+    telling, follow = told_by(
+        model, context.fitter.channels
+    )  # three angles tell four of a quaternion
+    read = {*telling, *follow, *(name for record in records for name in record.measured_states)}
     unread = {*felt(model, records)} & {*model.states} - read
     other_sensors = {*context.fitter.channels} - read
     return len(unread) > len(other_sensors)

@@ -95,8 +95,8 @@ def _window(model: Model, run: Run, share: float) -> Record:
     size = max(2, round(share * len(log)))
     starts = np.arange(0, len(log) - size + 1, max(1, size // _SHIFTS))
     series = (*log.inputs.values(), *log.measured.values())
-    told = sum(_information(values, starts, size) for values in series)
-    first = int(starts[np.argmax(told)])
+    information = sum(_information(values, starts, size) for values in series)
+    first = int(starts[np.argmax(information)])
     part = slice(first, first + size)
     cut = log.replaced(
         time=log.time[part],

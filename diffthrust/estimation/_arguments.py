@@ -64,11 +64,11 @@ def listed(logs: Any, what: str = "logs") -> tuple[Log, ...]:
         strange = [entry for entry in several if not isinstance(entry, Log)]
         if not strange:
             return tuple(several)
-        found = f"{_described(strange[0])} in a {type(several).__name__}"
+        description = f"{_described(strange[0])} in a {type(several).__name__}"
     else:
-        found = _described(several)
+        description = _described(several)
     raise InputError(
-        f"{what}: expected a Log or a sequence of Logs, found {found}.",
+        f"{what}: expected a Log or a sequence of Logs, found {description}.",
         "Read files with dft.read_log, tables with dft.Log.from_dataframe.",
     )
 

@@ -267,10 +267,10 @@ def _restart_values(model: Model, record: Record) -> dict[str, np.ndarray]:
         return smoothed(unwrapped(values) if name in model.angles else values)
 
     measured = {n: read(n, v) for n, v in record.measured_states.items() if n in sound}
-    told = model._telling(record.measured)
-    if not told or any(name in effect.ports for name in told for effect in model.effects):
+    telling = model._telling(record.measured)
+    if not telling or any(name in effect.ports for name in telling for effect in model.effects):
         return measured
-    outputs = {n: _between(read(n, record.measured[n])) for n in told}
+    outputs = {n: _between(read(n, record.measured[n])) for n in telling}
     follow = {n: v for n, v in model.start_from(outputs).items() if n in sound}
     return {**follow, **measured}
 

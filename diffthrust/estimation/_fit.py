@@ -149,8 +149,8 @@ def fit(
         InputError: a log that does not fit the model, or arguments out of range.
 
     Example:
-        >>> found = dft.fit(dft.Thruster(), log, holdout=unseen, starts=2)
-        >>> found.status, round(found.parameters["alpha"].value, 3)
+        >>> result = dft.fit(dft.Thruster(), log, holdout=unseen, starts=2)
+        >>> result.status, round(result.parameters["alpha"].value, 3)
         (<Status.CONVERGED: 'converged'>, 0.037)
     """
     logs, unseen = training_and_unseen(logs, holdout)
@@ -214,8 +214,8 @@ def fit_records(
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed or first_substeps else substeps
-    found = _of_noise(optimum.problem, optimum.best)
-    noise = None if found["disturbance"] else found["noise"]
+    levels = _of_noise(optimum.problem, optimum.best)
+    noise = None if levels["disturbance"] else levels["noise"]
     holdout_runs: tuple[Run, ...] = ()
     if holdout_records:
         holdout_runs = runs_over(optimum.model, holdout_records, substeps=steps, noise=noise)
@@ -233,7 +233,7 @@ def fit_records(
         logs=(*logs, *unseen),
         **words,
         **_judged(optimum, notes, (*logs, *unseen) if options.doubts else ()),
-        **found,
+        **levels,
     )
     fitted = with_runaways(fitted, optimum.runs, doubts=options.doubts)
     return FitRuns(fitted, optimum.runs, holdout_runs)

@@ -141,9 +141,9 @@ def observer_of(
     free = [n for n in model.states if n not in record.inputs]
     read = [n for n in channels if n not in remembering]
     measured = [n for n in free if n in read]
-    told, states = told_by(model, read)
+    telling, states = told_by(model, read)
     follow = tuple(n for n in states if n in free and n not in read)
-    fed = (*measured, *(told if follow else ()))
+    fed = (*measured, *(telling if follow else ()))
     rates, _ = slopes_at(model, record)
     corrected = {
         n: (n,) if n in measured else fed
@@ -263,8 +263,8 @@ class Correction:
             bounded[c] = limited(e, self.limit[i])
             toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
             errors[c] = toward * bounded[c]
-        told = [name for name, _ in o.corrected if name not in state]
-        new = {**state, **{name: outputs[name] for name in told}}
+        derived = [name for name, _ in o.corrected if name not in state]
+        new = {**state, **{name: outputs[name] for name in derived}}
         for name, sources in o.corrected:
             measured = name in o.fed
             pace = 1.0 if measured else row[_PER_STEP]
@@ -277,8 +277,8 @@ class Correction:
                 new[f"drift.{name}"] = row[f"drift.{name}"] * (
                     state[f"drift.{name}"] + pace * drift
                 )
-        if told:
-            following = self.model.start_from({name: new.pop(name) for name in told})
+        if derived:
+            following = self.model.start_from({name: new.pop(name) for name in derived})
             new |= {name: following[name] for name in o.follow}
         for c in o.carried:
             held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * bounded[c]

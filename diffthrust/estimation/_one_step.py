@@ -136,9 +136,9 @@ def _settled(problem: Problem, names: Collection[str]) -> Problem:
         for place, index in enumerate(logs):
             slopes = np.stack([column[index] for column in columns], axis=1)
             slopes = np.concatenate([slopes, np.diag(pull)])
-            rest = np.concatenate([now[index], pull * own[place, sought]])
+            residual = np.concatenate([now[index], pull * own[place, sought]])
             length = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-            step = np.linalg.lstsq(slopes / length, -rest, rcond=1e-6)[0] / length
+            step = np.linalg.lstsq(slopes / length, -residual, rcond=1e-6)[0] / length
             z[first + place * states + np.array(sought)] += step
     return problem.focus(problem.free, problem.values(z), z[first:])
 
@@ -188,9 +188,9 @@ def _pass(layout: Layout, numbers: ProblemNumbers, shared: Any, logs: Batch) -> 
     observer, (grid,) = layout.likelihood.observer, layout.grids
     values, limits = named_values(layout, numbers, shared), Limits(numbers.clip, numbers.reach)
 
-    def one(log: Batch) -> Any:
+    def passed(log: Batch) -> Any:
         begin = {name: log.start[i] for i, name in enumerate(layout.starts)}
         states, own = {**log.held, **begin}, values_of_log(layout, numbers, values, log.start)
         return innovations(observer, layout.key.model.bind(own), grid, own, log, states, limits)
 
-    return jax.lax.map(one, logs)
+    return jax.lax.map(passed, logs)

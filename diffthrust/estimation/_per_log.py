@@ -216,9 +216,9 @@ def _likeliest(spread: _Spread, first: np.ndarray) -> np.ndarray:
     ends = np.log([_NARROW, _WIDE])
     begun = [np.clip(np.log(first / errors), *ends), *(np.full(first.size, s) for s in (0.0, 2.5))]
     ended = [minimize(loss, at, bounds=[tuple(ends)] * first.size, tol=1e-12) for at in begun]
-    found = np.exp(min(ended, key=lambda result: result.fun).x) * errors
+    widths = np.exp(min(ended, key=lambda result: result.fun).x) * errors
     # one value alone, where all others are at a bound, tells of no width
-    return np.where(np.bincount(spread.groups, minlength=first.size) < 2, first, found)
+    return np.where(np.bincount(spread.groups, minlength=first.size) < 2, first, widths)
 
 
 def _width_range(spread: _Spread, widths: np.ndarray, i: int) -> tuple[float, float]:
@@ -295,7 +295,7 @@ def _labels(problem: Problem) -> list[str]:
 
 def per_log_notes(per_log: Mapping[str, PerLog]) -> tuple[str, ...]:
     """A sentence where the logs do not tell that something differs."""
-    silent = [name for name, found in per_log.items() if not found.tells]
+    silent = [name for name, entry in per_log.items() if not entry.tells]
     ratios = ", ".join(number(max(0.0, per_log[name].ratio), 2) for name in silent)
     if not silent:
         return ()
@@ -309,13 +309,13 @@ def per_log_notes(per_log: Mapping[str, PerLog]) -> tuple[str, ...]:
 def per_log_section(per_log: Mapping[str, PerLog], title: str = "") -> Section:
     """The value of each log, after the mean and the width of all."""
     blocks = []
-    for name, found in per_log.items():
-        size, spread, unit = found.mean.shown
-        width, ends, width_unit = found.shown_width
+    for name, entry in per_log.items():
+        size, spread, unit = entry.mean.shown
+        width, ends, width_unit = entry.shown_width
         low, high = (number(end, 2) for end in ends)
         rows = [(name, "mean of all", *with_error(size, spread), unit)]
         rows.append((name, "width", number(width, 2), f"{low} to {high}", width_unit))
-        for log, value in found.values.items():
+        for log, value in entry.values.items():
             rows.append((name, log, *with_error(*value.shown[:2]), unit))
         blocks.append(tuple(rows))
     headings = ("By log", "Log", "Value", "Std error", "Unit")

@@ -233,7 +233,7 @@ class Problem:
     def _restarted(self) -> list[int]:
         """The coordinate of each initial state that is set anew where a segment begins."""
         pairs = zip(self.numbers.batches, self.order, strict=True)
-        told = {
+        restarted = {
             (index, name)
             for batch, indices in pairs
             for row, index in enumerate(indices)
@@ -242,7 +242,7 @@ class Problem:
         }
         places = self.places.items()
         names = [*enumerate(self.layout.local)]
-        return [at + i for index, at in places for i, name in names if (index, name) in told]
+        return [at + i for index, at in places for i, name in names if (index, name) in restarted]
 
     @cached_property
     def _lengths(self) -> list[int]:

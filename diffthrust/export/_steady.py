@@ -54,14 +54,14 @@ def _on(static: _Static, numbers: Any) -> Any:
     values, start, inputs, begin = numbers
     time = start + step * jnp.arange(_STEPS + 1.0)
 
-    def one(value: Mapping[str, jax.Array], states: Mapping[str, jax.Array]) -> Any:
+    def settled(value: Mapping[str, jax.Array], states: Mapping[str, jax.Array]) -> Any:
         series = {name: jnp.full(time.shape, v) for name, v in value.items()}
         model = key.model.bind(values)
         outputs, path = trajectory(model, grid, time, series, states, {})
         last = jnp.stack([outputs[name][-1] for name in names])
         return last, {name: p[-1] for name, p in path.items()}
 
-    return jax.vmap(one)(inputs, begin)
+    return jax.vmap(settled)(inputs, begin)
 
 
 def _run(

@@ -40,11 +40,11 @@ def layout_in(path: str | PathLike[str]) -> RecordedLayout:
         raise InputError.at(str(path), error.problem, error.mend) from None
     if layout is None:
         frame = {k: v for k, v in parameters.items() if k in _TELLING}
-        found = ", ".join(f"{name} {value:g}" for name, value in frame.items()) or "none of them"
+        present = ", ".join(f"{name} {value:g}" for name, value in frame.items()) or "none of them"
         raise InputError(
             f"{path}: expected the settings of a craft (FRAME_CONFIG of ArduSub, FRAME_CLASS 2 "
             "with throttles left and right, or CA_AIRFRAME 7 with CA_ROTOR_COUNT of PX4), found "
-            f"{found} among {len(parameters)} parameters.",
+            f"{present} among {len(parameters)} parameters.",
             "Place the thrusters in a spec file: [thrusters.NAME] with at = [x, y, z].",
         )
     return layout

@@ -148,9 +148,9 @@ class LogEdits(ABC):
         seconds = finite(where, seconds, lambda _: True, "a shift in seconds", "give a number.")
         unknown = [channel for channel in channels if channel not in self.units]
         if unknown or not channels:
-            found = repr(unknown[0]) if unknown else "none"
+            named = repr(unknown[0]) if unknown else "none"
             raise InputError(
-                f"{where}: expected channels to shift, found {found}; it has "
+                f"{where}: expected channels to shift, found {named}; it has "
                 f"{', '.join(self.units)}.",
                 "name one or several of them.",
             )
@@ -161,8 +161,8 @@ class LogEdits(ABC):
             unit = self.units[channel]
             series[channel] = _moved(self.time, series[channel], seconds, held=held, unit=unit)
         for channel, values in inputs.items():
-            known = np.flatnonzero(np.isfinite(values))
-            ends = np.clip(np.arange(len(self)), *known[[0, -1]]) if known.size else slice(None)
+            present = np.flatnonzero(np.isfinite(values))
+            ends = np.clip(np.arange(len(self)), *present[[0, -1]]) if present.size else slice(None)
             inputs[channel] = values[ends]
         note = f"{listing(channels)} moved by {seconds:+g} s."
         return self.replaced(inputs=inputs, measured=measured, notes=(*self.notes, note))

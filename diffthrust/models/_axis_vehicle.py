@@ -39,8 +39,8 @@ class AxisVehicle(Model):
     Example:
         >>> time = 0.1 * np.arange(100)
         >>> record = dft.Log(time, {"thrust": np.full(100, 20.0)})
-        >>> found = dft.simulate(dft.AxisVehicle(mass=340.0, drag=67.0), record)
-        >>> round(float(found["velocity"][-1]), 2)
+        >>> result = dft.simulate(dft.AxisVehicle(mass=340.0, drag=67.0), record)
+        >>> round(float(result["velocity"][-1]), 2)
         0.43
     """
 

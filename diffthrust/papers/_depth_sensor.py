@@ -93,14 +93,14 @@ class Calibration(Brief):
 
     Example:
         >>> depth = np.linspace(0.0, 3.0, 7)
-        >>> found = dft.papers.aras.calibrate(
+        >>> result = dft.papers.aras.calibrate(
         ...     depth, {"down": 0.19 * depth - 0.1 + 0.001 * depth**2, "up": 0.19 * depth - 0.09}
         ... )
-        >>> found.slope.unit, found.offset.unit, abs(found.depth(0.2) - 1.5) < 0.1
+        >>> result.slope.unit, result.offset.unit, abs(result.depth(0.2) - 1.5) < 0.1
         ('V/m', 'V', True)
-        >>> found.fits, "datasheet" in found.sentence
+        >>> result.fits, "datasheet" in result.sentence
         (False, True)
-        >>> figure = found.plot()
+        >>> figure = result.plot()
     """
 
     lines: Mapping[str, FittedLine]
@@ -179,10 +179,10 @@ def calibrate(
 
     Example:
         >>> depth = np.linspace(0.0, 3.0, 7)
-        >>> found = dft.papers.aras.calibrate(
+        >>> result = dft.papers.aras.calibrate(
         ...     depth, {"down": 0.19 * depth - 0.1, "up": 0.19 * depth - 0.09}
         ... )
-        >>> round(found.slope.value, 2)
+        >>> round(result.slope.value, 2)
         0.19
     """
     line = datasheet or Datasheet()

@@ -136,8 +136,8 @@ class Transient(Brief):
         others: the same of the runs it was verified on.
 
     Example:
-        >>> found = dft.papers.siramdasu.sequential(*manoeuvred)
-        >>> found.yaw.time_constant > 0
+        >>> result = dft.papers.siramdasu.sequential(*manoeuvred)
+        >>> result.yaw.time_constant > 0
         True
     """
 

@@ -175,10 +175,10 @@ class Manoeuvres(Brief):
         turning: all else that lasts.
 
     Example:
-        >>> found = dft.papers.manoeuvres(boat_log, least=2.0)
-        >>> len(found.steady), len(found.turning) > 0
+        >>> result = dft.papers.manoeuvres(boat_log, least=2.0)
+        >>> len(result.steady), len(result.turning) > 0
         (0, True)
-        >>> print(found.summary)
+        >>> print(result.summary)
         0 steady (0 s), 0 accelerating (0 s), 4 turning (18 s)
     """
 
@@ -223,8 +223,8 @@ def manoeuvres(
         InputError: no record, a channel that is missing, or a length that is not positive.
 
     Example:
-        >>> found = dft.papers.manoeuvres(boat_log, least=2.0)
-        >>> len(found.turning) > 0
+        >>> result = dft.papers.manoeuvres(boat_log, least=2.0)
+        >>> len(result.turning) > 0
         True
     """
     for name, value in (("least", least), ("smoothing", smoothing)):

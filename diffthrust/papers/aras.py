@@ -128,10 +128,10 @@ class SteadyMap(Brief):
         own: of the model's steady state, with its friction [V].
 
     Example:
-        >>> found = dft.papers.aras.steady_map(dft.papers.aras.thruster(), [1.0, 5.0, 10.0])
-        >>> found.printed.round(2), found.friction.round(2)
+        >>> result = dft.papers.aras.steady_map(dft.papers.aras.thruster(), [1.0, 5.0, 10.0])
+        >>> result.printed.round(2), result.friction.round(2)
         (array([ 3.23, 11.09, 19.8 ]), array([1.33, 2.91, 4.1 ]))
-        >>> figure = found.plot()
+        >>> figure = result.plot()
     """
 
     thrust: np.ndarray

@@ -54,10 +54,10 @@ class Sequential(Brief):
         notes: what speaks against the values, also given out as a warning.
 
     Example:
-        >>> found = dft.papers.siramdasu.sequential(*manoeuvred)
-        >>> round(found.vessel.d11, 1), found.surge.time_constant > 0
+        >>> result = dft.papers.siramdasu.sequential(*manoeuvred)
+        >>> round(result.vessel.d11, 1), result.surge.time_constant > 0
         (4.0, True)
-        >>> figure = found.plot()
+        >>> figure = result.plot()
     """
 
     vessel: Vessel
@@ -117,8 +117,8 @@ def sequential(
     Source: Siramdasu & Fahimi 2013, section 3, equations (9) to (20).
 
     Example:
-        >>> found = dft.papers.siramdasu.sequential(*manoeuvred)
-        >>> round(found.vessel.d11, 1), round(dft.Vessel().d11, 1)
+        >>> result = dft.papers.siramdasu.sequential(*manoeuvred)
+        >>> round(result.vessel.d11, 1), round(dft.Vessel().d11, 1)
         (4.0, 4.0)
     """
     straight = records("sequential, straight", straight)
@@ -203,8 +203,8 @@ class Sensitivity(Brief):
         spread: the largest distance between two of the paths at one instant [m].
 
     Example:
-        >>> found = dft.papers.siramdasu.sensitivity(*manoeuvred)
-        >>> len(found.vessels), found.spread >= 0
+        >>> result = dft.papers.siramdasu.sensitivity(*manoeuvred)
+        >>> len(result.vessels), result.spread >= 0
         (4, True)
     """
 

@@ -116,7 +116,7 @@ def _until_the_end(
 ) -> dict[str, Any]:
     """What a scan collects, but of the steps up to the last that has a length."""
 
-    def one(i: Any, carry: Any) -> Any:
+    def advanced(i: Any, carry: Any) -> Any:
         state, after = carry
         state = body(state, jax.tree.map(lambda row: row[i], rows))
         return state, {name: after[name].at[i].set(state[name]) for name in after}
@@ -126,7 +126,7 @@ def _until_the_end(
     # The last step that has a length, not the number of such steps: two samples at one time stamp
     # leave a step of no length inside a log.
     count = jnp.max(jnp.where(steps != 0.0, jnp.arange(1, steps.size + 1), 0))
-    return jax.lax.fori_loop(0, count, one, (first, after))[1]
+    return jax.lax.fori_loop(0, count, advanced, (first, after))[1]
 
 
 def within(value: tuple[Any, ...], substep: Any, substeps: Any) -> tuple[Any, ...]:

@@ -320,8 +320,8 @@ def infinite_slopes(model: Model, runs: Sequence[Run], *, places: bool) -> Infin
     """Where the first of some finite runs has an `infinite_slope`, if one has."""
     for run in runs:
         path = simulate_fixed(model, run.record, run.start, run.substeps)
-        if found := infinite_slope(model, run.record, run.start, path, places=places):
-            return found
+        if slope := infinite_slope(model, run.record, run.start, path, places=places):
+            return slope
     return None
 
 

@@ -82,8 +82,8 @@ def _dependent(key: Key, free: tuple[str, ...], inputs: tuple[str, ...]) -> tupl
 
 def told_by(model: Model, channels: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The channels that tell of states which they are not, and these: angles of a quaternion."""
-    told = model._telling(channels)
-    return told, tuple(model.start_from(dict.fromkeys(told, 0.0))) if told else ()
+    telling = model._telling(channels)
+    return telling, tuple(model.start_from(dict.fromkeys(telling, 0.0))) if telling else ()
 
 
 def felt(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
@@ -174,11 +174,11 @@ def estimated_start(
         near, less = (np.sum(stacked(z) ** 2) for z in (x, far))
         x, size = (far, wide) if less < _CLEARLY * near else (x, size)
     widths = [_width(p) for p in described]
-    known = {**(noise or {}), **{n: level for n, level in record.noise.items() if level}}
+    stated = {**(noise or {}), **{n: level for n, level in record.noise.items() if level}}
     if differing and None not in widths:
         # a first part that tells nothing of a current would else give it any value
         levels = _levels(errors(x), x.size)
-        levels |= {n: known[n] / _spread(record, n) for n in levels if n in known}
+        levels |= {n: stated[n] / _spread(record, n) for n in levels if n in stated}
         x = _least_squares(
             lambda x: _stacked({n: e / levels[n] for n, e in errors(x).items()}),
             np.array([*x[:first], *means]),

@@ -82,10 +82,10 @@ class Directions(Result):
         held: parameters at a bound, which are left out.
 
     Example:
-        >>> found = dft.uncertainty.directions(fit, log)
-        >>> len(found.directions), len(found.sentences)
+        >>> result = dft.uncertainty.directions(fit, log)
+        >>> len(result.directions), len(result.sentences)
         (3, 3)
-        >>> len(found.to_json()), found.table() is not None
+        >>> len(result.to_json()), result.table() is not None
         (3, True)
     """
 

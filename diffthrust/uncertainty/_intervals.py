@@ -60,12 +60,12 @@ class Intervals(Result):
         profiles: the profiles behind the intervals.
 
     Example:
-        >>> found = dft.intervals(fit, log)
-        >>> found.methods, found.level, len(found.sentences), found.table() is not None
+        >>> result = dft.intervals(fit, log)
+        >>> result.methods, result.level, len(result.sentences), result.table() is not None
         (('covariance', 'sandwich', 'profile'), 0.95, 1, True)
-        >>> list(found.to_json())
+        >>> list(result.to_json())
         ['schema', 'level', 'correlation', 'notes', 'parameters', 'directions']
-        >>> figure = found.plot()
+        >>> figure = result.plot()
     """
 
     rows: Mapping[str, Row]
@@ -159,8 +159,8 @@ def intervals(
             lacks a parameter, or the level is outside (0, 1).
 
     Example:
-        >>> found = dft.intervals(fit, log)
-        >>> found["alpha"].best.low < fit.parameters["alpha"].value < found["alpha"].best.high
+        >>> result = dft.intervals(fit, log)
+        >>> result["alpha"].best.low < fit.parameters["alpha"].value < result["alpha"].best.high
         True
     """
     converged(fit, "intervals")
@@ -264,8 +264,8 @@ def _row(
         recommended=recommended,
         met=tuple(n for n in profiles if n != name and profiles[n].bounds != (None, None)),
     )
-    told: Any = {"sentences": tuple(sentences(evidence)), "bounds": profile.bounds}
-    return _row_of(name, estimate, by_method, recommended, **told)
+    words: Any = {"sentences": tuple(sentences(evidence)), "bounds": profile.bounds}
+    return _row_of(name, estimate, by_method, recommended, **words)
 
 
 def _wider(robust: Sandwich, name: str) -> bool:

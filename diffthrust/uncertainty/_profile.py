@@ -62,10 +62,10 @@ class Profiles(Result):
         better: a better optimum found on the way, which the profiles then belong to, or ``None``.
 
     Example:
-        >>> found = dft.uncertainty.profile(fit, log, "alpha")
-        >>> found["alpha"].level, len(found.sentences), list(found.to_json())
+        >>> result = dft.uncertainty.profile(fit, log, "alpha")
+        >>> result["alpha"].level, len(result.sentences), list(result.to_json())
         (0.95, 1, ['schema', 'level', 'profiles', 'better'])
-        >>> figure = found.plot()
+        >>> figure = result.plot()
     """
 
     profiles: Mapping[str, Profile]
@@ -162,8 +162,8 @@ def profile(
     25, 1923.
 
     Example:
-        >>> found = dft.uncertainty.profile(fit, log, "alpha")
-        >>> found["alpha"].low < fit.parameters["alpha"].value
+        >>> result = dft.uncertainty.profile(fit, log, "alpha")
+        >>> result["alpha"].low < fit.parameters["alpha"].value
         True
     """
     converged(fit, "profile")

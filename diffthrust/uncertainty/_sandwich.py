@@ -46,11 +46,11 @@ class Sandwich(Brief):
         values: the estimates, by name.
 
     Example:
-        >>> found = dft.uncertainty.sandwich(fit, log)
-        >>> found.covariance.shape, found.free
+        >>> result = dft.uncertainty.sandwich(fit, log)
+        >>> result.covariance.shape, result.free
         ((3, 3), ('alpha', 'beta', 'ct'))
-        >>> low, high = found.interval("alpha", 0.95)
-        >>> low < fit.parameters["alpha"].value < high, list(found.to_json())[:2]
+        >>> low, high = result.interval("alpha", 0.95)
+        >>> low < fit.parameters["alpha"].value < high, list(result.to_json())[:2]
         (True, ['schema', 'free'])
     """
 
@@ -106,8 +106,8 @@ def sandwich(fit: Fit, logs: Log | Sequence[Log]) -> Sandwich:
     Source: Andrews 1991, Econometrica 59, 817; Andrews & Monahan 1992, Econometrica 60, 953.
 
     Example:
-        >>> found = dft.uncertainty.sandwich(fit, log)
-        >>> found.inflation["alpha"] > 0.5
+        >>> result = dft.uncertainty.sandwich(fit, log)
+        >>> result.inflation["alpha"] > 0.5
         True
     """
     converged(fit, "sandwich")

@@ -109,8 +109,8 @@ class Row(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, in the parameter's unit and in the display unit."""
-        told = {"recommended": self.recommended, "sentences": list(self.sentences)}
-        return self._json("value", "unit", "intervals") | told
+        choice = {"recommended": self.recommended, "sentences": list(self.sentences)}
+        return self._json("value", "unit", "intervals") | choice
 
     @property
     def best(self) -> Interval:

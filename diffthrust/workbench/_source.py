@@ -66,22 +66,22 @@ def opened(
     if isinstance(what, Fit):
         count = len(what.data)
         train, unseen = train or what.logs[:count], unseen or what.logs[count:]
-        found = Source(what.model.name, what.model, train, unseen, fit=what, options=what.options)
+        source = Source(what.model.name, what.model, train, unseen, fit=what, options=what.options)
     elif isinstance(what, Diagnosis):
-        found = _of_diagnosis(what)
+        source = _of_diagnosis(what)
     elif isinstance(what, Model):
-        found = Source(what.name, what, train, unseen)
+        source = Source(what.name, what, train, unseen)
     else:
         raise InputError(
             f"expected a spec, a log, a fit, a diagnosis or a model, found {short_repr(what)}.",
             "Name a file, or give one of these objects.",
         )
-    if not found.train:
+    if not source.train:
         raise InputError(
-            f"{found.name}: expected training logs, found none.",
+            f"{source.name}: expected training logs, found none.",
             "Give them: explore(model, logs, holdout=...).",
         )
-    return found
+    return source
 
 
 def _of_path(path: Path, trust: Sequence[Path | str]) -> Source:

@@ -97,14 +97,14 @@ def _sensitivity(straight: list[Log], circles: list[Log]) -> list[Printed]:
     slow = replace(
         middle, measured={**middle.measured, "surge": (1.0 - _WRONG) * middle.measured["surge"]}
     )
-    found = sensitivity([slow if log is middle else log for log in straight], circles,
+    result = sensitivity([slow if log is middle else log for log in straight], circles,
                         settle=_SETTLE)  # fmt: skip
-    exponents = [vessel.exponent for vessel in found.vessels]
+    exponents = [vessel.exponent for vessel in result.vessels]
     return [
         Printed("figure 11: paths apart within 20 s", 0.4, None, "m",
                 "the scatter of figure 3 and table 3 are not legible; from pairs of speeds with "
                 f"the middle one {100 * _WRONG:g} % too low, chosen here, it is "
-                f"{found.spread:.2f} m, and C from {min(exponents):.2f} to {max(exponents):.2f}"),
+                f"{result.spread:.2f} m, and C from {min(exponents):.2f} to {max(exponents):.2f}"),
     ]  # fmt: skip
 
 
@@ -115,6 +115,6 @@ def _record(boat: Vessel, n: float, angle: float, duration: float) -> Log:
         "propeller_speed": np.full(time.size, n),
         "rudder_angle": np.where(time >= 5.0, math.radians(angle), 0.0),
     }
-    found = simulate(boat, Log(time, inputs, units=_UNITS))
-    measured = {name: found[name] for name in _MEASURED}
+    result = simulate(boat, Log(time, inputs, units=_UNITS))
+    measured = {name: result[name] for name in _MEASURED}
     return Log(time, inputs, measured, {**_UNITS, **_MEASURED})

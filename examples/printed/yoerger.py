@@ -136,8 +136,8 @@ def _cycle(jason: Thruster, dynamic: Thruster) -> list[Printed]:
 
 
 def _physical(model: Thruster) -> dict[str, float]:
-    found = duct_quantities(model.quadratic_load, _PITCH, _AREA, _DENSITY)
-    return {name: float(value) for name, value in found.items()}
+    quantities = duct_quantities(model.quadratic_load, _PITCH, _AREA, _DENSITY)
+    return {name: float(value) for name, value in quantities.items()}
 
 
 def _first_order(model: Thruster) -> dict[str, float]:
@@ -156,5 +156,5 @@ def _first_order(model: Thruster) -> dict[str, float]:
 
 
 def _record(model: Thruster, time: np.ndarray, command: np.ndarray) -> Log:
-    found = simulate(model, Log(time, {"command": command}, units={"command": "V"}))
-    return Log(time, {"command": command}, {n: found[n] for n in ("speed", "thrust")}, _UNITS)
+    result = simulate(model, Log(time, {"command": command}, units={"command": "V"}))
+    return Log(time, {"command": command}, {n: result[n] for n in ("speed", "thrust")}, _UNITS)

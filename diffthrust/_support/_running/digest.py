@@ -201,10 +201,10 @@ def _names(code: CodeType) -> set[str]:
 
 def _is_named(thing: Any, module: str) -> bool:
     """Whether its name leads to it: two lambdas, or classes made by a function, share a name."""
-    found = sys.modules.get(module)
+    target = sys.modules.get(module)
     for part in thing.__qualname__.split("."):
-        found = getattr(found, part, None)
-    return found is thing
+        target = getattr(target, part, None)
+    return target is thing
 
 
 def _fixed(module: str) -> bool:

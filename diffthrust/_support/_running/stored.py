@@ -208,7 +208,7 @@ def _named(name: str) -> type:
     module, _, qualname = name.partition(":")
     if module.split(".")[0] != __name__.split(".")[0]:
         raise ValueError(f"{name} is not of the package")
-    found: Any = sys.modules.get(module) or import_module(module)
+    target: Any = sys.modules.get(module) or import_module(module)
     for part in qualname.split("."):
-        found = getattr(found, part)
-    return found
+        target = getattr(target, part)
+    return target

@@ -124,11 +124,11 @@ def balances(
 ) -> Balance:
     """`balance` of the first ``count`` lanes, with coefficients ``(lanes, n, c)``."""
 
-    def one(lane_and_x: tuple[Lane, Array]) -> Balance:
+    def balanced(lane_and_x: tuple[Lane, Array]) -> Balance:
         lane, unknowns = lane_and_x
         return balance(key.model.bind(lane.values), cycle, lane, unknowns, sloped)
 
-    return in_blocks(one, count, (lanes, x))
+    return in_blocks(balanced, count, (lanes, x))
 
 
 def balancing_step(

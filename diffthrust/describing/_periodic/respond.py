@@ -141,7 +141,7 @@ def respond(
     """
     tell, size = reporter(progress), lanes.amplitude.size
     origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if guess is None else guess
-    found = PeriodicResponses(
+    responses = PeriodicResponses(
         first=np.zeros(size, complex),
         mean=np.zeros(size),
         distortion=np.zeros(size),
@@ -152,55 +152,59 @@ def respond(
     )
     previous = np.full(size, np.nan, complex)
     failed = np.zeros(size, int)
-    while (active := np.flatnonzero(found.reason < 0)).size:
-        for who, at in found.alike(cycle, active):
-            orbits = over(solver, at, lanes, who, solver.solve, found.x)
+    while (active := np.flatnonzero(responses.reason < 0)).size:
+        for who, at in responses.alike(cycle, active):
+            orbits = over(solver, at, lanes, who, solver.solve, responses.x)
             h = orbits.harmonics
-            n, k = at.samples, int(found.stage[who[0]])
+            n, k = at.samples, int(responses.stage[who[0]])
             first = first_harmonic(h, lanes.amplitude[who])
-            found.first[who], found.mean[who], found.distortion[who] = first, h.mean, h.distortion
+            responses.first[who], responses.mean[who], responses.distortion[who] = (
+                first,
+                h.mean,
+                h.distortion,
+            )
             bad = orbits.reason != Reason.SETTLED
             # a failed search has left its point anywhere: the finer steps begin at the origin again
-            found.x[who] = np.where(_like(bad, found.x), np.asarray(origin)[who], orbits.x)
+            responses.x[who] = np.where(_like(bad, responses.x), np.asarray(origin)[who], orbits.x)
             failed[who] += orbits.reason == Reason.NOT_CLOSED
             # all stages first, then finer steps; an output that does not move may still wait for
             # the end of a delay
             still = (at.periods > 1) & (h.swing <= _STILL * np.abs(h.mean))
             restless = ~bad & (~(h.unsettled <= _REPEATED) | still & (at.periods < _LONGEST))
             later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LONGEST_SERIES]
-            found.stage[who] = np.where(restless, later[0] if later else k, k)
+            responses.stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
             change = np.abs(first - previous[who])
             # a first-order error changes by (g - 1) times what is left of it from n to g n steps
             near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(first), floor)
             near = near | still | (samples is not None)
-            found.reason[who[~bad & ~restless & near]] = Reason.SETTLED
+            responses.reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near) | (restless & (not later))
             previous[who] = np.where(bad | restless, np.nan, first)
             last = min(samples or solver.finest, LONGEST_SERIES // (2 * at.periods))
             finished = finer & ((solver.growth * n > last) | (failed[who] >= _FAILURES))
             unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
-            found.reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
-            found.samples[who[finer & ~finished]] = solver.growth * n
-            tell("periodic responses", float(np.mean(found.reason >= 0)))
-    _check_again(solver, cycle, lanes, found)
-    return found
+            responses.reason[who[finished]] = np.where(bad, orbits.reason, unclear)[finished]
+            responses.samples[who[finer & ~finished]] = solver.growth * n
+            tell("periodic responses", float(np.mean(responses.reason >= 0)))
+    _check_again(solver, cycle, lanes, responses)
+    return responses
 
 
-def _check_again(solver: Solver, cycle: Cycle, lanes: Lane, found: PeriodicResponses) -> None:
+def _check_again(solver: Solver, cycle: Cycle, lanes: Lane, responses: PeriodicResponses) -> None:
     """Mark the lanes that a further period, on a later clock, shows not to have settled."""
     later = lanes._replace(clock=np.full_like(lanes.amplitude, _LATER))
-    for who, at in found.alike(cycle, np.flatnonzero(found.reason == Reason.SETTLED)):
-        orbits = over(solver, at, later, who, solver.again, found.x)
+    for who, at in responses.alike(cycle, np.flatnonzero(responses.reason == Reason.SETTLED)):
+        orbits = over(solver, at, later, who, solver.again, responses.x)
         h, amplitude = orbits.harmonics, lanes.amplitude[who]
-        first = np.abs(found.first[who])
-        change = np.abs(first_harmonic(h, amplitude) - found.first[who])
+        first = np.abs(responses.first[who])
+        change = np.abs(first_harmonic(h, amplitude) - responses.first[who])
         swing = np.maximum(h.swing / amplitude, first)
-        moved = np.abs(h.mean - found.mean[who]) / amplitude
+        moved = np.abs(h.mean - responses.mean[who]) / amplitude
         same = (change <= _SAME * np.maximum(first, 1e-3 * swing)) & (moved <= _SAME * swing)
         settled = orbits.reason == Reason.SETTLED
-        found.reason[who] = np.where(settled, found.reason[who], orbits.reason)
-        found.reason[who[settled & ~same]] = Reason.CLOCK
+        responses.reason[who] = np.where(settled, responses.reason[who], orbits.reason)
+        responses.reason[who[settled & ~same]] = Reason.CLOCK
 
 
 def first_harmonic(output: Harmonics, amplitude: np.ndarray) -> np.ndarray:
@@ -226,12 +230,12 @@ def over(
     # of equal work: neighbours, who are equally slow, are dealt out in turn
     portions = [who[i::count] for i in range(count)]
 
-    def one(lanes_at: np.ndarray) -> Any:
+    def acted(lanes_at: np.ndarray) -> Any:
         guesses = () if x is None else (_padded(x[lanes_at], solver.capacity),)
         return act(cycle, lanes_at.size, some(lanes, _padded(lanes_at, solver.capacity)), *guesses)
 
     # threads, for XLA computes without the interpreter's lock
-    parts = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
+    parts = [acted(portions[0])] if len(portions) == 1 else [*pool().map(acted, portions)]
     order = np.argsort(np.concatenate(portions), kind="stable")
     return jax.tree.map(lambda *values: np.concatenate(values)[order], *parts)
 

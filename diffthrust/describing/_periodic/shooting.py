@@ -106,23 +106,23 @@ def periods(
 ) -> Orbit:
     """`one_period` of the first ``count`` lanes, from ``start`` ``(lanes, n)``."""
 
-    def one(lane_and_start: tuple[Lane, Array]) -> Orbit:
+    def followed(lane_and_start: tuple[Lane, Array]) -> Orbit:
         lane, begin = lane_and_start
         return one_period(key.model.bind(lane.values), cycle, lane, begin)
 
-    return in_blocks(one, count, (lanes, start))
+    return in_blocks(followed, count, (lanes, start))
 
 
 @program(2)
 def starts(key: Key, cycle: Cycle, count: int, lanes: Lane) -> Float[Array, "lanes n"]:
     """Where the states that are followed begin by themselves, of the first ``count`` lanes."""
 
-    def one(lane: Lane) -> Float[Array, " n"]:
+    def begun(lane: Lane) -> Float[Array, " n"]:
         model = key.model.bind(lane.values)
         start = start_of(model, driven_period(model, cycle, lane))
         return jnp.stack([start[n] for n in cycle.states]) if cycle.states else jnp.zeros(0)
 
-    return in_blocks(one, count, lanes)
+    return in_blocks(begun, count, lanes)
 
 
 def closing_step(orbit: Orbit) -> Float[np.ndarray, "lanes n"]:

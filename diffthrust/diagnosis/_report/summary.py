@@ -51,7 +51,7 @@ and its answer spoke of a drive that depends on speed."""
 
 def summary(diag: Findings) -> str:
     """The answer, in at most sixty words and four figures."""
-    found = [
+    findings = [
         _missing(diag),
         _unmeasured(diag),
         *_laws(diag),
@@ -64,7 +64,7 @@ def summary(diag: Findings) -> str:
     # of logs to be mended first it may be the same mistake: two thrusters of a BlueBoat steered
     # "with -6 % of the logged moment" below a turned yaw rate
     below = diag.helpful_mends or ran_away(diag) or not diag.sought
-    return within_budget([*doubtful(diag), *([] if below else found), _next(diag)])
+    return within_budget([*doubtful(diag), *([] if below else findings), _next(diag)])
 
 
 # -- what is missing -------------------------------------------------------------------------------

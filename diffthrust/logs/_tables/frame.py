@@ -92,12 +92,12 @@ def read_parquet(path: Path) -> OpenTable:
             columns = {name: table.column(name) for name in chosen}
         cells: dict[str, Cells] = {}
         for name in wanted:
-            found: Cells | None = None
+            column: Cells | None = None
             with suppress(Exception):  # values that pandas cannot hold
-                found = _cells(columns[name].to_pandas()) if name in columns else None
-            if found is None or isinstance(found, Other):  # in the words of the file's types
-                found = Other(f"values of type {kinds[name]}")
-            cells[name] = found
+                column = _cells(columns[name].to_pandas()) if name in columns else None
+            if column is None or isinstance(column, Other):  # in the words of the file's types
+                column = Other(f"values of type {kinds[name]}")
+            cells[name] = column
         return cells
 
     names = list(plain.schema_arrow.names)

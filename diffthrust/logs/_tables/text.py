@@ -179,11 +179,11 @@ def times_of_day(stamps: np.ndarray) -> np.ndarray | None:
     None of these ends in 60 to 99, in the seconds or in the minutes, and at least once a minute
     goes by. Read as seconds, the clock of a SWAMP leaps by 40 s there.
     """
-    known = stamps[np.isfinite(stamps)]
-    if known.size < 2 or known.min() < 0 or known.max() >= 240_000 or np.ptp(known) < 100:
+    finite = stamps[np.isfinite(stamps)]
+    if finite.size < 2 or finite.min() < 0 or finite.max() >= 240_000 or np.ptp(finite) < 100:
         return None
     hours, minutes, seconds = stamps // 10_000, stamps // 100 % 100, stamps % 100
-    if np.nanmax(minutes) >= 60 or np.nanmax(seconds) >= 60 or not _passes_minutes(known):
+    if np.nanmax(minutes) >= 60 or np.nanmax(seconds) >= 60 or not _passes_minutes(finite):
         return None
     return 3600.0 * hours + 60.0 * minutes + seconds
 

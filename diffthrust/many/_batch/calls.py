@@ -67,8 +67,8 @@ def fit(
         InputError: lists differ in length, or an argument is invalid.
 
     Example:
-        >>> found = dft.many.fit(dft.Thruster(), [log, unseen], names=["one", "two"], starts=2)
-        >>> found.table()["name"].tolist(), found["one"].status
+        >>> result = dft.many.fit(dft.Thruster(), [log, unseen], names=["one", "two"], starts=2)
+        >>> result.table()["name"].tolist(), result["one"].status
         (['one', 'two'], <Status.CONVERGED: 'converged'>)
     """
     check_options(fit_one, options)

@@ -84,9 +84,9 @@ def run_job(job: Job) -> ResultRow:
         store(job, row, mark, data, page if job.report else None)
         return row
     except Exception as error:
-        told = as_input_error(error, f"diffthrust {job.task} {job.spec}")
+        failure = as_input_error(error, f"diffthrust {job.task} {job.spec}")
     # Not before here: until an error is let go, all that the failed work had in memory stays.
-    return failed(job, "failed", told.problem, told.mend, started, mark)
+    return failed(job, "failed", failure.problem, failure.mend, started, mark)
 
 
 def head(job: Job, status: str) -> ResultRow:
@@ -120,10 +120,10 @@ def _fit(spec: Spec, job: Job) -> _Result:
 
 
 def _diagnose(spec: Spec, job: Job) -> _Result:
-    found = spec.diagnose(candidates=job.options.get("candidates"))
-    columns = {**_columns(found.fit), "verdict": found.verdict, "added": ", ".join(found.added)}
+    diag = spec.diagnose(candidates=job.options.get("candidates"))
+    columns = {**_columns(diag.fit), "verdict": diag.verdict, "added": ", ".join(diag.added)}
     title = f"Diagnosis: {job.name}"
-    return found.to_json(), columns, lambda path: found.save(path, title=title, spec=spec.text)
+    return diag.to_json(), columns, lambda path: diag.save(path, title=title, spec=spec.text)
 
 
 def _sample(spec: Spec, job: Job) -> _Result:

@@ -50,8 +50,8 @@ def laid_out(actuators: Actuators, sensors: Sensors, values: Mapping[str, Any]) 
         owner = actuators.owner(name)
         command = ", ".join(unit or "-" for unit in mounted.model.inputs.values())
         numbers = "its own" if owner == name else f"like {owner}"
-        told = (name, str(mounted.model), place, mounted.pointing, turns, command, numbers)
-        parts.append(LaidOut(*told))
+        fields = (name, str(mounted.model), place, mounted.pointing, turns, command, numbers)
+        parts.append(LaidOut(*fields))
     for name, mounted in sensors.items():
         sensor = mounted.model
         place = place_of(name, values) if sensor.placed else ()

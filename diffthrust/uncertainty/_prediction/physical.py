@@ -69,8 +69,8 @@ def physical(
     Source: Yoerger, Cooke & Slotine 1990, section II B.
 
     Example:
-        >>> found = dft.uncertainty.physical(fit, pitch=0.101, area=0.0527)
-        >>> sorted(found)
+        >>> result = dft.uncertainty.physical(fit, pitch=0.101, area=0.0527)
+        >>> sorted(result)
         ['efficiency', 'torque_constant', 'volume']
     """
     check_sizes("physical", pitch, area, density)
@@ -137,8 +137,8 @@ def derived(
 
     Example:
         >>> gain = lambda p: {"gain": p["beta"] / p["alpha"]}
-        >>> found = dft.uncertainty.derived(fit, gain, {"gain": "1/(V s^2)"})
-        >>> found["gain"].unit
+        >>> result = dft.uncertainty.derived(fit, gain, {"gain": "1/(V s^2)"})
+        >>> result["gain"].unit
         '1/(V s^2)'
     """
     values = {name: jnp.asarray(e.value) for name, e in fit.parameters.items()}

@@ -42,8 +42,8 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
         notes: remarks for the user.
 
     Example:
-        >>> found = dft.uncertainty.quantities(fit, pitch=0.101, area=0.0527)
-        >>> sorted(found.by_name)[:2], list(found.to_json())
+        >>> result = dft.uncertainty.quantities(fit, pitch=0.101, area=0.0527)
+        >>> sorted(result.by_name)[:2], list(result.to_json())
         (['efficiency', 'torque_constant'], ['level', 'draws_from', 'quantities'])
     """
 
@@ -77,8 +77,8 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
             InputError: there is no curve.
 
         Example:
-            >>> found = dft.uncertainty.quantities(fit, steps=[1.0, 2.0])
-            >>> figure = found.plot()
+            >>> result = dft.uncertainty.quantities(fit, steps=[1.0, 2.0])
+            >>> figure = result.plot()
         """
         from diffthrust.uncertainty._prediction.figures import curves_figure
 
@@ -144,8 +144,8 @@ def quantities(
     III and figure 6 (steps), IV (break frequency).
 
     Example:
-        >>> found = dft.uncertainty.quantities(fit, pitch=0.101, area=0.0527)
-        >>> sorted(found.by_name)
+        >>> result = dft.uncertainty.quantities(fit, pitch=0.101, area=0.0527)
+        >>> sorted(result.by_name)
         ['efficiency', 'torque_constant', 'volume']
     """
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
@@ -166,23 +166,23 @@ def quantities(
             "Give pitch and area, commands, steps, amplitudes or functions.",
         )
     notes = list(drawn.notes)
-    found: list[_Found] = []
+    entries: list[_Entry] = []
     if pitch is not None and area is not None:
         check_sizes("quantities", pitch, area, density)
         thruster = torque_driven("quantities", drawn.model, drawn.values)
         constants = duct_quantities(thruster, pitch, area, density)
-        found += [(n, u, constants[n], ()) for n, u in physical_units(drawn.model).items()]
+        entries += [(n, u, constants[n], ()) for n, u in physical_units(drawn.model).items()]
     shown = ShownUnits((drawn.fit.written,) if drawn.fit else ())
     if "commands" in curves or "steps" in curves:
-        found += _responses(drawn, curves, response, inputs or {}, shown, notes)
+        entries += _responses(drawn, curves, response, inputs or {}, shown, notes)
     if "amplitudes" in curves:
-        found.append(_break_frequency(drawn, curves["amplitudes"], shown, notes))
+        entries.append(_break_frequency(drawn, curves["amplitudes"], shown, notes))
     for name, function in (functions or {}).items():
         values = _by_draw(name, function, drawn)
         grid = () if values.ndim == 1 else (np.arange(values.shape[1], dtype=float), "index", "")
-        found.append((name, (units or {}).get(name, ""), values, grid))
+        entries.append((name, (units or {}).get(name, ""), values, grid))
     by_name: dict[str, DerivedQuantity] = {}
-    for name, unit, values, grid in found:
+    for name, unit, values, grid in entries:
         if name in by_name:
             raise InputError(
                 f"quantities: there are two of the name {name!r}.", "Give the function another."
@@ -191,13 +191,13 @@ def quantities(
     return Quantities(by_name, level, drawn.kind, tuple(notes))
 
 
-_Found = tuple[str, str, Any, tuple[Any, ...]]
+_Entry = tuple[str, str, Any, tuple[Any, ...]]
 """Name and unit of a quantity, its values by draw, and the grid of a curve."""
 
 
 def _break_frequency(
     drawn: Draws, swing: np.ndarray, shown: ShownUnits, notes: list[str]
-) -> _Found:
+) -> _Entry:
     thruster = torque_driven("quantities", drawn.model, drawn.values)
     size, unit = shown.size("speed", 1.0, "rad/s")
     shafted = [e.name for e in drawn.model.effects if {"load", "shaft"} & set(e.ports)]
@@ -217,9 +217,9 @@ def _responses(
     inputs: Mapping[str, float],
     shown: ShownUnits,
     notes: list[str],
-) -> list[_Found]:
+) -> list[_Entry]:
     model = drawn.model
-    found: list[_Found] = []
+    entries: list[_Entry] = []
     output = response or ("thrust" if "thrust" in model.outputs else next(iter(model.outputs)))
     commands, steps = (curves.get(name, np.empty(0)) for name in ("commands", "steps"))
     answers = responses(drawn, np.concatenate([commands, steps]), output, inputs)
@@ -230,12 +230,12 @@ def _responses(
         size = shown.size(output, 1.0, out)
         grid = shown.values(drive, commands, unit), shown.unit(drive, unit)
         over = (commands, drive, unit, *size, *grid)
-        found.append((f"steady_{output}", out, answers.steady[:, :count], over))
+        entries.append((f"steady_{output}", out, answers.steady[:, :count], over))
     times = answers.time[:, count:]
     if steps.size:
         size, shown_unit = shown.size(drive, 1.0, unit)
         over = (steps, f"step of {drive}", unit, 1.0, "", size * steps, shown_unit)
-        found.append(("step_time", "s", times, over))
+        entries.append(("step_time", "s", times, over))
     if not np.all(np.isfinite(times)):
         notes.append("step_time is infinite (inf) where a step moves nothing, as in a dead band.")
     if answers.unsettled > 0:
@@ -243,7 +243,7 @@ def _responses(
             f"In {100 * answers.unsettled:.2g} % of the draws a response had not settled at the "
             "end of its simulation: its parameters are badly determined."
         )
-    return found
+    return entries
 
 
 def _points(name: str, wanted: Any) -> np.ndarray:

@@ -102,8 +102,8 @@ def convergence(post: Any) -> Convergence:
             f"{posterior.sizes['draw']} draws by chain are too few to judge.", "Draw at least 100."
         )
     r_hat, bulk, tail = (
-        {name: float(value) for name, value in _scalars(found).items()}
-        for found in (
+        {name: float(value) for name, value in _scalars(statistic).items()}
+        for statistic in (
             az.rhat(_several(posterior), method="rank"),
             az.ess(posterior, method="bulk"),
             az.ess(posterior, method="tail"),

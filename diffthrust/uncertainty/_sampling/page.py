@@ -105,10 +105,10 @@ def sample_report(sampled: Sampled) -> Report:
 def _prediction_parts(sampled: Sampled) -> Iterator[Part]:
     if not sampled.predictions:
         yield _NONE_UNSEEN
-    told = notes(sampled.fit.notes)  # below the parameters
+    shown = notes(sampled.fit.notes)  # below the parameters
     for prediction in sampled.predictions:
         for section in report_of(prediction).sections:
-            yield from (part for part in section.parts if part not in told)
+            yield from (part for part in section.parts if part not in shown)
         yield Picture(
             prediction.plot,
             f"{prediction.log}: what was measured, the median of the predictions and their "
