@@ -62,8 +62,8 @@ def _falls_short(
 ) -> bool:
     """Whether the model as given, without these bounds, errs more than with all that was found."""
     freed = _without(context, first, names)
-    errors, found = (stage.holdout or stage.train for stage in (freed, last))
-    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * found.nrmse
+    errors, ended = (stage.holdout or stage.train for stage in (freed, last))
+    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * ended.nrmse
 
 
 def _without(context: SearchContext, stage: FittedStage, names: Sequence[str]) -> FittedStage:
@@ -72,7 +72,7 @@ def _without(context: SearchContext, stage: FittedStage, names: Sequence[str]) -
     context.say(f"fitting without the bounds of {', '.join(names)}", SOUGHT)
     bounds = {name: {"bounds": _opened(stage.fit, name)} for name in names}
     model = stage.fit.model.replace(bounds)
-    refitted = context.refit(model, [values], starts=1, substeps=stage.fit.substeps)
+    refitted = context.refit(model, [values], starts=1, like=stage.fit)
     return FittedStage(stage.effects, *refitted)
 
 

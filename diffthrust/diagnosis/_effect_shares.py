@@ -165,7 +165,7 @@ def _without(context: SearchContext, state: SearchState, name: str) -> FittedSta
     # overflows at the values of the last stage, and its share was told as all of the error
     guesses = [{n: values[n] for n in free}, *([free] if held else [])]
     context.say(f"fitting without {name}", state.share(1.0))
-    fitted = context.refit(held or plain, guesses, starts=1, substeps=last.fit.substeps)
+    fitted = context.refit(held or plain, guesses, starts=1, like=last.fit)
     return FittedStage(others, *fitted)
 
 

@@ -268,7 +268,7 @@ def refitted_rivals(
         later = {n: value for n, value in last.items() if n.rpartition(".")[0]}
         model = with_values(model, {**trial.values, **later})
         context.say(f"fitting with {rival} in place of {name}", SOUGHT)
-        refitted = context.refit(model, [last], substeps=stage.fit.substeps)
+        refitted = context.refit(model, [last], like=stage.fit)
         stages[rival] = FittedStage(names, *refitted)
     return stages
 

@@ -21,6 +21,8 @@ from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._arguments import FitOptions
 from diffthrust.estimation._fit import FitRuns, fit_records
+from diffthrust.estimation._horizons import schedule, to_whole_runs
+from diffthrust.estimation._result import Fit
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._record import Record
 from diffthrust.simulation._runs import Run, with_steps
@@ -82,6 +84,7 @@ class Refit:
         starts: int = 0,
         records: tuple[Sequence[Record], Sequence[Record]] | None = None,
         segments: bool = False,
+        like: Fit | None = None,
         substeps: int = 0,
         horizons: tuple[float | None, ...] | None = None,
         doubts: bool = False,
@@ -96,22 +99,37 @@ class Refit:
             records: training and unseen records to use in place of all.
             segments: let logs that are left out choose between segments and whole runs, even if the
                 first fit ended in whole runs.
-            substeps: integrator steps per sample, without a check whether finer ones are needed.
+            like: a fit with which this one is only compared: it has the same horizon and integrator
+                steps, without a check whether finer ones are needed.
+            substeps: of such a fit, if others.
             horizons: of these segments, for a model that has none of its own.
             doubts: look whether the logs are sound.
         """
         records = records or (self.train, self.unseen)
         starts = starts or _STARTS[bool(guesses)]
         options = {"starts": starts, "guesses": guesses, "doubts": doubts, **self.options}
-        if horizons := horizons or (None if segments else self.horizon):
+        if like is not None:
+            options["substeps"] = substeps or like.substeps
+            horizons = horizons or _to_that_of(like, schedule(model, records[0], "auto"))
+        elif not segments:
+            horizons = horizons or self.horizon
+        if horizons:
             options["horizon"] = horizons
-        if substeps:
-            options["substeps"] = substeps
         with self.clock("refit"), warnings.catch_warnings():
             warnings.simplefilter("ignore", CoarseStepWarning)  # the notes of a checked fit tell it
             chosen = FitOptions(**options)
             fitted = fit_records(model, *records, chosen, progress, self.first_substeps)
         return _with_its_steps(fitted)
+
+
+def _to_that_of(like: Fit, horizons: tuple[float | None, ...]) -> tuple[float | None, ...]:
+    """Of the horizons of a model those to that of another fit, from values that are near the end.
+
+    A trial was followed to runs that forget beyond the longest segments, and what a fit is compared
+    with lies beside it: through shorter segments, too, a Kingfisher's refits went for 40 s each,
+    where the first fit took 8.
+    """
+    return to_whole_runs(horizons[-1:]) if like.horizon is None else (like.horizon,)
 
 
 def _with_its_steps(fitted: FitRuns) -> FitRuns:

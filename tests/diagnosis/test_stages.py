@@ -9,11 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from compilations import compilations
+from gusty_runs import gusty_runs, model_of
+from hidden import sets
 from steps import (
     SCREENS,
     SETTINGS,
+    Clock,
     CurrentModel,
     FittedStage,
+    Refit,
     Refusal,
     SearchState,
     TriedEffect,
@@ -489,8 +493,8 @@ def test_a_fit_without_an_effect_begins_at_the_last_stage_and_at_the_given_model
     fit = SimpleNamespace(model=model, substeps=2)
     last = FittedStage(("coulomb_friction", "load_exponent"), fit, (), ())
 
-    def refit(model, guesses, starts, substeps):
-        asked.append((model, guesses, substeps))
+    def refit(model, guesses, starts, like):
+        asked.append((model, guesses, like))
         return fit, (), ()
 
     context = SimpleNamespace(fitter=SimpleNamespace(candidates=effects), given=given,
@@ -498,10 +502,30 @@ def test_a_fit_without_an_effect_begins_at_the_last_stage_and_at_the_given_model
     state = SearchState(SimpleNamespace(), (last,), {})
     fewer = effect_shares_module._without(context, state, "coulomb_friction")
     assert fewer.effects == ("load_exponent",)
-    ((held, guesses, substeps),) = asked
+    ((held, guesses, like),) = asked
     assert held.parameters["coulomb_friction.level"].value == 0.0
     assert [guess["alpha"] for guess in guesses] == [0.5, given.alpha]
-    assert substeps == 2
+    assert like is fit
+
+
+@pytest.mark.parametrize("horizon", [20.0, None])
+def test_a_fit_that_is_compared_has_the_horizon_and_the_steps_of_the_other(horizon):
+    model = model_of(6.0)
+    records = bind(model, gusty_runs(24, "nothing", 6.0, 30.0, 0.1, count=2))
+    refit = Refit(records, (), {"seed": 0}, Clock())
+    like = SimpleNamespace(horizon=horizon, substeps=2)
+    for words, substeps in (({}, 2), ({"substeps": 3}, 3)):
+        fit = refit(model, starts=1, like=like, **words).fit
+        assert (fit.horizon, fit.substeps) == (horizon, substeps)
+
+
+@pytest.mark.parametrize("effect", [dft.effects.CommandRateLimit(), dft.effects.CommandDeadband()])
+def test_a_first_guess_has_each_effect_where_it_does_nothing(effect):
+    """A limit's null is infinite: far more than there is in the logs stands for it."""
+    model, log = dft.Thruster(), sets.draw("clear/command_deadband", 3).train[0]
+    with_it = (model + effect).replace(admission_module._at_null(effect))
+    plain, there = (dft.compare(each, log).errors.nrmse for each in (model, with_it))
+    assert there == pytest.approx(plain, rel=1e-9)
 
 
 @pytest.mark.parametrize("size", [float("inf"), float("nan")])

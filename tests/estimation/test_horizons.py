@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from compilations import compilations
 from gusty_runs import MISSING, gusty_runs, model_of
-from problems import Search, Solved, build, folds, horizons_module, solve, without
+from problems import (
+    Search,
+    Solved,
+    build,
+    folds,
+    horizons_module,
+    multistart_module,
+    restarts,
+    solve,
+    without,
+)
 
 import diffthrust as dft
 
@@ -75,6 +85,19 @@ def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizo
         chosen = error(logs, "auto", length)[0]
         better = min(error(logs, h, length)[0] for h in ((2, 6.7, 20), (2, 6.7, 20, None)))
         assert chosen < 1.03 * better, seed
+
+
+def test_a_single_start_is_led_through_segments_and_ends_where_several_do():
+    """Nothing has to agree with it there: it creeps through no segments on its way."""
+    logs = gusty_runs(24, "nothing", 6.0, 30.0, 0.1, count=2)
+    problem = restarts(build(model_of(6.0), logs, segmented=True), 2.0, hold=True)
+    first = solve(problem, problem.start(), budget=2)
+    led = multistart_module.search(problem, 1, None, first=first, guesses=[first.z], passing=True)
+    assert led.begun == 2
+    assert all(0 < solved.steps <= 25 for solved, _ in led.optima)
+    ways = {"horizon": (2.0, 20 / 3, 20.0), "substeps": 1}
+    alone, several = (dft.fit(model_of(6.0), logs, starts=n, **ways) for n in (1, 4))
+    assert alone.log_likelihood == pytest.approx(several.log_likelihood, abs=1e-3)
 
 
 def search_of(cost, z, sigma, horizon=2.0):
