@@ -260,9 +260,21 @@ def refitted_stage(
         context: what the search works with.
         state: the search, with the trial.
         starts: the trial's and random ones, if not the default number.
-        substeps: integrator steps per sample of a fit that is only compared; as many as it needs if
-            not given.
+        substeps: integrator steps per sample of a fit that is only compared, which is made once; as
+            many as it needs if not given.
     """
+    compared, names = state.stages[-1].compared, _of_stage(state)
+    if not substeps:
+        return _alike_or_apart(context, state, starts, substeps)
+    if names not in compared:
+        compared[names] = _alike_or_apart(context, state, starts, substeps)
+    return compared[names]
+
+
+def _alike_or_apart(
+    context: SearchContext, state: SearchState, starts: int, substeps: int
+) -> FittedStage:
+    """The fit with one value for all logs, or with a value each where that matters."""
     last, names = state.stages[-1], _of_stage(state)
     candidates = context.fitter.candidates
     refit = partial(context.refit, like=last.fit if substeps else None, substeps=substeps)

@@ -50,6 +50,11 @@ _SUBSTEPS = 2
 """Numerics: integrator steps per sample of the trials: over one sample errors do not accumulate."""
 _ALIKE = 0.02
 """Numerics: relative change of the whole-run NRMSE above which more steps per sample are taken."""
+_SAME = 0.005
+"""Numerics: the same for fits to whole runs that are compared: one in a hundred of a squared error,
+of which an effect has to remove several. Of a boat whose thrust ends as a step of its command the
+trials needed 16 steps a sample, for what they do from one sample to the next; with 2 its whole runs
+err the same to 0.05 %, and the fits of its pairs took 16 to 47 s each with 16."""
 _UNNOTICED = 1.0
 """Numerics: so are they where their error makes a likelihood ratio of this: of a vehicle with eight
 thrusters that turns fast it was 87 with two steps, and a thruster's place 0.2 mm off explained 25
@@ -149,7 +154,7 @@ def compiled_fitter(
     failed = fit.status is Status.SIMULATION_FAILED
     if failed and not math.isfinite(_trial_of(fit, [], train).cost):
         raise _not_finite(fit, [], train)
-    for substeps in dict.fromkeys(steps or (few_substeps(fit, train), fit.substeps)):
+    for substeps in dict.fromkeys(steps or (trial_substeps(fit, train), fit.substeps)):
         logs = (windows, unseen)
         programs = Programs(fit.model, effects, *logs, substeps, fit.noise_model, constants)
         fitter = CandidateFitter(programs)
@@ -188,7 +193,7 @@ def with_finer_steps(
                 context.unseen,
                 fitter.records,
                 replace(trial, values={**trial.values, **fitted}),
-                (few_substeps(fit, records), fit.substeps),
+                (trial_substeps(fit, records), fit.substeps),
             )
     except InputError:  # one-step trials overflow where whole runs do not: better coarse than none
         return context, state
@@ -198,16 +203,31 @@ def with_finer_steps(
 def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
     """The fewest integrator steps per sample that reproduce the whole-run errors of a fit.
 
-    Their own error from one sample to the next must be lost in the noise, too.
+    Fits that are compared have as many, and others begin with them and go on to what they need.
     """
+    return _fewest(fit, train, lambda _, error: math.isclose(error, fit.train.nrmse, rel_tol=_SAME))
+
+
+def trial_substeps(fit: Fit, train: Sequence[Record]) -> int:
+    """The fewest for trials, whose error from one sample to the next must be lost in the noise."""
+
+    def serve(runs: Sequence[Run], error: float) -> bool:
+        if not math.isclose(error, fit.train.nrmse, rel_tol=_ALIKE):
+            return False
+        fine = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
+        return _step_evidence(runs, fine) < _UNNOTICED
+
+    return _fewest(fit, train, serve)
+
+
+def _fewest(
+    fit: Fit, train: Sequence[Record], serve: Callable[[Sequence[Run], float], bool]
+) -> int:
+    """The fewest integrator steps per sample that ``serve``, of whole runs and their NRMSE."""
     substeps = min(_SUBSTEPS, fit.substeps)
-    if substeps == fit.substeps:
-        return substeps
-    fine = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
     while substeps < fit.substeps:
         runs = runs_over(fit.model, train, initial=fit.initial, substeps=substeps)
-        alike = math.isclose(pooled_errors(runs).nrmse, fit.train.nrmse, rel_tol=_ALIKE)
-        if alike and _step_evidence(runs, fine) < _UNNOTICED:
+        if serve(runs, pooled_errors(runs).nrmse):
             break
         substeps *= 2
     return substeps

@@ -212,10 +212,16 @@ class FittedStage(Stage):
     Args:
         runs: over the training logs, with the integrator steps of the fit.
         unseen_runs: over the unseen ones.
+
+    Attributes:
+        compared: fits of more that were compared with it, by their effects: none is made again.
     """
 
     runs: tuple[Run, ...]
     unseen_runs: tuple[Run, ...]
+    compared: dict[tuple[str, ...], FittedStage] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @cached_property
     def trained(self) -> Comparison:

@@ -519,6 +519,24 @@ def test_a_fit_that_is_compared_has_the_horizon_and_the_steps_of_the_other(horiz
         assert (fit.horizon, fit.substeps) == (horizon, substeps)
 
 
+def test_a_fit_that_is_only_compared_with_a_stage_is_made_once(monkeypatch):
+    """A Kingfisher's pairs were fitted again after an effect that changed no whole run."""
+    made = []
+    fitted = lambda *asked: made.append(asked) or object()  # noqa: E731
+    monkeypatch.setattr(admission_module, "_alike_or_apart", fitted)
+    first, second = (FittedStage((), SimpleNamespace(), (), ()) for _ in range(2))
+    trial = SimpleNamespace(effects=("lag", "sag"))
+    state = SearchState(SimpleNamespace(trial=trial), (first,), {})
+    stage = admission_module.refitted_stage(None, state, substeps=2)
+    detectable = replace(state, detectable=("wind",))
+    assert admission_module.refitted_stage(None, detectable, substeps=2) is stage
+    assert len(made) == 1
+    others = [(replace(state, detectable=("sag",)), 2), (replace(state, stages=(second,)), 2)]
+    for changed, substeps in (*others, (state, 0)):  # other effects, another stage, a fit to keep
+        assert admission_module.refitted_stage(None, changed, substeps=substeps) is not stage
+    assert len(made) == 4
+
+
 @pytest.mark.parametrize("effect", [dft.effects.CommandRateLimit(), dft.effects.CommandDeadband()])
 def test_a_first_guess_has_each_effect_where_it_does_nothing(effect):
     """A limit's null is infinite: far more than there is in the logs stands for it."""
@@ -679,8 +697,11 @@ def test_what_one_stage_could_test_was_tried():
     assert untested(replace(state, ranking=(tried,))) == {"propeller_inflow": why}
 
 
-@pytest.mark.parametrize(("noise", "substeps"), [(3.0, 2), (0.3, 4)])
-def test_trials_have_steps_whose_error_within_a_sample_is_lost_in_the_noise(noise, substeps):
+@pytest.mark.parametrize(("noise", "substeps", "compared"), [(3.0, 2, 2), (0.6, 4, 2), (0.3, 4, 4)])
+def test_trials_have_steps_whose_error_within_a_sample_is_lost_in_the_noise(
+    noise, substeps, compared
+):
+    """Fits to whole runs that are compared have as many as leave their errors where they were."""
     # by whole runs two steps would do for both: the error is white beside what a run errs
     rng, time = np.random.default_rng(4), 0.9 * np.arange(400)
     command = np.repeat(rng.uniform(-1.0, 1.0, 40), 10)
@@ -691,4 +712,6 @@ def test_trials_have_steps_whose_error_within_a_sample_is_lost_in_the_noise(nois
     coarse = dft.simulate(fit.model, log, initial=fit.initial[0], substeps=2)["speed"]
     rmse = float(np.sqrt(np.mean((log.measured["speed"] - np.asarray(coarse)) ** 2)))
     assert rmse == pytest.approx(fit.train.channels["speed"].rmse, rel=0.02)
-    assert search_start_module.few_substeps(fit, bind(fit.model, [log])) == substeps
+    records = bind(fit.model, [log])
+    assert search_start_module.trial_substeps(fit, records) == substeps
+    assert search_start_module.few_substeps(fit, records) == compared

@@ -22,7 +22,7 @@ from diffthrust.diagnosis._innovations_fit import (
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._residual_structure import downstream_ports
-from diffthrust.diagnosis._search_start import compiled_fitter, few_substeps
+from diffthrust.diagnosis._search_start import compiled_fitter, trial_substeps
 from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
@@ -299,7 +299,7 @@ def _start_elimination(
     # a constant that effects freed keeps its given value, to which eliminating it goes back
     free = {n for n, p in model.parameters.items() if not p.fixed}
     model = with_values(model, {n: value for n, value in values.items() if n in free})
-    start = replace(fit, model=model, substeps=few_substeps(fit, context.records))
+    start = replace(fit, model=model, substeps=trial_substeps(fit, context.records))
     effects = [fitter.candidates[n] for n in names if n in fitter.candidates]
     constants = [n for n in names if n in fitter.constants]
     trial = replace(trial, values={**trial.values, **values})

@@ -23,7 +23,7 @@ import numpy as np
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._search_start import few_substeps
+from diffthrust.diagnosis._search_start import trial_substeps
 from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._unknown_term.closed_forms import as_estimated
 from diffthrust.diagnosis._unknown_term.fit import worth_between_fits
@@ -178,7 +178,7 @@ def _fitted_from(
     own = tuple(n for n, p in model.parameters.items() if not p.fixed)
     model = model + effects
     free = [n for n, p in model.parameters.items() if not p.fixed]
-    substeps = few_substeps(baseline, records)
+    substeps = trial_substeps(baseline, records)
     problem = build(model, records, substeps=substeps, width=len(free))
     price = 0.5 * math.log(context.fitter.samples)
     search = _Search(model, problem, terms, own, records, price)
