@@ -81,10 +81,10 @@ class PageServer:
             check_unused_sessions_milliseconds=min(17_000, self._patience),
             http_server_kwargs={"max_body_size": 1_000_000},
         )
-        port = self._server.port
-        self._server._tornado._websocket_origins = {f"{_HOST}:{port}"}
+        listening = self._server.port
+        self._server._tornado._websocket_origins = {f"{_HOST}:{listening}"}
         token = generate_session_id(key, signed=True)
-        self.address = f"http://{_HOST}:{port}/?bokeh-session-id={token}"
+        self.address = f"http://{_HOST}:{listening}/?bokeh-session-id={token}"
         self._server.start()
         self._server.io_loop.add_callback(self._ready.set)
         self._server.io_loop.start()
