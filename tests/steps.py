@@ -15,6 +15,7 @@ from diffthrust.diagnosis import _residual_structure as residual_structure_modul
 from diffthrust.diagnosis import _rival_models as rival_models_module
 from diffthrust.diagnosis import _screening as screening_module
 from diffthrust.diagnosis import _search_start as search_start_module
+from diffthrust.diagnosis import _search_state as search_state_module
 from diffthrust.diagnosis import _trial_programs as trial_programs_module
 from diffthrust.diagnosis._admission import worths_between  # private: of two stages
 from diffthrust.diagnosis._bounds import (  # private: of one stage

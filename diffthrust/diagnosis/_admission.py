@@ -263,12 +263,12 @@ def refitted_stage(
         substeps: integrator steps per sample of a fit that is only compared, which is made once; as
             many as it needs if not given.
     """
-    compared, names = state.stages[-1].compared, _of_stage(state)
     if not substeps:
         return _alike_or_apart(context, state, starts, substeps)
-    if names not in compared:
-        compared[names] = _alike_or_apart(context, state, starts, substeps)
-    return compared[names]
+    rivals, key = state.stages[-1].rivals, (_of_stage(state), substeps)
+    if key not in rivals:
+        rivals[key] = _alike_or_apart(context, state, starts, substeps)
+    return rivals[key]
 
 
 def _alike_or_apart(

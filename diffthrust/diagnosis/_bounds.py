@@ -62,8 +62,10 @@ def _falls_short(
 ) -> bool:
     """Whether the model as given, without these bounds, errs more than with all that was found."""
     freed = _without(context, first, names)
-    errors, ended = (stage.holdout or stage.train for stage in (freed, last))
-    return freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * ended.nrmse
+    errors, present = (stage.holdout or stage.train for stage in (freed, last))
+    return (
+        freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * present.nrmse
+    )
 
 
 def _without(context: SearchContext, stage: FittedStage, names: Sequence[str]) -> FittedStage:

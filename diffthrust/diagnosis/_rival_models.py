@@ -167,31 +167,31 @@ def _searched(
     def say(message: str, share: float) -> None:
         context.say(f"{fit.model.name}: {message}", 0.95 + 0.05 * share)
 
-    searching, ahead = start_search(fit, rival.train, rival.unseen, candidates, seed, say)
-    while not (done(ahead) or _is_behind(ahead, state) or _is_even(ahead, state)):
-        ahead = step(searching, ahead)
-    return ahead.stages[-1] if ahead.number else None
+    searching, reached = start_search(fit, rival.train, rival.unseen, candidates, seed, say)
+    while not (done(reached) or _is_behind(reached, state) or _is_even(reached, state)):
+        reached = step(searching, reached)
+    return reached.stages[-1] if reached.number else None
 
 
-def _is_behind(ahead: SearchState, state: SearchState) -> bool:
+def _is_behind(reached: SearchState, state: SearchState) -> bool:
     """Whether a rival with two effects or more errs more than the diagnosed model with as many.
 
     By more than a tenth; with one effect less is not asked of it, for a right one may err more as
     it is: a thruster, taken for one behind a speed loop, by 1.28 times.
     """
-    last = ahead.stages[-1]
+    last = reached.stages[-1]
     as_many = [stage for stage in state.stages if len(stage.effects) <= len(last.effects)]
     most = SETTINGS.whole_runs.equivalent_error * _error(as_many[-1].fit)
     return len(last.effects) > 1 and _error(last.fit) > most
 
 
-def _is_even(ahead: SearchState, state: SearchState) -> bool:
+def _is_even(reached: SearchState, state: SearchState) -> bool:
     """Whether a rival errs about as little as the diagnosed model at its end, and falls no more.
 
     By less than a tenth, with the last effect. On the bench of the NGS its next was refused after a
     minute.
     """
-    errors = [_error(stage.fit) for stage in ahead.stages]
+    errors = [_error(stage.fit) for stage in reached.stages]
     equivalent = SETTINGS.whole_runs.equivalent_error
     final = equivalent * _error(state.stages[-1].fit)
     return len(errors) > 2 and errors[-1] <= final and errors[-2] <= equivalent * errors[-1]

@@ -203,19 +203,21 @@ def with_finer_steps(
 def few_substeps(fit: Fit, train: Sequence[Record]) -> int:
     """The fewest integrator steps per sample that reproduce the whole-run errors of a fit.
 
-    Fits that are compared have as many, and others begin with them and go on to what they need.
+    Fits of many models that are compared with each other have as many; one that is kept begins with
+    them, and goes on to as many as it needs.
     """
     return _fewest(fit, train, lambda _, error: math.isclose(error, fit.train.nrmse, rel_tol=_SAME))
 
 
 def trial_substeps(fit: Fit, train: Sequence[Record]) -> int:
     """The fewest for trials, whose error from one sample to the next must be lost in the noise."""
+    if fit.substeps <= _SUBSTEPS:
+        return fit.substeps
+    fine = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
 
     def serve(runs: Sequence[Run], error: float) -> bool:
-        if not math.isclose(error, fit.train.nrmse, rel_tol=_ALIKE):
-            return False
-        fine = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
-        return _step_evidence(runs, fine) < _UNNOTICED
+        alike = math.isclose(error, fit.train.nrmse, rel_tol=_ALIKE)
+        return alike and _step_evidence(runs, fine) < _UNNOTICED
 
     return _fewest(fit, train, serve)
 
@@ -223,11 +225,15 @@ def trial_substeps(fit: Fit, train: Sequence[Record]) -> int:
 def _fewest(
     fit: Fit, train: Sequence[Record], serve: Callable[[Sequence[Run], float], bool]
 ) -> int:
-    """The fewest integrator steps per sample that ``serve``, of whole runs and their NRMSE."""
+    """The fewest integrator steps per sample whose whole runs and NRMSE ``serve`` accepts.
+
+    Of a fit that has failed, whose errors are infinite with any steps, its own.
+    """
     substeps = min(_SUBSTEPS, fit.substeps)
     while substeps < fit.substeps:
         runs = runs_over(fit.model, train, initial=fit.initial, substeps=substeps)
-        if serve(runs, pooled_errors(runs).nrmse):
+        error = pooled_errors(runs).nrmse
+        if math.isfinite(error) and serve(runs, error):
             break
         substeps *= 2
     return substeps

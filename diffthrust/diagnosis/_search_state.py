@@ -99,9 +99,9 @@ class Refit:
             records: training and unseen records to use in place of all.
             segments: let logs that are left out choose between segments and whole runs, even if the
                 first fit ended in whole runs.
-            like: a fit with which this one is only compared: it has the same horizon and integrator
-                steps, without a check whether finer ones are needed.
-            substeps: of such a fit, if others.
+            like: a fit with which this one is only compared: it has the same horizon, whatever
+                ``segments`` says, and the same integrator steps.
+            substeps: integrator steps per sample, without a check whether finer ones are needed.
             horizons: of these segments, for a model that has none of its own.
             doubts: look whether the logs are sound.
         """
@@ -109,12 +109,14 @@ class Refit:
         starts = starts or _STARTS[bool(guesses)]
         options = {"starts": starts, "guesses": guesses, "doubts": doubts, **self.options}
         if like is not None:
-            options["substeps"] = substeps or like.substeps
-            horizons = horizons or _to_that_of(like, schedule(model, records[0], "auto"))
+            substeps = substeps or like.substeps
+            horizons = horizons or _to_that_of(like, schedule(model, records[0], "auto"), starts)
         elif not segments:
             horizons = horizons or self.horizon
         if horizons:
             options["horizon"] = horizons
+        if substeps:
+            options["substeps"] = substeps
         with self.clock("refit"), warnings.catch_warnings():
             warnings.simplefilter("ignore", CoarseStepWarning)  # the notes of a checked fit tell it
             chosen = FitOptions(**options)
@@ -122,14 +124,19 @@ class Refit:
         return _with_its_steps(fitted)
 
 
-def _to_that_of(like: Fit, horizons: tuple[float | None, ...]) -> tuple[float | None, ...]:
-    """Of the horizons of a model those to that of another fit, from values that are near the end.
+def _to_that_of(
+    like: Fit, horizons: tuple[float | None, ...], starts: int
+) -> tuple[float | None, ...]:
+    """Of the horizons of a model those on the way to that of another fit.
 
-    A trial was followed to runs that forget beyond the longest segments, and what a fit is compared
-    with lies beside it: through shorter segments, too, a Kingfisher's refits went for 40 s each,
-    where the first fit took 8.
+    A single start is near its end: the fit that it is compared with lies beside it, and most trials
+    were followed to runs that forget beyond the longest segments. Through shorter ones, too, a
+    Kingfisher's refits went for 40 s each, where the first fit took 8.
     """
-    return to_whole_runs(horizons[-1:]) if like.horizon is None else (like.horizon,)
+    through = horizons[-1:] if starts == 1 else horizons
+    if like.horizon is None:
+        return to_whole_runs(through)
+    return (*(h for h in through if h is not None and h < like.horizon), like.horizon)
 
 
 def _with_its_steps(fitted: FitRuns) -> FitRuns:
@@ -214,12 +221,13 @@ class FittedStage(Stage):
         unseen_runs: over the unseen ones.
 
     Attributes:
-        compared: fits of more that were compared with it, by their effects: none is made again.
+        rivals: fits with other effects that were only compared with it, by these and by their
+            integrator steps: none is made twice.
     """
 
     runs: tuple[Run, ...]
     unseen_runs: tuple[Run, ...]
-    compared: dict[tuple[str, ...], FittedStage] = field(
+    rivals: dict[tuple[tuple[str, ...], int], FittedStage] = field(
         default_factory=dict, init=False, repr=False
     )
 

@@ -68,9 +68,8 @@ def runs_lead(context: SearchContext) -> bool:
     if schedule(context.given, records, "auto")[-1] is None:
         return False
     model = context.given
-    telling, follow = told_by(
-        model, context.fitter.channels
-    )  # three angles tell four of a quaternion
+    # three angles tell four states, of a quaternion
+    telling, follow = told_by(model, context.fitter.channels)
     read = {*telling, *follow, *(name for record in records for name in record.measured_states)}
     unread = {*felt(model, records)} & {*model.states} - read
     other_sensors = {*context.fitter.channels} - read

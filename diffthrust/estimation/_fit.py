@@ -105,8 +105,8 @@ def fit(
         holdout: unseen logs, only compared.
         starts: number of starts; the first is the model's own values.
         guesses: values of parameters by name, of which each mapping is one more start; parameters
-            that it does not name begin as the model has them. They are carried to the end at every
-            horizon, so that the fit ends no worse than the best of them does.
+            that it does not name begin as the model has them. They are begun with at every horizon,
+            and carried to the end at the last, so that the fit ends no worse than the best does.
         seed: of the other starts.
         horizon: the simulation is set to the measured state again every so many seconds. A
             sequence is gone through from the first to the last, each stage from the result of the

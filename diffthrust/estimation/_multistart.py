@@ -204,14 +204,15 @@ def search(
     and then as many starts again are drawn, twice at most, and not if ``once``. ``first`` is the
     first start where it was begun already. All ``guesses`` are carried on before any other start;
     where there are some, one start less has to agree: they were not drawn, but known to be good. If
-    ``passing``, on the way to another problem, the best is not carried to its last digits, and one
-    start alone, which nothing has to agree with, is only led on.
+    ``passing``, on the way to another problem, the best is not carried to its last digits, and
+    guesses beside a single start, with which nothing has to agree, are only led on.
     """
     tell, enough = reporter(progress), AGREED - bool(guesses)
-    if passing and starts == 1:
+    if passing and starts == 1 and guesses:
         begin = first.z if first else problem.start()
         led = [solve(problem, z, _LOOK_STEPS, _CLOSE) for z in (begin, *guesses)]
-        optima, failed = distinct([(solved, 1) for solved in led]), not np.isfinite(led[0].cost)
+        finite = [(solved, 1) for solved in led if np.isfinite(solved.cost)]
+        optima, failed = distinct(finite or [(led[0], 1)]), not np.isfinite(led[0].cost)
         return _mirrored(Search(problem, optima, len(led), tuple(guesses), failed))
     begun: list[Solved] = []
     ended = all_carried_on(problem, guesses)

@@ -137,8 +137,8 @@ def _sub(parameters: Mapping[str, float]) -> RecordedLayout:
     ]
     mixer = ardusub_mixer(frame, directions)
     outputs = _outputs(parameters)
-    drawn = _PLACES.get(frame)
-    places = [*drawn.places.values()] if drawn else None
+    template = _PLACES.get(frame)
+    places = [*template.places.values()] if template else None
     thrusters = {}
     for k, (name, factors) in enumerate(plain.factors.items(), 1):
         force, moment = np.array(factors[:3]), np.array(factors[3:])
@@ -150,9 +150,9 @@ def _sub(parameters: Mapping[str, float]) -> RecordedLayout:
             vector(place), vector(directions[k - 1] * ahead), _widths(output, _PWM)
         )
     placed = (
-        Fact({"places": f"of the {drawn.title}"}, "rule of thumb",
-             f"ArduSub has none, measure them on a frame of your own; {drawn.facts[0].source}")
-        if drawn
+        Fact({"places": f"of the {template.title}"}, "rule of thumb",
+             f"ArduSub has none, measure them on a frame of your own; {template.facts[0].source}")
+        if template
         else Fact({"places": f"{ARM} m to the side of their moments"}, "rule of thumb",
                   "ArduSub's factors have no places: measure them")
     )  # fmt: skip

@@ -36,20 +36,13 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
         )
         mend = "cut the log there (log.slice, or start and stop under [logs]) and give both parts."
         yield Doubt("time", "gap", evidence, mend)
-    missing = {channel: ~np.isfinite(values) for channel, values in log.measured.items()}
-    nothing = np.all([*missing.values()], axis=0) & (len(missing) > 1)
-    for channel, absent in missing.items():
-        spans = stretches(absent)
-        lengths = spans[:, 1] - spans[:, 0]
+    for channel, values in log.measured.items():
+        begins, ends = stretches(~np.isfinite(values)).T
+        lengths = ends - begins
+        inside = lengths[(begins > 0) & (ends < values.size)]
         usual = float(np.median(lengths)) if lengths.size > 4 else 1.0
-        # a stretch without any reading was left out on purpose: no channel is to blame for it
-        inside = [
-            int(end - begin)
-            for begin, end in spans
-            if begin > 0 and end < absent.size and not nothing[begin:end].all()
-        ]
-        if max(inside, default=0) > max(20, 10 * usual, 0.03 * absent.size):
-            evidence = f"{channel} is missing for {max(inside)} samples in a row."
+        if inside.size and inside.max() > max(20, 10 * usual, 0.03 * values.size):
+            evidence = f"{channel} is missing for {int(inside.max())} samples in a row."
             yield Doubt(channel, "gap", evidence, f"cut the log there, or do without {channel}.")
 
 

@@ -101,7 +101,7 @@ def test_a_current_that_is_nearly_the_same_in_all_logs_is_one_again(
     apart = admission_module.FittedStage(("water_current",), fit, (), ())
     asked = []
 
-    def refit(model, starts, substeps):
+    def refit(model, starts, like, substeps):
         asked.append([effect.differs for effect in model.effects])
         return SimpleNamespace(model=model, train=train, holdout=None), (), ()
 

@@ -35,6 +35,7 @@ from steps import (
     refusing,
     runs_lead,
     search_start_module,
+    search_state_module,
     shares_by_effect,
     step,
     still_refused,
@@ -514,27 +515,31 @@ def test_a_fit_that_is_compared_has_the_horizon_and_the_steps_of_the_other(horiz
     records = bind(model, gusty_runs(24, "nothing", 6.0, 30.0, 0.1, count=2))
     refit = Refit(records, (), {"seed": 0}, Clock())
     like = SimpleNamespace(horizon=horizon, substeps=2)
-    for words, substeps in (({}, 2), ({"substeps": 3}, 3)):
-        fit = refit(model, starts=1, like=like, **words).fit
+    for words, substeps in (({"starts": 1}, 2), ({"starts": 2, "substeps": 3}, 3)):
+        fit = refit(model, like=like, **words).fit
         assert (fit.horizon, fit.substeps) == (horizon, substeps)
 
 
-def test_a_fit_that_is_only_compared_with_a_stage_is_made_once(monkeypatch):
-    """A Kingfisher's pairs were fitted again after an effect that changed no whole run."""
-    made = []
-    fitted = lambda *asked: made.append(asked) or object()  # noqa: E731
-    monkeypatch.setattr(admission_module, "_alike_or_apart", fitted)
-    first, second = (FittedStage((), SimpleNamespace(), (), ()) for _ in range(2))
-    trial = SimpleNamespace(effects=("lag", "sag"))
-    state = SearchState(SimpleNamespace(trial=trial), (first,), {})
-    stage = admission_module.refitted_stage(None, state, substeps=2)
-    detectable = replace(state, detectable=("wind",))
-    assert admission_module.refitted_stage(None, detectable, substeps=2) is stage
-    assert len(made) == 1
-    others = [(replace(state, detectable=("sag",)), 2), (replace(state, stages=(second,)), 2)]
-    for changed, substeps in (*others, (state, 0)):  # other effects, another stage, a fit to keep
-        assert admission_module.refitted_stage(None, changed, substeps=substeps) is not stage
-    assert len(made) == 4
+@pytest.mark.parametrize(
+    ("end", "starts", "horizons"),
+    [(None, 1, (20, None)), (20, 1, (20,)), (60, 1, (20, 60)),
+     (None, 2, (2, 7, 20, None)), (20, 2, (2, 7, 20)), (7, 2, (2, 7))],
+)  # fmt: skip
+def test_several_starts_go_through_short_segments_too(end, starts, horizons):
+    like = SimpleNamespace(horizon=end)
+    assert search_state_module._to_that_of(like, (2, 7, 20), starts) == horizons
+    without = search_state_module._to_that_of(SimpleNamespace(horizon=None), (None,), starts)
+    assert without == (None,)
+
+
+def test_a_fit_that_failed_has_its_own_steps(monkeypatch):
+    """Its errors are infinite with any: of no step it could be said that it leaves them alike."""
+    errors = SimpleNamespace(nrmse=math.inf)
+    fit = SimpleNamespace(substeps=16, model=None, initial=(), train=errors)
+    monkeypatch.setattr(search_start_module, "runs_over", lambda *_, **__: ())
+    monkeypatch.setattr(search_start_module, "pooled_errors", lambda _: errors)
+    assert search_start_module.few_substeps(fit, ()) == 16
+    assert search_start_module.trial_substeps(fit, ()) == 16
 
 
 @pytest.mark.parametrize("effect", [dft.effects.CommandRateLimit(), dft.effects.CommandDeadband()])

@@ -87,17 +87,29 @@ def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizo
         assert chosen < 1.03 * better, seed
 
 
-def test_a_single_start_is_led_through_segments_and_ends_where_several_do():
-    """Nothing has to agree with it there: it creeps through no segments on its way."""
+def test_guesses_are_led_through_segments_and_end_where_several_starts_do():
+    """Nothing has to agree with them there: they creep through no segments on their way."""
     logs = gusty_runs(24, "nothing", 6.0, 30.0, 0.1, count=2)
     problem = restarts(build(model_of(6.0), logs, segmented=True), 2.0, hold=True)
     first = solve(problem, problem.start(), budget=2)
     led = multistart_module.search(problem, 1, None, first=first, guesses=[first.z], passing=True)
     assert led.begun == 2
     assert all(0 < solved.steps <= 25 for solved, _ in led.optima)
-    ways = {"horizon": (2.0, 20 / 3, 20.0), "substeps": 1}
-    alone, several = (dft.fit(model_of(6.0), logs, starts=n, **ways) for n in (1, 4))
+    model, ways = model_of(6.0), {"horizon": (2.0, 20 / 3, 20.0), "substeps": 1}
+    several = dft.fit(model, logs, starts=4, **ways)
+    guess = {n: 1.2 * p.value for n, p in several.parameters.items() if not p.fixed}
+    alone = dft.fit(model, logs, starts=1, guesses=[guess], **ways)
     assert alone.log_likelihood == pytest.approx(several.log_likelihood, abs=1e-3)
+
+
+def test_a_start_without_a_guess_is_carried_to_its_end_on_the_way():
+    """Led on for 25 steps alone, this one diverged at the next horizon."""
+    logs = gusty_runs(24, "nothing", 6.0, 30.0, 0.1, count=2)
+    far = {"m11": 76.7, "m22": 16.0, "i33": 42.4, "d11": 0.565, "d22": 30.1, "d33": 354.0}
+    ways = {"starts": 1, "horizon": (2.0, 20 / 3, 20.0), "substeps": 1}
+    with pytest.warns(dft.simulation.CoarseStepWarning):  # finer ones would begin anew
+        fit = dft.fit(model_of(6.0).replace({**far, "exponent": 0.441}), logs, **ways)
+    assert np.isfinite(fit.log_likelihood), fit.message
 
 
 def search_of(cost, z, sigma, horizon=2.0):

@@ -287,15 +287,6 @@ def test_gaps_are_named(log):
     assert kinds(changed(log, thrust=missing)) == {("thrust", "gap")}
 
 
-def test_a_stretch_that_was_left_out_is_not_doubted_again(log):
-    """Nothing is measured there by anyone: no channel dropped out."""
-    assert kinds(log.leave_out(10.0, 16.0, "weed")) == kinds(log) == set()
-    lost = log.leave_out(10.0, 16.0)
-    thrust = np.where(log.time > 25.0, lost.measured["thrust"], np.nan)
-    thrust[0] = log.measured["thrust"][0]
-    assert kinds(lost.replaced(measured={**lost.measured, "thrust": thrust})) == {("thrust", "gap")}
-
-
 def test_a_log_unlike_its_companions_is_named():
     logs = [made_log(seed=k, count=600, name=f"run{k}") for k in range(4)]
     assert dft.soundness.doubts(logs, MODEL) == ()

@@ -63,7 +63,7 @@ def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: boo
     substeps = few_substeps(baseline, context.records)
     horizons = _horizons(context) if segments and model.horizon is None else None
     refit = partial(context.refit, model, starts=1, segments=segments, horizons=horizons)
-    fit = refit(like=baseline, substeps=substeps).fit
+    fit = refit(like=None if segments else baseline, substeps=substeps).fit
     if math.isfinite(fit.train.nrmse):
         return fit
     return refit().fit  # a stiff curve overflows with few

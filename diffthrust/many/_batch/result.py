@@ -31,8 +31,8 @@ Outcome = tuple[Any, Exception | None, float]
 class Many(Result):
     """The results of many members, in their order.
 
-    ``len(found)`` is the number of members; ``found[3]`` or ``found["pool 7"]`` returns the result
-    of a member, or raises its error; ``found[:3]`` returns a `Many`; iteration yields the results
+    ``len(fits)`` is the number of members; ``fits[3]`` or ``fits["pool 7"]`` returns the result
+    of a member, or raises its error; ``fits[:3]`` returns a `Many`; iteration yields the results
     of members that did not fail.
 
     Args:
